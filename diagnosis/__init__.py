@@ -1,0 +1,1 @@
+"""Bench data and how far the simulation is from them."""

@@ -1,0 +1,102 @@
+"""Simulation against a bench data set, operating point by operating point.
+
+Where the data set says its relative angles, the simulation uses the same; then
+``standard_error`` is that of a mean of so many random angles and tells what weight
+a difference deserves. Otherwise the angles are stratified, and the error is that
+of the bench's mean (spread from the simulation) and of the simulated mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from diagnosis.bench import Bench, Cell
+from sim.batch import Block, Record, pitch_angles, result_of
+from sim.expectation import PointExpectation, expect_point, stratified_phases
+
+Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One operating point: bench and simulated mean in s, None where there is none."""
+
+    cell: Cell
+    simulated: PointExpectation
+    standard_error: float
+
+    @property
+    def gap(self) -> float | None:
+        """Bench less simulation, s."""
+        if self.cell.time is None or self.simulated.mean_engaged is None:
+            return None
+        return self.cell.time - self.simulated.mean_engaged
+
+    @property
+    def z(self) -> float | None:
+        """Gap in standard errors."""
+        return None if self.gap is None else self.gap / self.standard_error
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All operating points of a data set."""
+
+    bench: Bench
+    differences: tuple[Difference, ...]
+
+    @property
+    def rmse(self) -> float:
+        """Root-mean-square gap over the cells that have a bench time, s."""
+        return _rms([d.gap for d in self.differences if d.gap is not None])
+
+    @property
+    def relative_rms(self) -> float:
+        """Root-mean-square of simulation over bench less one."""
+        ratios = [
+            -d.gap / d.cell.time
+            for d in self.differences
+            if d.gap is not None and d.cell.time is not None
+        ]
+        return _rms(ratios)
+
+
+def _rms(values: list[float]) -> float:
+    return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
+
+
+def compare(
+    bench: Bench, run: Runner, angles: int | tuple[float, ...] = 16, seed: int = 1
+) -> Comparison:
+    """Simulate every operating point of a data set.
+
+    Parameters
+    ----------
+    run : simulates blocks of shifts.
+    angles : relative angles in rad, or how many stratified ones to use where
+        the data set does not say its own.
+    seed : of the stratified angles.
+    """
+    given = angles if isinstance(angles, tuple) else bench.relative_angles
+    blocks = []
+    for index, cell in enumerate(bench.cells):
+        chosen = given
+        if chosen is None:
+            count = angles if isinstance(angles, int) else len(angles)
+            chosen = pitch_angles(bench.clutch, stratified_phases(count, seed, index))
+        blocks.append(Block(bench.clutch, cell.point, chosen))
+    rows = run(blocks)
+    pairs = zip(bench.cells, rows, strict=True)
+    return Comparison(bench, tuple(_difference(bench, c, r, given is None) for c, r in pairs))
+
+
+def _difference(bench: Bench, cell: Cell, rows: list[Record], stratified: bool) -> Difference:
+    results = [result_of(row) for row in rows]
+    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, stratified)
+    error = simulated.sd / math.sqrt(max(1, simulated.n))
+    if stratified:
+        sampled = simulated.sd / math.sqrt(max(1, cell.n))
+        error = math.hypot(simulated.standard_error, sampled)
+    return Difference(cell, simulated, max(error, 1e-6))

@@ -1,0 +1,1 @@
+"""What a user runs: configuration, search, report and the command line."""

@@ -1,0 +1,320 @@
+"""Reading a study file, and building the values of ``sim`` from it.
+
+A study is named by a TOML file, a folder with ``study.toml``, or the name of one
+that the package brings. Every mistake becomes one sentence.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from pipeline.schema import FORMAT, StudyFile
+from sim.actuation import ForceProfile
+from sim.batch import Record, clutch_record, content_key
+from sim.bundled import bundled_root
+from sim.clutch import Clutch, OperatingPoint, Rings, Solver, solver_for
+from sim.contact import ContactSet, contact_set
+from sim.errors import InputError, did_you_mean, refusal
+from sim.geometry import Dog
+from sim.manufacture import ManufacturingLimits
+from sim.strength import Limits, LoadCase, Material
+from sim.units import MM, MPA, RPM, to_si, unit_of
+
+Model = TypeVar("Model", bound=BaseModel)
+
+VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study as values: what is built, how it is operated and what is searched.
+
+    ``variables`` maps each searched key of the dog to its range, in edge units.
+    """
+
+    file: StudyFile
+    clutch: Clutch
+    limits: Limits
+    points: tuple[OperatingPoint, ...]
+    variables: dict[str, tuple[float, float]]
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return self.file.name
+
+    @property
+    def retraction(self) -> float:
+        """Time to pull back before a retry, s."""
+        return self.file.shift.retraction_s
+
+    def dog_with(self, params: dict[str, float]) -> Dog:
+        """Return the study's dog with some keys replaced, given in edge units.
+
+        Raises InputError or GeometryError where there is no such dog.
+        """
+        changes: dict[str, Any] = {_field(k): _value(k, v) for k, v in params.items()}
+        return replace(self.clutch.dog, **changes)
+
+    @property
+    def prototype(self) -> dict[str, float]:
+        """The searched keys at the study's own dog, edge units."""
+        section = self.file.dog.model_dump()
+        return {key: section[key] for key in self.variables}
+
+    @property
+    def physics(self) -> Record:
+        """Everything that an expected shift time depends on except the searched keys."""
+        record = clutch_record(self.clutch)
+        fixed = {k: v for k, v in record.items() if k not in VARIABLES}
+        points = [[p.mismatch / RPM, p.profile.force, p.profile.rise] for p in self.points]
+        return {**fixed, "points": points, "retraction_s": self.retraction}
+
+    @property
+    def physics_hash(self) -> str:
+        """Content key of ``physics``: results may be compared only where it is equal."""
+        return content_key(self.physics)
+
+    @property
+    def config_hash(self) -> str:
+        """Content key of the whole study file."""
+        return content_key(self.file.model_dump())
+
+
+def _field(key: str) -> str:
+    return key.removesuffix("_deg").removesuffix("_mm")
+
+
+def _value(key: str, value: float) -> Any:
+    return int(value) if key == "count" else to_si(key, value)
+
+
+def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
+    """Read and validate a study.
+
+    Parameters
+    ----------
+    where : TOML file, folder with ``study.toml`` or name of a bundled study.
+    overrides : ``KEY=VALUE`` with dotted keys, later ones win.
+
+    Raises
+    ------
+    InputError
+        With the file, the key, the value and the rule.
+    """
+    path = find_study(where)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
+    for override in overrides or []:
+        _override(data, override)
+    return build_study(validate(StudyFile, data, str(path)))
+
+
+def find_study(where: str | Path) -> Path:
+    """Return the study file that ``where`` names."""
+    path = Path(where)
+    if path.is_dir():
+        path = path / "study.toml"
+    if path.is_file():
+        return path
+    bundled = bundled_root() / Path(where).name / "study.toml"
+    if bundled.is_file():
+        return bundled
+    raise InputError(
+        f"there is no study at {where}: give a TOML file, a folder with study.toml, "
+        f"or one of the bundled studies ({', '.join(bundled_studies())})"
+    )
+
+
+def bundled_studies() -> list[str]:
+    """Return the names of the studies that the package brings."""
+    return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
+
+
+def _override(data: dict[str, Any], text: str) -> None:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
+    *tables, last = key.strip().split(".")
+    table = data
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {text}: {name} is a value and not a table; check the key")
+    try:
+        table[last] = tomllib.loads(f"v = {value}")["v"]
+    except tomllib.TOMLDecodeError:
+        table[last] = value.strip()
+
+
+def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
+    """Validate ``data`` and turn the first mistake into a sentence."""
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(f"{source}: {_sentence(model, error.errors()[0])}") from error
+
+
+def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
+    path = [str(part) for part in error["loc"]]
+    key = ".".join(path)
+    given = error.get("input")
+    if error["type"] == "extra_forbidden":
+        return f"'{key}' is not a known key; {did_you_mean(path[-1], _keys(model, path[:-1]))}"
+    if error["type"] == "missing":
+        return f"'{key}' is missing; add it"
+    if key == "format":
+        return (
+            f"format is {given!r}, but this version reads format {FORMAT}; "
+            "convert the file or use the version that wrote it"
+        )
+    unit = unit_of(key)
+    hint = f" in {unit}" if unit else ""
+    rule = error["msg"][0].lower() + error["msg"][1:]
+    return f"{key} is {given!r}, but {rule}; give a value of the right kind{hint}"
+
+
+def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
+    for name in path:
+        field = model.model_fields.get(name)
+        annotation = field.annotation if field else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)
+
+
+def build_study(file: StudyFile) -> Study:
+    """Build the values of ``sim`` from a validated study file."""
+    contact = _contact(file)
+    clutch = Clutch(
+        dog=_dog(file),
+        rings=Rings(
+            mass=file.sliding.mass_kg,
+            sliding_inertia=file.sliding.inertia_kgm2,
+            output_inertia=file.output.inertia_kgm2,
+            initial_speed=file.sliding.initial_speed_rpm * RPM,
+        ),
+        contact=contact,
+        timeout=_positive("shift.timeout_s", file.shift.timeout_s, 60.0),
+        seated_tolerance=_positive("shift.seated_tolerance_mm", file.shift.seated_tolerance_mm, 1.0)
+        * MM,
+        solver=_solver(file, contact),
+    )
+    if file.shift.retraction_s < 0.0:
+        value = file.shift.retraction_s
+        rule = "it must not be negative"
+        raise InputError(refusal("shift.retraction_s", value, "s", rule, "give a time in seconds"))
+    points = tuple(
+        OperatingPoint(mismatch * RPM, profile_for(file, force))
+        for mismatch in file.operating.mismatch_rpm
+        for force in file.operating.force_N
+    )
+    return Study(file, clutch, _limits(file), points, _variables(file))
+
+
+def _positive(key: str, value: float, most: float) -> float:
+    if not 0.0 < value <= most:
+        unit = unit_of(key)
+        rule = f"it must be positive and at most {most:.6g} {unit}"
+        raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
+    return value
+
+
+def _dog(file: StudyFile) -> Dog:
+    section = file.dog.model_dump()
+    return Dog(**{_field(key): _value(key, value) for key, value in section.items()})
+
+
+def _contact(file: StudyFile) -> ContactSet:
+    base = contact_set(file.contact.set)
+    given = file.contact.model_dump(exclude={"set"}, exclude_none=True)
+    names = {key: key for key in ("static_friction", "dynamic_friction")} | {
+        "stiction_velocity_m_s": "stiction_velocity",
+        "friction_velocity_m_s": "friction_velocity",
+        "stiffness_Pa_m": "stiffness",
+        "dissipation_s_m": "dissipation",
+    }
+    return replace(base, **{names[key]: value for key, value in given.items()})
+
+
+def _solver(file: StudyFile, contact: ContactSet) -> Solver:
+    solver, section = solver_for(contact), file.solver
+    if section.scheme is not None:
+        solver = Solver(scheme=section.scheme, accuracy=1e-7 if section.scheme == "cenic" else 1e-3)
+    if section.accuracy is not None:
+        solver = replace(solver, accuracy=section.accuracy)
+    if section.max_step_s is not None:
+        solver = replace(solver, max_step=section.max_step_s)
+    return solver
+
+
+def profile_for(file: StudyFile, force: float, rise: float | None = None) -> ForceProfile:
+    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table."""
+    if rise is not None:
+        return ForceProfile(force, rise)
+    forces, rises = file.actuation.force_N, file.actuation.rise_s
+    if len(forces) != len(rises):
+        raise InputError(
+            f"actuation.force_N has {len(forces)} and actuation.rise_s {len(rises)} values, "
+            "but each force needs its rise time; give lists of equal length"
+        )
+    order = np.argsort(forces)
+    forces, rises = list(np.array(forces)[order]), list(np.array(rises)[order])
+    if not forces[0] <= force <= forces[-1]:
+        rule = f"the rise times of the study cover {forces[0]:.6g} to {forces[-1]:.6g} N"
+        remedy = "extend actuation.force_N and rise_s, or give --force-rise-s"
+        raise InputError(refusal("shift force", force, "N", rule, remedy))
+    return ForceProfile(force, float(np.interp(force, forces, rises)))
+
+
+def _limits(file: StudyFile) -> Limits:
+    load, material, making = file.load, file.material, file.manufacturing
+    return Limits(
+        load=LoadCase(
+            torque=load.torque_Nm,
+            application_factor=load.application_factor,
+            load_sharing=load.load_sharing,
+            friction_release=load.friction_release,
+            friction_hold=load.friction_hold,
+            separating_force_limit=load.separating_force_limit_N,
+        ),
+        material=Material(
+            name=material.name,
+            proof_stress=material.proof_stress_MPa * MPA,
+            allowable_pressure=material.allowable_pressure_MPa * MPA,
+            safety=material.safety,
+            notch_factor=material.notch_factor,
+        ),
+        manufacturing=ManufacturingLimits(
+            tip_width=_positive("manufacturing.tip_width_mm", making.tip_width_mm, 100.0) * MM,
+            slot_width=_positive("manufacturing.slot_width_mm", making.slot_width_mm, 100.0) * MM,
+            flank_height=_positive("manufacturing.flank_height_mm", making.flank_height_mm, 100.0)
+            * MM,
+        ),
+    )
+
+
+def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
+    ranges = file.variables.model_dump(exclude_none=True)
+    for key, (low, high) in ranges.items():
+        if not low < high:
+            raise InputError(
+                f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
+                "second; exchange them, or leave the key out to keep the dog's own value"
+            )
+        if key.endswith("_deg") and not 0.0 <= low <= high < 60.0:
+            rule = "angles must lie between 0 and 60 deg"
+            raise InputError(refusal(f"variables.{key}", high, "deg", rule, "narrow the range"))
+    return {key: (low, high) for key, (low, high) in ranges.items()}

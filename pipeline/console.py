@@ -1,0 +1,46 @@
+"""Printing for people or for programs, and turning errors into exit status."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Callable
+from typing import Any, ParamSpec
+
+import typer
+from rich.console import Console, RenderableType
+
+from sim.errors import DogshapeError
+
+P = ParamSpec("P")
+
+
+def verb(function: Callable[P, None]) -> Callable[P, None]:
+    """Give a command the exit status of the contract: 2 bad input, 130 stopped."""
+
+    @functools.wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            function(*args, **kwargs)
+        except DogshapeError as error:
+            print(f"dogshape: {error}", file=sys.stderr)
+            raise typer.Exit(2) from error
+        except OSError as error:
+            where = f" ({error.filename})" if error.filename else ""
+            reason = error.strerror or str(error)
+            print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
+            raise typer.Exit(2) from error
+        except KeyboardInterrupt as error:
+            print("dogshape: stopped; finished shifts are kept", file=sys.stderr)
+            raise typer.Exit(130) from error
+
+    return run
+
+
+def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]) -> None:
+    """Print ``data`` as JSON, or what ``text`` makes for people."""
+    if as_json:
+        print(json.dumps(data, indent=1, allow_nan=False))
+    else:
+        Console(highlight=False, soft_wrap=False).print(text())

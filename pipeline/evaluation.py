@@ -1,0 +1,56 @@
+"""From a design to its expected shift time: blocks out, expectation back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.config import Study
+from pipeline.executor import Executor
+from sim.batch import Block, Record, pitch_angles, result_of
+from sim.clutch import Clutch, OperatingPoint
+from sim.expectation import Expectation, expect, expect_point, stratified_phases
+from sim.geometry import Dog
+from sim.manufacture import require_makeable
+
+
+def blocks_of(study: Study, clutch: Clutch, angles: int, seed: int) -> list[Block]:
+    """Return one block for each operating point, at stratified angles of its own."""
+    return [
+        Block(clutch, point, pitch_angles(clutch, stratified_phases(angles, seed, index)))
+        for index, point in enumerate(study.points)
+    ]
+
+
+def evaluate(
+    study: Study, dogs: Sequence[Dog], executor: Executor, angles: int, seed: int
+) -> list[Expectation]:
+    """Return the expected shift time of several designs, simulated side by side.
+
+    Raises GeometryError for a dog that cannot be made, before anything is simulated.
+    """
+    for dog in dogs:
+        require_makeable(dog, study.limits.manufacturing)
+    clutches = [study.clutch.with_dog(dog) for dog in dogs]
+    blocks = [blocks_of(study, clutch, angles, seed) for clutch in clutches]
+    rows = executor.run([block for group in blocks for block in group])
+    results = []
+    for group in blocks:
+        mine, rows = rows[: len(group)], rows[len(group) :]
+        results.append(expectation_of(study, [b.point for b in group], mine))
+    return results
+
+
+def expectation_of(
+    study: Study,
+    points: Sequence[OperatingPoint],
+    rows: Sequence[Sequence[Record]],
+    stratified: bool = True,
+) -> Expectation:
+    """Return the expectation over points from the records of each."""
+    timeout = study.clutch.timeout
+    return expect(
+        [
+            expect_point(point, [result_of(r) for r in mine], timeout, study.retraction, stratified)
+            for point, mine in zip(points, rows, strict=True)
+        ]
+    )

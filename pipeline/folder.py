@@ -1,0 +1,132 @@
+"""The folder of a study: manifest, trials, shifts, surrogate, report; one writer.
+
+``study.json``       the study file as it was run, with hashes and versions
+``trials.log``       Optuna's journal
+``shifts.jsonl``     every finished shift
+``result.json``      front, best design and confirmation
+``surrogate.json``   the Gaussian process
+``report.html``      the report
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pipeline.config import Study, build_study, validate
+from pipeline.schema import FORMAT, StudyFile
+from sim.batch import versions
+from sim.errors import StorageError
+
+
+class StudyFolder:
+    """Paths of a study's results, and the rules for opening them."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.manifest = root / "study.json"
+        self.trials = root / "trials.log"
+        self.shifts = root / "shifts.jsonl"
+        self.result = root / "result.json"
+        self.surrogate = root / "surrogate.json"
+        self.report = root / "report.html"
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Hold the folder for writing; another writer raises StorageError.
+
+        The lock is the operating system's and ends with the process, killed or not.
+        """
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+            handle = (self.root / ".lock").open("w")
+        except OSError as error:
+            raise StorageError(
+                f"{self.root} cannot be written ({error.strerror}); choose another --out"
+            ) from error
+        with handle:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise StorageError(
+                    f"{self.root} is in use by another run; wait for it or choose another --out"
+                ) from error
+            yield
+
+    def open(self, study: Study, resume: bool) -> None:
+        """Start the folder or go on with it; refuse what would mix two studies."""
+        if self.manifest.exists():
+            self._require_same(study, resume)
+            return
+        if any(path.exists() for path in (self.trials, self.shifts)):
+            raise StorageError(
+                f"{self.root} holds results without study.json; choose another --out "
+                "or remove the folder"
+            )
+        content = {
+            "format": FORMAT,
+            "study": study.file.model_dump(exclude_none=True),
+            "config_hash": study.config_hash,
+            "physics_hash": study.physics_hash,
+            "versions": versions(),
+        }
+        write_json(self.manifest, content)
+
+    def _require_same(self, study: Study, resume: bool) -> None:
+        stored = self.stored_study()
+        if not resume:
+            raise StorageError(
+                f"{self.root} holds a study already; add --resume to go on with it "
+                "or choose another --out"
+            )
+        if comparable(stored.file) != comparable(study.file):
+            raise StorageError(
+                f"{self.root} was started with another configuration; give the one it was "
+                "started with, or choose another --out"
+            )
+
+    def stored_study(self) -> Study:
+        """Read the study that the folder was started with.
+
+        Raises StorageError for a missing, damaged or foreign manifest.
+        """
+        content = read_json(self.manifest, "run 'dogshape study' first")
+        if content.get("format") != FORMAT:
+            raise StorageError(
+                f"{self.root} was written in format {content.get('format')!r}, but this version "
+                f"reads format {FORMAT}; use the version that wrote it or start a new folder"
+            )
+        if "study" not in content:
+            raise StorageError(f"{self.manifest} is damaged; start the study in another folder")
+        return build_study(validate(StudyFile, content["study"], str(self.manifest)))
+
+
+def comparable(file: StudyFile) -> dict[str, Any]:
+    """Return what must not change between runs in one folder; the number of trials may."""
+    content = file.model_dump()
+    del content["search"]["trials"]
+    return content
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a JSON file so that a kill leaves the old one or the new one, whole."""
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+    temporary.replace(path)
+
+
+def read_json(path: Path, remedy: str) -> dict[str, Any]:
+    """Read a JSON object; raise StorageError with ``remedy`` where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise StorageError(f"there is no {path.name} in {path.parent}; {remedy}") from error
+    except (OSError, ValueError) as error:
+        raise StorageError(f"{path} cannot be read or is damaged; {remedy}") from error
+    if not isinstance(content, dict):
+        raise StorageError(f"{path} is damaged; {remedy}")
+    return content

@@ -1,0 +1,67 @@
+"""The journal of shifts: one JSON line for every finished simulation.
+
+Workers append with one write each, so lines of several processes do not mix
+and a kill costs at most the line being written. Reading skips a torn last line.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import pandas as pd
+
+from sim.batch import Record
+from sim.errors import StorageError
+
+
+class ShiftJournal:
+    """Finished shifts by their content key, on disk and in memory."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: dict[str, Record] = {}
+        if path.exists():
+            self._read()
+
+    def _read(self) -> None:
+        lines = self.path.read_bytes().split(b"\n")
+        for number, line in enumerate(lines, start=1):
+            if not line:
+                continue
+            try:
+                row = json.loads(line)
+                self.rows[row["key"]] = row
+            except (ValueError, KeyError, TypeError) as error:
+                if number == len(lines):
+                    self._drop_tail(line)
+                    return
+                raise StorageError(
+                    f"{self.path}, line {number} is not a finished shift; remove the line "
+                    "or start the study in another folder"
+                ) from error
+
+    def _drop_tail(self, torn: bytes) -> None:
+        """Cut off the line that a kill left unfinished, so that the next one starts clean."""
+        size = self.path.stat().st_size
+        os.truncate(self.path, size - len(torn))
+
+    def add(self, rows: Iterable[Record]) -> None:
+        """Take up rows that a worker has already written."""
+        self.rows.update((row["key"], row) for row in rows)
+
+    def frame(self) -> pd.DataFrame:
+        """Return all finished shifts as a table."""
+        return pd.DataFrame(list(self.rows.values()))
+
+
+def append(path: Path, row: Record) -> None:
+    """Append one finished shift as a single write."""
+    line = json.dumps(row, allow_nan=False) + "\n"
+    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        os.write(descriptor, line.encode())
+    finally:
+        os.close(descriptor)

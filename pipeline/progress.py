@@ -1,0 +1,65 @@
+"""Progress of long work on standard error: a bar with the time left, or plain lines."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+
+LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
+
+
+class ShiftProgress:
+    """Counts finished shifts; a context manager that clears its bar at the end."""
+
+    def __init__(self, total: int) -> None:
+        self._console = Console(stderr=True)
+        self._total = total
+        self._done = 0
+        self._start = self._said = time.monotonic()
+        self._bar = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("shifts"),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            console=self._console,
+            disable=not self._console.is_terminal,
+            transient=True,
+        )
+        self._task = self._bar.add_task("simulating", total=total)
+
+    def __enter__(self) -> ShiftProgress:
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def advance(self, count: int) -> None:
+        """Count ``count`` more finished shifts."""
+        self._done += count
+        self._bar.advance(self._task, count)
+        now = time.monotonic()
+        if not self._console.is_terminal and now - self._said >= LINE_EVERY:
+            self._said = now
+            left = (now - self._start) / self._done * max(0, self._total - self._done)
+            line = f"{self._done} of at most {self._total} shifts, about {left:.0f} s left"
+            self._console.print(line, highlight=False)
+
+    def say(self, line: str) -> None:
+        """Print a line above the bar."""
+        self._console.print(line, highlight=False)

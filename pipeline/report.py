@@ -1,0 +1,90 @@
+"""The report of a study: one HTML file that opens without a network."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from plotly.offline import get_plotlyjs
+
+from pipeline.config import Study
+from pipeline.design import SIMULATED
+from pipeline.drawing import section_svg
+from pipeline.figures import axis_title, convergence_figure, front_figure, points_figure
+from pipeline.folder import StudyFolder, read_json
+from sim.strength import strength_checks
+
+Row = dict[str, Any]
+
+
+def write_report(folder: StudyFolder) -> Path:
+    """Write ``report.html`` from what the study stored and return its path."""
+    study = folder.stored_study()
+    result = read_json(folder.result, "run 'dogshape study' to its first finished round")
+    page = render("report.html.j2", **_content(study, result))
+    folder.report.write_text(page, encoding="utf-8")
+    return folder.report
+
+
+def render(template: str, **content: Any) -> str:
+    """Fill a template of the package; plotly's code is put in once."""
+    environment = Environment(
+        loader=PackageLoader("pipeline"),
+        autoescape=select_autoescape(["html", "j2"]),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page: str = environment.get_template(template).render(plotly=get_plotlyjs(), **content)
+    return page
+
+
+def figure_html(figure: go.Figure, name: str) -> str:
+    """Return a figure as HTML that uses the code which the page carries."""
+    html: str = figure.to_html(
+        full_html=False,
+        include_plotlyjs=False,
+        div_id=name,
+        config={"displayModeBar": False, "responsive": True},
+    )
+    return html
+
+
+def _content(study: Study, result: Row) -> Row:
+    variables = list(study.variables)
+    others = [name for name in result["objectives"] if name != SIMULATED]
+    figures = [
+        figure_html(front_figure(result, variables, other), f"front-{other}") for other in others
+    ]
+    confirmation = result["confirmation"]
+    best = result["best"]
+    drawings = [section_svg(study.clutch.dog, "Prototype")]
+    if best is not None:
+        dog = study.dog_with({name: best[name] for name in variables})
+        drawings.append(section_svg(dog, f"Design {best['trial']}"))
+    return {
+        "study": study,
+        "result": result,
+        "variables": variables,
+        "others": others,
+        "axis_title": axis_title,
+        "fronts": figures,
+        "convergence": figure_html(convergence_figure(result), "convergence"),
+        "points": figure_html(points_figure(confirmation), "points") if confirmation else "",
+        "drawings": drawings,
+        "designs": _designs(result),
+        "checks": [c.name for c in strength_checks(study.clutch.dog, study.limits)],
+        "barred": [r for r in result["trials"] if not r["feasible"]],
+        "contact": study.clutch.contact,
+        "solver": study.clutch.solver,
+    }
+
+
+def _designs(result: Row) -> Sequence[Row]:
+    """Return the prototype and then the front, fastest first."""
+    front: list[Row] = result["front"]
+    shown = {row["trial"] for row in front}
+    return [r for r in result["trials"] if r["prototype"] and r["trial"] not in shown] + front

@@ -1,0 +1,236 @@
+"""Samplers of the search, by name.
+
+``surrogate`` is a sampler of our own. It knows the constraints, which are exact
+and free, and proposes feasible designs only: first some that fill the feasible
+space, then such as a draw from the Gaussian process of the expected shift time
+finds best for random weights of the objectives (Thompson sampling on an
+augmented Tchebycheff scale; Knowles 2006, Kandasamy et al. 2018). The draws
+differ, so a batch needs no further device to spread.
+
+Every proposal depends on the seed, its number and the finished trials alone:
+the same seed gives the same trials, interrupted or not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
+from optuna.samplers import BaseSampler
+from optuna.trial import FrozenTrial, TrialState
+
+from pipeline.config import Study
+from pipeline.design import SIMULATED, Design, design_of, exact_values
+from sim.errors import InputError, did_you_mean
+from surrogate.dataset import Array, Dataset
+from surrogate.model import MIN_DESIGNS, fit
+
+SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
+POOL = 400  #: feasible candidates from which a proposal is chosen
+DRAWS = 200  #: draws for a candidate before the feasible space counts as empty
+
+
+def search_space(study: Study) -> dict[str, BaseDistribution]:
+    """Return the search ranges as Optuna's distributions."""
+    return {
+        key: IntDistribution(int(low), int(high))
+        if key == "count"
+        else FloatDistribution(low, high)
+        for key, (low, high) in study.variables.items()
+    }
+
+
+def make_sampler(study: Study, round_number: int) -> BaseSampler:
+    """Return the study's sampler, seeded for one round of the search.
+
+    A sampler made afresh for each round makes a resumed search equal to an
+    uninterrupted one.
+    """
+    search = study.file.search
+    seed = int(np.random.default_rng([search.seed, round_number]).integers(2**31))
+    if search.sampler in ("surrogate", "space_filling"):
+        startup = search.startup if search.sampler == "surrogate" else search.trials
+        return SurrogateSampler(study, search.seed, startup)
+    if search.sampler == "tpe":
+        return optuna.samplers.TPESampler(seed=seed, n_startup_trials=search.startup)
+    if search.sampler == "nsga2":
+        return optuna.samplers.NSGAIISampler(seed=seed, population_size=search.startup)
+    if search.sampler == "random":
+        return optuna.samplers.RandomSampler(seed=seed)
+    hint = did_you_mean(search.sampler, SAMPLERS)
+    raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
+
+
+@dataclass(frozen=True)
+class _Space:
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    whole: Array  # (d,) of bool: counts are whole numbers
+
+    def design(self, point: Array) -> dict[str, float]:
+        pairs = zip(self.names, point, self.whole, strict=True)
+        return {name: round(v) if whole else float(v) for name, v, whole in pairs}
+
+
+class SurrogateSampler(BaseSampler):
+    """Thompson sampling on a Gaussian process, within exact constraints.
+
+    Parameters
+    ----------
+    study : says what a design is and which checks it must pass.
+    seed : of every proposal, with the trial's number.
+    startup : designs that fill the feasible space before the process is used.
+    """
+
+    def __init__(self, study: Study, seed: int, startup: int) -> None:
+        self._study = study
+        self._seed = seed
+        self._startup = max(startup, MIN_DESIGNS)
+        self._distributions = search_space(study)
+        bounds = np.array(list(study.variables.values()), dtype=float).reshape(-1, 2)
+        names = tuple(study.variables)
+        whole = np.array([name == "count" for name in names])
+        self._space = _Space(names, bounds[:, 0], bounds[:, 1], whole)
+
+    def infer_relative_search_space(
+        self, study: optuna.Study, trial: FrozenTrial
+    ) -> dict[str, BaseDistribution]:
+        """Return the whole search space: all variables are chosen together."""
+        return dict(self._distributions)
+
+    def sample_relative(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        search_space: dict[str, BaseDistribution],
+    ) -> dict[str, Any]:
+        """Propose a feasible design for ``trial``."""
+        rng = np.random.default_rng([self._seed, trial.number])
+        seen = [t for t in study.get_trials(deepcopy=False) if t.number < trial.number]
+        finished = [t for t in seen if _simulated(t)]
+        taken = self._points(t for t in seen if _simulated(t) or t.state == TrialState.RUNNING)
+        if len(finished) < self._startup:
+            pool = self._pool(rng, POOL)
+            return self._space.design(pool[_farthest(self._scaled(pool), self._scaled(taken))])
+        return self._space.design(self._thompson(rng, finished))
+
+    def sample_independent(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        param_name: str,
+        param_distribution: BaseDistribution,
+    ) -> Any:
+        """Sample a parameter that is not of the study, uniformly."""
+        sampler = optuna.samplers.RandomSampler(seed=self._seed + trial.number)
+        return sampler.sample_independent(study, trial, param_name, param_distribution)
+
+    def _points(self, trials: Any) -> Array:
+        names = self._space.names
+        rows = [[t.params[n] for n in names] for t in trials if all(n in t.params for n in names)]
+        return np.array(rows, dtype=float).reshape(-1, len(names))
+
+    def _scaled(self, points: Array) -> Array:
+        space = self._space
+        scaled: Array = (points - space.low) / (space.high - space.low)
+        return scaled
+
+    def _pool(self, rng: np.random.Generator, size: int, around: Array | None = None) -> Array:
+        """Draw feasible designs (size, d): uniform, or normal about rows of ``around``."""
+        space = self._space
+        found: list[Array] = []
+        for _ in range(DRAWS * size):
+            if around is None:
+                unit = rng.random(len(space.names))
+            else:
+                centre = around[rng.integers(len(around))]
+                unit = np.clip(centre + rng.normal(0.0, 0.08, len(centre)), 0.0, 1.0)
+            point = space.low + unit * (space.high - space.low)
+            point = np.where(space.whole, np.round(point), point)
+            if design_of(self._study, space.design(point)).feasible:
+                found.append(point)
+                if len(found) == size:
+                    return np.array(found)
+        if found:
+            return np.array(found)
+        raise InputError(
+            f"none of {DRAWS * size} designs drawn from the search ranges passes every check; "
+            "widen [variables] or relax [load], [material] or [manufacturing]"
+        )
+
+    def _thompson(self, rng: np.random.Generator, finished: Sequence[FrozenTrial]) -> Array:
+        index = self._study.file.search.objectives.index(SIMULATED)
+        data = dataset_of(
+            self._study,
+            [t.params for t in finished],
+            [t.values[index] for t in finished],
+            [t.user_attrs["standard_error_s"] for t in finished],
+        )
+        front = self._scaled(data.x[_front(self._values(data.x, data.time))])
+        pool = np.concatenate([self._pool(rng, POOL // 2), self._pool(rng, POOL // 2, front)])
+        process = fit(data, seed=self._seed)
+        values = self._values(pool, process.sample(pool, rng))
+        reference = self._values(data.x, data.time)
+        low, span = reference.min(axis=0), np.ptp(reference, axis=0)
+        unit = (values - low) / np.where(span > 0.0, span, 1.0)
+        weights = rng.dirichlet(np.ones(values.shape[1]))
+        weighted = unit * weights
+        scale = weighted.max(axis=1) + 0.05 * weighted.sum(axis=1)
+        best: Array = pool[np.argmin(scale)]
+        return best
+
+    def _values(self, points: Array, times: Array) -> Array:
+        """Return all objectives (m, k) with the expected shift time given."""
+        names = self._study.file.search.objectives
+        rows = []
+        for point, time in zip(points, times, strict=True):
+            exact = exact_values(self._study, self._design(point))
+            rows.append([time if name == SIMULATED else exact[name] for name in names])
+        return np.array(rows)
+
+    def _design(self, point: Array) -> Design:
+        return design_of(self._study, self._space.design(point))
+
+
+def _simulated(trial: FrozenTrial) -> bool:
+    return trial.state == TrialState.COMPLETE and "standard_error_s" in trial.user_attrs
+
+
+def _farthest(pool: Array, taken: Array) -> int:
+    """Return the row of ``pool`` that is farthest from all rows of ``taken``."""
+    if len(taken) == 0:
+        return 0
+    distance = np.linalg.norm(pool[:, None, :] - taken[None, :, :], axis=2).min(axis=1)
+    return int(np.argmax(distance))
+
+
+def _front(values: Array) -> Any:
+    """Tell which rows (n, k) no other row dominates, (n,) of bool."""
+    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
+    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
+    return ~(better & strictly).any(axis=0)
+
+
+def dataset_of(
+    study: Study,
+    designs: Sequence[dict[str, float]],
+    times: Sequence[float],
+    errors: Sequence[float],
+) -> Dataset:
+    """Return simulated designs as data for the surrogate; times and their errors in s."""
+    names = tuple(study.variables)
+    bounds = np.array(list(study.variables.values()), dtype=float)
+    return Dataset(
+        variables=names,
+        low=bounds[:, 0],
+        high=bounds[:, 1],
+        x=np.array([[design[n] for n in names] for design in designs], dtype=float),
+        time=np.array(times, dtype=float),
+        error=np.array(errors, dtype=float),
+        physics=study.physics_hash,
+    )

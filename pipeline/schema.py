@@ -1,0 +1,180 @@
+"""The study file: every key with its type and default, and nothing else.
+
+Lengths, angles and speeds are in the unit that a key ends in. What a value may
+be is the business of the physics that uses it; here only keys and types.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+FORMAT = 1  #: version of the study file and of the folder that a study writes
+
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+Numbers = Annotated[list[float], Field(min_length=1)]
+
+
+class Section(BaseModel):
+    """A table of the study file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class DogSection(Section):
+    """Geometry of the dog that the study starts from (the prototype)."""
+
+    count: int
+    chamfer_deg: float
+    traction_deg: float
+    braking_deg: float
+    height_mm: float
+    outer_diameter_mm: float
+    inner_diameter_mm: float
+    axial_gap_mm: float
+
+
+class SlidingSection(Section):
+    """The ring that is shifted."""
+
+    mass_kg: float
+    inertia_kgm2: float
+    initial_speed_rpm: float = 0.0
+
+
+class OutputSection(Section):
+    """The ring that it engages."""
+
+    inertia_kgm2: float
+
+
+class ContactSection(Section):
+    """A named contact set and what is to differ from it."""
+
+    set: str = "lubricated_steel"
+    static_friction: float | None = None
+    dynamic_friction: float | None = None
+    stiction_velocity_m_s: float | None = None
+    friction_velocity_m_s: float | None = None
+    stiffness_Pa_m: float | None = None
+    dissipation_s_m: float | None = None
+
+
+class ShiftSection(Section):
+    """When a shift is done, when it is given up and what a retry costs."""
+
+    timeout_s: float = 1.0
+    retraction_s: float = 0.2
+    seated_tolerance_mm: float = 0.05
+
+
+class ActuationSection(Section):
+    """Rise time of the shift force by its final value; linear in between."""
+
+    force_N: Numbers
+    rise_s: Numbers
+
+
+class OperatingSection(Section):
+    """Operating points: every mismatch speed with every shift force."""
+
+    mismatch_rpm: Numbers
+    force_N: Numbers
+
+
+class ExpectationSection(Section):
+    """How many relative angles an operating point gets, and the seed of their draw."""
+
+    angles: Annotated[int, Field(ge=1)] = 6
+    seed: Annotated[int, Field(ge=0)] = 1
+
+
+class LoadSection(Section):
+    """Load case of the strength checks."""
+
+    torque_Nm: float = 200.0
+    application_factor: float = 1.5
+    load_sharing: float = 0.5
+    friction_release: float = 0.12
+    friction_hold: float = 0.05
+    separating_force_limit_N: float = 5000.0
+
+
+class MaterialSection(Section):
+    """Material of the dogs."""
+
+    name: str = "16MnCr5 case-hardened"
+    proof_stress_MPa: float = 735.0
+    allowable_pressure_MPa: float = 200.0
+    safety: float = 1.2
+    notch_factor: float = 2.0
+
+
+class ManufacturingSection(Section):
+    """Smallest dimensions that can be made."""
+
+    tip_width_mm: float = 1.5
+    slot_width_mm: float = 1.5
+    flank_height_mm: float = 1.5
+
+
+class VariablesSection(Section):
+    """Search ranges ``[low, high]``; a variable that is absent stays as in ``[dog]``."""
+
+    chamfer_deg: Range | None = None
+    traction_deg: Range | None = None
+    braking_deg: Range | None = None
+    height_mm: Range | None = None
+    count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+
+
+class SearchSection(Section):
+    """Objectives, sampler and budget of the search."""
+
+    objectives: Annotated[list[str], Field(min_length=1)] = [
+        "expected_shift_time_s",
+        "axial_length_mm",
+    ]
+    sampler: str = "surrogate"
+    trials: Annotated[int, Field(ge=1)] = 48
+    startup: Annotated[int, Field(ge=1)] = 16
+    batch: Annotated[int, Field(ge=1)] = 4
+    seed: Annotated[int, Field(ge=0)] = 1
+    confirm_angles: Annotated[int, Field(ge=2)] = 24
+
+
+class SolverSection(Section):
+    """Numerical settings; absent ones follow from the contact set."""
+
+    scheme: str | None = None
+    accuracy: float | None = None
+    max_step_s: float | None = None
+
+
+class SurrogateSection(Section):
+    """Designs that ``fit`` simulates when no study has been run."""
+
+    designs: Annotated[int, Field(ge=10)] = 40
+
+
+class StudyFile(Section):
+    """The whole study file."""
+
+    format: Literal[1]
+    name: Annotated[str, Field(min_length=1, pattern=r"^[\w.-]+$")]
+    dog: DogSection
+    sliding: SlidingSection
+    output: OutputSection
+    contact: ContactSection = ContactSection()
+    shift: ShiftSection = ShiftSection()
+    actuation: ActuationSection
+    operating: OperatingSection
+    expectation: ExpectationSection = ExpectationSection()
+    load: LoadSection = LoadSection()
+    material: MaterialSection = MaterialSection()
+    manufacturing: ManufacturingSection = ManufacturingSection()
+    variables: VariablesSection = VariablesSection()
+    search: SearchSection = SearchSection()
+    solver: SolverSection = SolverSection()
+    surrogate: SurrogateSection = SurrogateSection()

@@ -1,0 +1,169 @@
+"""The search: rounds of proposals, simulated in parallel, told in order.
+
+Trials of a round are asked together, simulated side by side and told in the
+order of their numbers, so the result does not depend on which finished first.
+A round that was cut off is taken up again with the parameters it had; shifts
+that it had finished come from the journal.
+"""
+
+from __future__ import annotations
+
+import logging
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import optuna
+from optuna.exceptions import ExperimentalWarning
+from optuna.storages import BaseStorage, JournalStorage
+from optuna.storages.journal import JournalFileBackend
+from optuna.trial import FrozenTrial, TrialState
+
+from pipeline.config import Study
+from pipeline.design import Design, design_of, objectives_of, values_of
+from pipeline.evaluation import evaluate
+from pipeline.executor import Executor
+from pipeline.folder import StudyFolder
+from pipeline.sampler import make_sampler, search_space
+from sim.errors import StorageError
+from sim.expectation import Expectation
+
+AfterRound = Callable[[str], None]  #: called with a line about the search so far
+
+
+@dataclass
+class Search:
+    """A search in its storage."""
+
+    study: Study
+    optuna: optuna.Study
+
+    @property
+    def trials(self) -> list[FrozenTrial]:
+        """Finished trials in the order of their numbers."""
+        return [t for t in self.optuna.get_trials(deepcopy=False) if t.state == TrialState.COMPLETE]
+
+    @property
+    def simulated(self) -> list[FrozenTrial]:
+        """Finished trials of feasible designs."""
+        return [t for t in self.trials if "standard_error_s" in t.user_attrs]
+
+
+def open_search(study: Study, folder: StudyFolder, storage: str | None) -> Search:
+    """Open or start the search in a storage: the folder's journal file, or an Optuna URL."""
+    logging.getLogger("optuna").setLevel(logging.WARNING)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        backend = _storage(folder, storage)
+        try:
+            opened = optuna.create_study(
+                study_name=study.name,
+                storage=backend,
+                directions=["minimize"] * len(objectives_of(study)),
+                load_if_exists=True,
+            )
+        except ValueError as error:
+            raise StorageError(
+                f"the storage holds a study '{study.name}' with other objectives; "
+                "give the study another name or use another storage"
+            ) from error
+    return Search(study, opened)
+
+
+def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:
+    try:
+        if url is not None:
+            return optuna.storages.RDBStorage(url)
+        return JournalStorage(JournalFileBackend(str(folder.trials)))
+    except Exception as error:
+        where = url or str(folder.trials)
+        first = str(error).split("\n")[0]
+        raise StorageError(
+            f"the storage {where} cannot be opened ({type(error).__name__}: {first}); "
+            "check the address and that its server runs"
+        ) from error
+
+
+def run(search: Search, executor: Executor, after_round: AfterRound) -> None:
+    """Run the search until the study's number of trials is finished."""
+    study = search.study
+    if not search.optuna.get_trials(deepcopy=False):
+        search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
+    _finish(search, _cut_off(search), executor)
+    while (done := len(search.trials)) < study.file.search.trials:
+        size = min(study.file.search.batch, study.file.search.trials - done)
+        search.optuna.sampler = make_sampler(study, len(search.optuna.get_trials(deepcopy=False)))
+        space = search_space(study)
+        trials = [search.optuna.ask(space) for _ in range(size)]
+        _finish(search, [t._trial_id for t in trials], executor)
+        after_round(_status(search))
+
+
+def _cut_off(search: Search) -> list[int]:
+    """Return the trials that an earlier run asked and did not tell; fail incomplete ones."""
+    left = []
+    names = set(search.study.variables)
+    for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        if names <= set(trial.params):
+            left.append(trial._trial_id)
+        else:
+            search.optuna.tell(trial.number, state=TrialState.FAIL)
+    return left
+
+
+def _finish(search: Search, ids: list[int], executor: Executor) -> None:
+    """Simulate the feasible designs among trials and tell them all in order."""
+    study, settings = search.study, search.study.file.expectation
+    trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
+    designs = [design_of(study, dict(t.params)) for t in trials]
+    worth = [d.dog for d in designs if d.dog is not None and d.feasible]
+    results = iter(evaluate(study, worth, executor, settings.angles, settings.seed))
+    for trial, design in zip(trials, designs, strict=True):
+        expectation = next(results) if design.feasible else None
+        _tell(search, trial, design, expectation)
+
+
+def _tell(
+    search: Search, trial: optuna.Trial, design: Design, expectation: Expectation | None
+) -> None:
+    for name, value in design.constraints.items():
+        trial.set_constraint(name, value)
+    if expectation is not None:
+        trial.set_user_attr("engaged", expectation.engaged)
+        trial.set_user_attr("standard_error_s", expectation.standard_error)
+    elif design.failed:
+        trial.set_user_attr("failed", design.failed)
+    search.optuna.tell(trial, values_of(search.study, design, expectation))
+
+
+def _status(search: Search) -> str:
+    best = best_trial(search)
+    done = len(search.trials)
+    text = f"{done} of {search.study.file.search.trials} designs"
+    if best is not None:
+        time = expected_time(search, best)
+        text += f", best {time * 1e3:.1f} ms +- {best.user_attrs['standard_error_s'] * 1e3:.1f}"
+    return text
+
+
+def expected_time(search: Search, trial: FrozenTrial) -> float:
+    """Return a simulated trial's expected shift time, s."""
+    names = search.study.file.search.objectives
+    return float(trial.values[names.index("expected_shift_time_s")])
+
+
+def best_trial(search: Search) -> FrozenTrial | None:
+    """Return the simulated design with the least expected shift time."""
+    return min(search.simulated, key=lambda t: expected_time(search, t), default=None)
+
+
+def front(search: Search) -> list[FrozenTrial]:
+    """Return the simulated designs that no other dominates, fastest first."""
+    trials = search.simulated
+    kept = [t for t in trials if not any(_dominates(o, t) for o in trials)]
+    return sorted(kept, key=lambda t: expected_time(search, t))
+
+
+def _dominates(a: FrozenTrial, b: FrozenTrial) -> bool:
+    no_worse = all(x <= y for x, y in zip(a.values, b.values, strict=True))
+    return no_worse and any(x < y for x, y in zip(a.values, b.values, strict=True))

@@ -1,0 +1,214 @@
+"""A whole study: search, confirmation at fresh angles, surrogate, report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from optuna.trial import FrozenTrial
+
+from pipeline.config import Study
+from pipeline.design import Design, design_of, exact_values, objectives_of
+from pipeline.evaluation import evaluate
+from pipeline.executor import Executor
+from pipeline.folder import StudyFolder, read_json, write_json
+from pipeline.journal import ShiftJournal
+from pipeline.progress import ShiftProgress
+from pipeline.report import write_report
+from pipeline.sampler import dataset_of
+from pipeline.search import Search, best_trial, expected_time, front, open_search, run
+from sim.batch import versions
+from sim.checks import Check, smallest_margin
+from sim.expectation import Expectation
+from sim.units import RPM
+from surrogate.model import MIN_DESIGNS, fit
+from surrogate.store import save
+from surrogate.validation import Validation, validate
+
+FRESH = 7919  #: added to the seed of the search for angles that it did not use
+
+
+@dataclass(frozen=True)
+class Run:
+    """Where and how a study is run; ``jobs`` 0 is one for each core."""
+
+    folder: StudyFolder
+    jobs: int = 0
+    storage: str | None = None
+    resume: bool = False
+
+
+def run_study(study: Study, how: Run) -> dict[str, Any]:
+    """Run or resume a study; return its result, which is also in ``result.json``."""
+    objectives_of(study)
+    folder = how.folder
+    with folder.writing():
+        folder.open(study, how.resume)
+        search = open_search(study, folder, how.storage)
+        journal = ShiftJournal(folder.shifts)
+        with ShiftProgress(_shifts(study)) as progress:
+
+            def after_round(line: str) -> None:
+                progress.say(line)
+                write_json(folder.result, collect(search, journal))
+
+            executor = Executor(journal, how.jobs, progress.advance)
+            run(search, executor, after_round)
+            confirmation = _confirm(search, executor, progress)
+        result = collect(search, journal)
+        result["confirmation"] = confirmation
+        if result["n_simulated_designs"] > MIN_DESIGNS and study.variables:
+            validation = fit_surrogate(study, result["trials"], folder.surrogate)
+            result["surrogate"] = validation.as_dict()
+        write_json(folder.result, result)
+        write_report(folder)
+    return result
+
+
+def _shifts(study: Study) -> int:
+    """Return the number of shifts that a study takes at most."""
+    search, points = study.file.search, len(study.points)
+    return points * (search.trials * study.file.expectation.angles + 2 * search.confirm_angles)
+
+
+def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
+    """Return what a search has found so far."""
+    study = search.study
+    best = best_trial(search)
+    return {
+        "study": study.name,
+        "objectives": study.file.search.objectives,
+        "best": row_of(search, best) if best is not None else None,
+        "front": [row_of(search, t) for t in front(search)],
+        "trials": [row_of(search, t) for t in search.trials],
+        "n_simulated_designs": len(search.simulated),
+        "n_simulated_shifts": len(journal.rows),
+        "confirmation": None,
+        "surrogate": None,
+        "versions": versions(),
+        "config_hash": study.config_hash,
+        "physics_hash": study.physics_hash,
+    }
+
+
+def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
+    """Return a design as a flat row; times are None where it was not simulated."""
+    study = search.study
+    design = design_of(study, dict(trial.params))
+    simulated = "standard_error_s" in trial.user_attrs
+    return {
+        "trial": trial.number,
+        "prototype": bool(trial.user_attrs.get("prototype", False)),
+        **trial.params,
+        **exact_values(study, design),
+        "expected_shift_time_s": expected_time(search, trial) if simulated else None,
+        "standard_error_s": trial.user_attrs.get("standard_error_s"),
+        "engaged": trial.user_attrs.get("engaged"),
+        "feasible": design.feasible,
+        "failed": design.failed,
+        **_margins(design),
+    }
+
+
+def _margins(design: Design) -> dict[str, Any]:
+    if not design.checks:
+        return {"smallest_margin": None, "weakest_check": "geometry", "margins": {}}
+    weakest = smallest_margin(design.checks)
+    return {
+        "smallest_margin": weakest.margin,
+        "weakest_check": weakest.name,
+        "margins": {c.name: c.margin for c in design.checks},
+    }
+
+
+def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dict[str, Any] | None:
+    best = best_trial(search)
+    if best is None:
+        return None
+    progress.say("confirming the best design and the prototype at fresh angles")
+    return confirm(search.study, dict(best.params), executor)
+
+
+def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[str, Any]:
+    """Simulate prototype and best design again at angles that the search did not use."""
+    angles = study.file.search.confirm_angles
+    seed = study.file.expectation.seed + FRESH
+    dogs = [study.clutch.dog, study.dog_with(best)]
+    prototype, winner = evaluate(study, dogs, executor, angles, seed)
+    gain = prototype.mean - winner.mean
+    return {
+        "angles": angles,
+        "prototype": expectation_record(prototype),
+        "best": expectation_record(winner),
+        "gain_s": gain,
+        "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
+        "gain_share": gain / prototype.mean,
+    }
+
+
+def expectation_record(expectation: Expectation) -> dict[str, Any]:
+    """Return an expectation by the names of the command line's contract."""
+    return {
+        "expected_shift_time_s": expectation.mean,
+        "standard_error_s": expectation.standard_error,
+        "engaged": expectation.engaged,
+        "points": [
+            {
+                "mismatch_rpm": p.point.mismatch / RPM,
+                "force_N": p.point.profile.force,
+                "mean_s": p.mean,
+                "mean_engaged_s": p.mean_engaged,
+                "standard_error_s": p.standard_error,
+                "sd_s": p.sd,
+                "engaged": p.engaged,
+                "n": p.n,
+            }
+            for p in expectation.points
+        ],
+    }
+
+
+def check_record(check: Check) -> dict[str, Any]:
+    """Return a check by the names of the command line's contract."""
+    return {
+        "name": check.name,
+        "value": check.value,
+        "limit": check.limit,
+        "unit": check.unit,
+        "margin": check.margin,
+        "passed": check.passed,
+        "rule": check.rule,
+    }
+
+
+def fit_study(
+    folder: StudyFolder, study: Study | None, out: Path | None, jobs: int
+) -> tuple[Validation, Path]:
+    """Fit the surrogate to a study's folder.
+
+    Given a ``study``, designs that fill the feasible space are simulated into
+    the folder first, going on where an earlier call stopped.
+    """
+    if study is not None:
+        search = study.file.search.model_copy(
+            update={"sampler": "space_filling", "trials": study.file.surrogate.designs}
+        )
+        filled = replace(study, file=study.file.model_copy(update={"search": search}))
+        run_study(filled, Run(folder, jobs, resume=True))
+    rows = read_json(folder.result, "run 'dogshape study' first")["trials"]
+    path = out or folder.surrogate
+    return fit_surrogate(folder.stored_study(), rows, path), path
+
+
+def fit_surrogate(study: Study, rows: list[dict[str, Any]], path: Path) -> Validation:
+    """Fit the surrogate to the simulated designs among ``rows``, validate and store it."""
+    done = [row for row in rows if row["standard_error_s"] is not None]
+    times = [row["expected_shift_time_s"] for row in done]
+    errors = [row["standard_error_s"] for row in done]
+    data = dataset_of(study, done, times, errors)
+    seed = study.file.search.seed
+    surrogate = fit(data, seed)
+    validation = validate(data, seed)
+    save(path, surrogate, validation)
+    return validation

@@ -1,0 +1,148 @@
+"""Tables for people at the command line, and flat records of results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from diagnosis.comparison import Comparison, Difference
+from pipeline.config import Study
+from sim.checks import Check, feasible
+from sim.engagement import Engagement
+from sim.expectation import Expectation
+from sim.units import RPM
+from surrogate.query import Answer
+from surrogate.validation import Validation
+
+
+def _table(*columns: str) -> Table:
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else "right")
+    return table
+
+
+def _ms(value: float | None) -> str:
+    return "-" if value is None else f"{value * 1e3:.1f}"
+
+
+def shift_table(result: Engagement) -> RenderableType:
+    """Return outcome, phases and peak force of one shift."""
+    table = _table("phase", "start, ms", "end, ms", "length, ms")
+    for phase in result.phases:
+        length = phase.end - phase.start
+        table.add_row(phase.name, _ms(phase.start), _ms(phase.end), _ms(length))
+    outcome = result.outcome.value.replace("_", " ")
+    time = f" in {_ms(result.shift_time)} ms" if result.shift_time is not None else ""
+    peak = f"peak axial contact force {result.peak_axial_force:.0f} N"
+    return Group(f"{outcome}{time}: {result.detail}", table, peak)
+
+
+def expectation_table(result: Expectation) -> RenderableType:
+    """Return the expected shift time of each operating point and over all."""
+    table = _table("mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n")
+    for p in result.points:
+        table.add_row(
+            f"{p.point.mismatch / RPM:.4g}",
+            f"{p.point.profile.force:.1f}",
+            _ms(p.mean),
+            _ms(p.standard_error),
+            _ms(p.sd),
+            f"{p.engaged:.0%}",
+            str(p.n),
+        )
+    total = f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms"
+    return Group(table, total)
+
+
+def checks_table(checks: Sequence[Check]) -> RenderableType:
+    """Return every check with value, limit and margin."""
+    table = _table("check", "value", "", "limit", "unit", "margin", "passed")
+    for c in checks:
+        sign = "<=" if c.at_most else ">="
+        passed = "yes" if c.passed else "NO"
+        value, limit = f"{c.value:.4g}", f"{c.limit:.4g}"
+        table.add_row(c.name, value, sign, limit, c.unit, f"{c.margin:.0%}", passed)
+    return Group(table, "feasible" if feasible(checks) else "not feasible")
+
+
+def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
+    """Return the front and the confirmation of a study."""
+    variables = list(study.variables)
+    table = _table("design", *variables, "time, ms", "s.e., ms", "smallest margin")
+    for row in result["front"]:
+        values = [f"{row[v]:.4g}" for v in variables]
+        time, error = _ms(row["expected_shift_time_s"]), _ms(row["standard_error_s"])
+        margin = f"{row['smallest_margin']:.0%} {row['weakest_check']}"
+        table.add_row(str(row["trial"]), *values, time, error, margin)
+    lines: list[RenderableType] = [table]
+    c = result["confirmation"]
+    if c is None:
+        lines.append("no design passes every check, so none was simulated")
+    else:
+        best, proto = c["best"], c["prototype"]
+        lines.append(
+            f"at fresh angles: design {result['best']['trial']} "
+            f"{_ms(best['expected_shift_time_s'])} +- {_ms(best['standard_error_s'])} ms, "
+            "prototype "
+            f"{_ms(proto['expected_shift_time_s'])} +- {_ms(proto['standard_error_s'])} ms, "
+            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms"
+        )
+    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
+    return Group(*lines)
+
+
+def validation_text(validation: Validation, path: Path) -> str:
+    """Return the validation figures of a surrogate."""
+    return (
+        f"{validation.n} designs, held out in turn: Q2 {validation.q2:.3f}, "
+        f"rmse {_ms(validation.rmse_s)} ms, {validation.coverage_95:.0%} within the 95 % "
+        f"interval; written to {path}"
+    )
+
+
+def answer_text(answer: Answer, checks: Sequence[Check]) -> RenderableType:
+    """Return the surrogate's answer with warnings and checks."""
+    lines = [
+        f"expected shift time {_ms(answer.time)} ms, 95 % interval {_ms(answer.low)} to "
+        f"{_ms(answer.high)} ms (surrogate)"
+    ]
+    lines += [f"warning: {w}; the prediction extrapolates" for w in answer.warnings]
+    return Group(*lines, checks_table(checks))
+
+
+def difference_record(d: Difference) -> dict[str, Any]:
+    """Return one operating point of a comparison by the contract's names."""
+    return {
+        "mismatch_rpm": d.cell.point.mismatch / RPM,
+        "force_N": d.cell.point.profile.force,
+        "bench_s": d.cell.time,
+        "simulated_s": d.simulated.mean_engaged,
+        "standard_error_s": d.standard_error,
+        "z": d.z,
+        "engaged": d.simulated.engaged,
+        "n": d.simulated.n,
+    }
+
+
+def comparison_table(result: Comparison) -> RenderableType:
+    """Return bench and simulation side by side."""
+    head = ("mismatch, 1/min", "force, N", "bench, ms", "simulated, ms", "s.e., ms", "ratio", "z")
+    table = _table(*head)
+    for d in result.differences:
+        bench, simulated = d.cell.time, d.simulated.mean_engaged
+        ratio = f"{simulated / bench:.2f}" if bench and simulated else "-"
+        z = f"{d.z:+.1f}" if d.z is not None else "-"
+        mismatch = f"{d.cell.point.mismatch / RPM:.4g}"
+        force = f"{d.cell.point.profile.force:.1f}"
+        error = _ms(d.standard_error)
+        table.add_row(mismatch, force, _ms(bench), _ms(simulated), error, ratio, z)
+    total = (
+        f"{result.bench.name}: root-mean-square gap {_ms(result.rmse)} ms, "
+        f"relative {result.relative_rms:.1%}"
+    )
+    return Group(table, total)

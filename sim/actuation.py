@@ -1,0 +1,58 @@
+r"""Shift force over time, and the free flight it gives.
+
+The published force is a cubic step (Adams STEP),
+:math:`F(t) = F (3 s^2 - 2 s^3)`, :math:`s = t/T` up to :math:`s = 1`, then constant.
+A mass that nothing touches has travelled
+:math:`x = (F T^2/m)(s^4/4 - s^5/10)` by then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.optimize import brentq
+
+from sim.errors import InputError, refusal
+
+
+@dataclass(frozen=True)
+class ForceProfile:
+    """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s)."""
+
+    force: float
+    rise: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.force <= 1e5:
+            rule = "it must lie between 1 and 100000 N and point into engagement"
+            raise InputError(refusal("shift force", self.force, "N", rule, "correct the force"))
+        if not 1e-4 <= self.rise <= 10.0:
+            rule = "it must lie between 0.0001 and 10 s"
+            remedy = "give the rise time in seconds"
+            raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
+
+    def at(self, time: float) -> float:
+        """Return the force in N at ``time`` in s after the start."""
+        s = min(1.0, max(0.0, time / self.rise))
+        return self.force * s * s * (3.0 - 2.0 * s)
+
+    def free_flight(self, time: float, mass: float) -> float:
+        """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
+        s = min(1.0, time / self.rise)
+        way = self.force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
+        beyond = max(0.0, time - self.rise)
+        speed = 0.5 * self.force * self.rise / mass
+        return way + beyond * speed + 0.5 * self.force / mass * beyond**2
+
+    def free_speed(self, time: float, mass: float) -> float:
+        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
+        s = min(1.0, time / self.rise)
+        speed = self.force * self.rise / mass * (s**3 - s**4 / 2.0)
+        return speed + self.force / mass * max(0.0, time - self.rise)
+
+    def free_flight_time(self, way: float, mass: float) -> float:
+        """Return the time in s after which a free ``mass`` has made ``way`` in m."""
+        limit = self.rise
+        while self.free_flight(limit, mass) < way:
+            limit *= 2.0
+        return float(brentq(lambda t: self.free_flight(t, mass) - way, 0.0, limit, xtol=1e-15))

@@ -1,0 +1,85 @@
+"""Contact of the dogs: named parameter sets and how the solver reads them.
+
+The contact is a compliant layer (pressure = stiffness x penetration, Drake's
+hydroelastic model) with Hunt and Crossley's dissipation ``p (1 + d v)`` and
+Coulomb friction regularised over a stiction velocity.
+
+``adams2019``
+    reproduces the published model (thesis tables 7 and 8: coefficients 0.30 and
+    0.16, transitions 0.1 and 1 m/s). Its stiction velocity lets a face creep
+    that real steel would hold; use it for comparison only.
+``lubricated_steel``
+    for design: oiled hardened steel, coefficients 0.12 and 0.10, with a
+    stiction velocity that is small against every sliding speed of a shift.
+
+Stiffness and dissipation. For design the layer is an elastic foundation: steel
+(2.1e11 Pa) over about half the height of a dog on either side gives
+2.1e11 / (2 x 3.7 mm) = 2.8e13 Pa/m, lowered to 2e13 for the bending of the dogs;
+20 s/m leaves a restitution of about 1/(1 + d v), 0.2 at 0.2 m/s. The published
+IMPACT force of a dog, K x^1.5 with K between 1e8 and 3.16e9 N/m^1.5 (the unit is
+ambiguous), has on a flank of 12.6 mm2 and at 1e-5 to 1e-4 m a secant stiffness of
+2.5e10 to 2.5e12 Pa/m: 5e11. Its damper of 1e4 N s/m beside an elastic force of
+100 N a dog makes d = 100 s/m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim.errors import InputError, did_you_mean, refusal
+
+
+@dataclass(frozen=True)
+class ContactSet:
+    """Parameters of the dog contact.
+
+    Parameters
+    ----------
+    name : of the set, for reports.
+    static_friction, dynamic_friction : Coulomb coefficients.
+    stiction_velocity : slip below which friction is regularised, m/s.
+    friction_velocity : slip from which the dynamic coefficient holds, m/s.
+    stiffness : pressure per penetration, Pa/m.
+    dissipation : Hunt and Crossley's coefficient, s/m.
+    """
+
+    name: str
+    static_friction: float
+    dynamic_friction: float
+    stiction_velocity: float
+    friction_velocity: float
+    stiffness: float
+    dissipation: float
+
+    def __post_init__(self) -> None:
+        for key in ("static_friction", "dynamic_friction"):
+            _require(key, getattr(self, key), 0.0, 1.5, "")
+        _require("stiction_velocity_m_s", self.stiction_velocity, 1e-5, 1.0, "m/s")
+        _require("friction_velocity_m_s", self.friction_velocity, self.stiction_velocity, 10, "m/s")
+        _require("stiffness_Pa_m", self.stiffness, 1e10, 1e16, "Pa/m")
+        _require("dissipation_s_m", self.dissipation, 0.0, 1e4, "s/m")
+        if self.dynamic_friction > self.static_friction:
+            rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
+            remedy = "exchange or correct the two coefficients"
+            message = refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
+            raise InputError(message)
+
+
+def _require(key: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        rule = f"it must lie between {low:.6g} and {high:.6g} {unit}".rstrip()
+        raise InputError(refusal(f"contact.{key}", value, unit, rule, "correct the contact set"))
+
+
+CONTACT_SETS: dict[str, ContactSet] = {
+    "adams2019": ContactSet("adams2019", 0.30, 0.16, 0.1, 1.0, 5e11, 100.0),
+    "lubricated_steel": ContactSet("lubricated_steel", 0.12, 0.10, 5e-4, 5e-3, 2e13, 20.0),
+}
+
+
+def contact_set(name: str) -> ContactSet:
+    """Return a named set; an unknown name raises InputError with the valid ones."""
+    if name not in CONTACT_SETS:
+        hint = did_you_mean(name, CONTACT_SETS)
+        raise InputError(f"contact.set is '{name}', which is not a contact set; {hint}")
+    return CONTACT_SETS[name]

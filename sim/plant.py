@@ -1,0 +1,169 @@
+"""The clutch as a Drake multibody plant.
+
+World frame: z along the shaft, median plane of the output ring at z = 0. The
+sliding ring is turned over about x and starts at z = travel; its prismatic
+joint runs towards the output ring, its revolute joint turns about z.
+
+All dogs see the same contact as long as the rings stay coaxial. So one dog on
+the sliding ring, with mass, inertia and force divided by N, moves as N dogs
+do; it meets the whole output ring, whose body carries 1/N of its inertia.
+
+Friction, as Drake's modes treat it: with an explicit scheme the continuous
+plant knows the dynamic coefficient alone and the law
+``mu (2/pi) atan(v / stiction_velocity)``; with ``cenic`` it falls from the static to
+the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    InMemoryMesh,
+    ProximityProperties,
+)
+from pydrake.geometry import Mesh as MeshShape
+from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import (
+    AddMultibodyPlantSceneGraph,
+    ContactModel,
+    CoulombFriction,
+)
+from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
+from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
+from pydrake.trajectories import PiecewisePolynomial
+
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint
+from sim.mesh import compliant_dog, layer_depth, rigid_dog, ring_of, to_obj, to_vtk
+
+_AXIS = np.array([0.0, 0.0, 1.0])
+
+
+class ClutchPlant:
+    """A diagram of the clutch that can be shifted again and again.
+
+    Plants cannot be pickled: ship the clutch and build in the worker.
+    """
+
+    def __init__(self, clutch: Clutch) -> None:
+        self.clutch = clutch
+        self.share = clutch.dog.count  # dogs that one modelled dog stands for
+        if clutch.solver.all_dogs:
+            self.share = 1
+        builder = DiagramBuilder()
+        self.plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+        self._add_output_ring()
+        self._add_sliding_ring()
+        self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
+        self.plant.set_contact_model(ContactModel.kHydroelastic)
+        self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
+        self.plant.Finalize()
+        self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
+        port = self.plant.get_actuation_input_port()
+        builder.Connect(self._force.get_output_port(), port)
+        self.diagram = builder.Build()
+        self.simulator = Simulator(self.diagram)
+        self.context = self.simulator.get_mutable_context()
+        self.plant_context = self.plant.GetMyMutableContextFromRoot(self.context)
+
+    def start(self, point: OperatingPoint, relative_angle: float) -> Simulator:
+        """Set time, state and force for a shift and return its simulator.
+
+        ``relative_angle`` (rad) is the output ring's lead over the position in
+        which dogs face dogs; it grows with the mismatch. The integrator is
+        configured afresh, or its step size would carry over.
+        """
+        solver = self.clutch.solver
+        config = SimulatorConfig(
+            integration_scheme=solver.scheme,
+            accuracy=solver.accuracy,
+            max_step_size=solver.max_step,
+            use_error_control=True,
+        )
+        ApplySimulatorConfig(config, self.simulator)
+        self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
+        slide_speed = self.clutch.rings.initial_speed
+        self.context.SetTime(0.0)
+        self.plant.SetPositions(self.plant_context, [relative_angle, 0.0, 0.0])
+        self.plant.SetVelocities(
+            self.plant_context, [slide_speed + point.mismatch, 0.0, slide_speed]
+        )
+        self.simulator.Initialize()
+        return self.simulator
+
+    def state(self) -> NDArray[np.float64]:
+        """Return (output angle, displacement, sliding angle) and their rates, (6,), SI."""
+        state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
+        return state
+
+    def _add_output_ring(self) -> None:
+        clutch, plant = self.clutch, self.plant
+        inertia = clutch.rings.output_inertia / self.share
+        body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
+        plant.AddJoint(
+            RevoluteJoint("output", plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+        )
+        surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
+        properties = ProximityProperties()
+        AddRigidHydroelasticProperties(properties)
+        self._add_contact(properties)
+        shape = _in_memory(to_obj(surface), ".obj")
+        plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
+
+    def _add_sliding_ring(self) -> None:
+        clutch, plant = self.clutch, self.plant
+        # Only the sum of both masses acts; Drake wants one at either joint.
+        mass = 0.5 * clutch.rings.mass / self.share
+        inertia = clutch.rings.sliding_inertia / self.share
+        carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
+        body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
+        start = RigidTransform([0.0, 0.0, clutch.dog.travel])
+        joint = plant.AddJoint(
+            PrismaticJoint("shift", plant.world_frame(), carriage.body_frame(), -_AXIS, damping=0.0)
+        )
+        plant.AddJoint(
+            RevoluteJoint("sliding", carriage.body_frame(), body.body_frame(), _AXIS, damping=0.0)
+        )
+        plant.AddJointActuator("shift_force", joint)
+        one = compliant_dog(clutch.dog)
+        properties = ProximityProperties()
+        modulus = clutch.contact.stiffness * layer_depth(clutch.dog)
+        AddCompliantHydroelasticProperties(1.0, modulus, properties)
+        self._add_contact(properties)
+        turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start.translation())
+        count = clutch.dog.count if clutch.solver.all_dogs else 1
+        for index in range(count):
+            turn = RotationMatrix.MakeZRotation(index * clutch.dog.pitch_angle)
+            pose = turned_over @ RigidTransform(turn, [0.0, 0.0, 0.0])
+            shape = _in_memory(to_vtk(one), ".vtk")
+            plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
+
+    def _add_contact(self, properties: ProximityProperties) -> None:
+        contact = self.clutch.contact
+        friction = CoulombFriction(contact.static_friction, contact.dynamic_friction)
+        AddContactMaterial(
+            dissipation=contact.dissipation, friction=friction, properties=properties
+        )
+
+
+def _in_memory(text: str, extension: str) -> MeshShape:
+    return MeshShape(InMemoryMesh(mesh_file=MemoryFile(text.encode(), extension, "dog")), 1.0)
+
+
+def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
+    """Return the inertia of a thin ring; only mass and polar inertia act here."""
+    unit = polar / mass
+    return SpatialInertia(mass, np.zeros(3), UnitInertia(0.5 * unit, 0.5 * unit, unit))
+
+
+def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
+    """Return the shift force of one modelled dog; Drake holds the last value beyond."""
+    values = np.array([[0.0, profile.force / share]])
+    return PiecewisePolynomial.CubicHermite([0.0, profile.rise], values, np.zeros((1, 2)))

@@ -1,0 +1,70 @@
+"""Units at the edge.
+
+Inside the project everything is SI with angles in radians. Files, tables, the
+command line and reports use the unit that a name ends in (``height_mm``,
+``mismatch_rpm``). This module holds every conversion between the two.
+"""
+
+from __future__ import annotations
+
+import math
+
+MM = 1e-3  #: metres in a millimetre
+DEG = math.pi / 180.0  #: radians in a degree
+RPM = 2.0 * math.pi / 60.0  #: radians per second in a revolution per minute
+MPA = 1e6  #: pascals in a megapascal
+MS = 1e-3  #: seconds in a millisecond
+
+#: Factor to SI by the suffix of a name; a name without one of them is a pure number.
+FACTORS: dict[str, float] = {
+    "_mm": MM,
+    "_deg": DEG,
+    "_rpm": RPM,
+    "_MPa": MPA,
+    "_ms": MS,
+    "_m_s": 1.0,
+    "_Pa_m": 1.0,
+    "_s_m": 1.0,
+    "_Nm": 1.0,
+    "_N": 1.0,
+    "_kgm2": 1.0,
+    "_kg": 1.0,
+    "_s": 1.0,
+}
+
+UNIT_NAMES: dict[str, str] = {
+    "_mm": "mm",
+    "_deg": "deg",
+    "_rpm": "1/min",
+    "_MPa": "MPa",
+    "_ms": "ms",
+    "_m_s": "m/s",
+    "_Pa_m": "Pa/m",
+    "_s_m": "s/m",
+    "_Nm": "N m",
+    "_N": "N",
+    "_kgm2": "kg m2",
+    "_kg": "kg",
+    "_s": "s",
+}
+
+
+def suffix_of(name: str) -> str:
+    """Return the unit suffix of ``name`` (``"_mm"``), or ``""`` for a pure number."""
+    matches = [suffix for suffix in FACTORS if name.endswith(suffix)]
+    return max(matches, key=len, default="")
+
+
+def unit_of(name: str) -> str:
+    """Return the unit that ``name`` ends in, for messages and labels (``"mm"``)."""
+    return UNIT_NAMES.get(suffix_of(name), "")
+
+
+def to_si(name: str, value: float) -> float:
+    """Convert ``value``, given in the unit that ``name`` ends in, to SI."""
+    return value * FACTORS.get(suffix_of(name), 1.0)
+
+
+def from_si(name: str, value: float) -> float:
+    """Convert an SI ``value`` to the unit that ``name`` ends in."""
+    return value / FACTORS.get(suffix_of(name), 1.0)

@@ -1,0 +1,1 @@
+"""The Gaussian process that stands in for the simulation."""
