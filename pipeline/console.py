@@ -43,4 +43,5 @@ def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]
     if as_json:
         print(json.dumps(data, indent=1, allow_nan=False))
     else:
-        Console(highlight=False, soft_wrap=False).print(text())
+        wide = None if sys.stdout.isatty() else 160
+        Console(highlight=False, width=wide).print(text())

@@ -15,17 +15,18 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     return points
 
 
-def section_svg(dog: Dog, title: str, width: int = 420) -> str:
-    """Draw two dogs of one ring with the mating ring at full depth, to scale."""
-    half = dog.pitch / MM
+def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
+    """Draw ``span`` m of both rings at full depth, to scale; equal spans compare."""
+    half = 0.5 * span / MM
     depth = dog.height / MM
-    lower = [(x, z) for x, z in outline(dog, 5) if abs(x) < 3 * half]
-    upper = [(-x + 0.5 * half, -z) for x, z in lower]
-    scale = width / (2.4 * half)
+    dogs = 2 * int(span / dog.pitch) + 3
+    lower = outline(dog, dogs)
+    upper = [(-x + 0.5 * dog.pitch / MM, -z) for x, z in lower]
+    scale = 0.5 * width / half
     height = (depth + 2.4) * scale
 
     def path(points: list[tuple[float, float]], floor: float) -> str:
-        placed = [((x + 1.2 * half) * scale, (0.5 * depth + 1.2 - z) * scale) for x, z in points]
+        placed = [((x + half) * scale, (0.5 * depth + 1.2 - z) * scale) for x, z in points]
         ends = [(placed[-1][0], floor), (placed[0][0], floor)]
         return "M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in placed + ends) + " Z"
 

@@ -85,9 +85,19 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
             hoverinfo="text",
         )
         figure.add_trace(trace, 1, 2)
-    figure.update_xaxes(title=axis_title(SIMULATED), col=1)
-    figure.update_yaxes(title=axis_title(other), col=1)
+    shown = [r for r in result["trials"] if r["feasible"] and r["prototype"]] + result["front"]
+    times = [r["expected_shift_time_s"] * 1e3 for r in shown]
+    heights = [r[other] for r in shown + barred]
+    figure.update_xaxes(title=axis_title(SIMULATED), range=_window(times), col=1)
+    figure.update_yaxes(title=axis_title(other), range=_window(heights), col=1)
     return _styled(figure, 480)
+
+
+def _window(values: list[float]) -> list[float]:
+    """Return a range that shows ``values`` with room on either side."""
+    low, high = min(values), max(values)
+    room = 0.12 * (high - low) or 0.1 * abs(high)
+    return [low - room, high + room]
 
 
 def _scatter(name: str, rows: list[Row], other: str, variables: list[str], look: Row) -> go.Scatter:

@@ -56,15 +56,16 @@ def figure_html(figure: go.Figure, name: str) -> str:
 def _content(study: Study, result: Row) -> Row:
     variables = list(study.variables)
     others = [name for name in result["objectives"] if name != SIMULATED]
-    figures = [
-        figure_html(front_figure(result, variables, other), f"front-{other}") for other in others
-    ]
-    confirmation = result["confirmation"]
-    best = result["best"]
-    drawings = [section_svg(study.clutch.dog, "Prototype")]
+    confirmation, best = result["confirmation"], result["best"]
+    figures, convergence = [], ""
+    if best is not None:
+        convergence = figure_html(convergence_figure(result), "convergence")
+        figures = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
+    span = 2.4 * study.clutch.dog.pitch
+    drawings = [section_svg(study.clutch.dog, "Prototype", span)]
     if best is not None:
         dog = study.dog_with({name: best[name] for name in variables})
-        drawings.append(section_svg(dog, f"Design {best['trial']}"))
+        drawings.append(section_svg(dog, f"Design {best['trial']}", span))
     return {
         "study": study,
         "result": result,
@@ -72,7 +73,7 @@ def _content(study: Study, result: Row) -> Row:
         "others": others,
         "axis_title": axis_title,
         "fronts": figures,
-        "convergence": figure_html(convergence_figure(result), "convergence"),
+        "convergence": convergence,
         "points": figure_html(points_figure(confirmation), "points") if confirmation else "",
         "drawings": drawings,
         "designs": _designs(result),

@@ -13,14 +13,15 @@ the same seed gives the same trials, interrupted or not.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
-from optuna.samplers import BaseSampler
+from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
@@ -30,8 +31,8 @@ from surrogate.dataset import Array, Dataset
 from surrogate.model import MIN_DESIGNS, fit
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
-POOL = 400  #: feasible candidates from which a proposal is chosen
-DRAWS = 200  #: draws for a candidate before the feasible space counts as empty
+POOL = 400  #: feasible candidates of the whole space; half as many again near the front
+DRAWS = 1000  #: draws for a candidate before the feasible space counts as empty
 
 
 def search_space(study: Study) -> dict[str, BaseDistribution]:
@@ -44,25 +45,27 @@ def search_space(study: Study) -> dict[str, BaseDistribution]:
     }
 
 
-def make_sampler(study: Study, round_number: int) -> BaseSampler:
-    """Return the study's sampler, seeded for one round of the search.
+def sampler_factory(study: Study) -> Callable[[int], BaseSampler]:
+    """Return a function that gives the sampler for a round, by the round's first trial.
 
-    A sampler made afresh for each round makes a resumed search equal to an
-    uninterrupted one.
+    Optuna's samplers are made and seeded afresh for each round, which makes a
+    resumed search equal to an uninterrupted one.
     """
     search = study.file.search
-    seed = int(np.random.default_rng([search.seed, round_number]).integers(2**31))
     if search.sampler in ("surrogate", "space_filling"):
         startup = search.startup if search.sampler == "surrogate" else search.trials
-        return SurrogateSampler(study, search.seed, startup)
-    if search.sampler == "tpe":
-        return optuna.samplers.TPESampler(seed=seed, n_startup_trials=search.startup)
-    if search.sampler == "nsga2":
-        return optuna.samplers.NSGAIISampler(seed=seed, population_size=search.startup)
-    if search.sampler == "random":
-        return optuna.samplers.RandomSampler(seed=seed)
-    hint = did_you_mean(search.sampler, SAMPLERS)
-    raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
+        own = SurrogateSampler(study, search.seed, startup)
+        return lambda _: own
+    kinds: dict[str, Callable[[int], BaseSampler]] = {
+        "tpe": lambda seed: TPESampler(seed=seed, n_startup_trials=search.startup),
+        "nsga2": lambda seed: NSGAIISampler(seed=seed, population_size=search.startup),
+        "random": lambda seed: RandomSampler(seed=seed),
+    }
+    if search.sampler not in kinds:
+        hint = did_you_mean(search.sampler, SAMPLERS)
+        raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
+    make = kinds[search.sampler]
+    return lambda first: make(int(np.random.default_rng([search.seed, first]).integers(2**31)))
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,7 @@ class SurrogateSampler(BaseSampler):
         finished = [t for t in seen if _simulated(t)]
         taken = self._points(t for t in seen if _simulated(t) or t.state == TrialState.RUNNING)
         if len(finished) < self._startup:
-            pool = self._pool(rng, POOL)
+            pool = self._wide
             return self._space.design(pool[_farthest(self._scaled(pool), self._scaled(taken))])
         return self._space.design(self._thompson(rng, finished))
 
@@ -127,8 +130,13 @@ class SurrogateSampler(BaseSampler):
         param_distribution: BaseDistribution,
     ) -> Any:
         """Sample a parameter that is not of the study, uniformly."""
-        sampler = optuna.samplers.RandomSampler(seed=self._seed + trial.number)
+        sampler = RandomSampler(seed=self._seed + trial.number)
         return sampler.sample_independent(study, trial, param_name, param_distribution)
+
+    @cached_property
+    def _wide(self) -> Array:
+        """Feasible designs from the whole space, drawn once: most draws are infeasible."""
+        return self._pool(np.random.default_rng(self._seed), POOL)
 
     def _points(self, trials: Any) -> Array:
         names = self._space.names
@@ -172,7 +180,7 @@ class SurrogateSampler(BaseSampler):
             [t.user_attrs["standard_error_s"] for t in finished],
         )
         front = self._scaled(data.x[_front(self._values(data.x, data.time))])
-        pool = np.concatenate([self._pool(rng, POOL // 2), self._pool(rng, POOL // 2, front)])
+        pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         process = fit(data, seed=self._seed)
         values = self._values(pool, process.sample(pool, rng))
         reference = self._values(data.x, data.time)

@@ -24,7 +24,7 @@ from pipeline.design import Design, design_of, objectives_of, values_of
 from pipeline.evaluation import evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder
-from pipeline.sampler import make_sampler, search_space
+from pipeline.sampler import sampler_factory, search_space
 from sim.errors import StorageError
 from sim.expectation import Expectation
 
@@ -87,12 +87,13 @@ def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:
 def run(search: Search, executor: Executor, after_round: AfterRound) -> None:
     """Run the search until the study's number of trials is finished."""
     study = search.study
+    sampler_of = sampler_factory(study)
     if not search.optuna.get_trials(deepcopy=False):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
     _finish(search, _cut_off(search), executor)
     while (done := len(search.trials)) < study.file.search.trials:
         size = min(study.file.search.batch, study.file.search.trials - done)
-        search.optuna.sampler = make_sampler(study, len(search.optuna.get_trials(deepcopy=False)))
+        search.optuna.sampler = sampler_of(len(search.optuna.get_trials(deepcopy=False)))
         space = search_space(study)
         trials = [search.optuna.ask(space) for _ in range(size)]
         _finish(search, [t._trial_id for t in trials], executor)

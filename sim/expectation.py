@@ -9,9 +9,10 @@ retraction. With *p* the share that engages,
 
 .. math:: E = E[t | engaged] + \frac{1-p}{p} (t_{timeout} + t_{retraction}).
 
-The standard error of a stratified mean comes from neighbouring strata,
-:math:`s^2 = \sum (t_{k+1} - t_k)^2 / (2 n^2)` round the pitch; it counts the
-trend across the strata as scatter and so errs on the safe side.
+The standard error of a stratified mean comes from second differences round the
+pitch, :math:`s^2 = \sum (t_{k-1} - 2 t_k + t_{k+1})^2 / (6 n^2)`. For a time that
+is linear in the angle this is the variance within the strata, without bias
+(Wolter 2007, ch. 8); jumps between strata count as scatter, on the safe side.
 """
 
 from __future__ import annotations
@@ -109,9 +110,9 @@ def _variance_of_mean(times: Phases, stratified: bool) -> float:
     n = times.size
     if n < 2:
         return float(times.mean() ** 2)
-    if stratified:
-        steps = np.diff(np.append(times, times[0]))
-        return float((steps**2).sum() / (2.0 * n * n))
+    if stratified and n > 2:
+        bends = np.roll(times, 1) - 2.0 * times + np.roll(times, -1)
+        return float((bends**2).sum() / (6.0 * n * n))
     return float(times.var(ddof=1) / n)
 
 

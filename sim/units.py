@@ -8,6 +8,7 @@ command line and reports use the unit that a name ends in (``height_mm``,
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 MM = 1e-3  #: metres in a millimetre
 DEG = math.pi / 180.0  #: radians in a degree
@@ -49,6 +50,7 @@ UNIT_NAMES: dict[str, str] = {
 }
 
 
+@lru_cache(maxsize=256)
 def suffix_of(name: str) -> str:
     """Return the unit suffix of ``name`` (``"_mm"``), or ``""`` for a pure number."""
     matches = [suffix for suffix in FACTORS if name.endswith(suffix)]

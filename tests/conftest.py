@@ -1,0 +1,119 @@
+"""Fixtures: the prototype, and a study small enough to run in seconds."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli import app
+from pipeline.config import Study, load_study
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint, Rings
+from sim.geometry import Dog
+from sim.plant import ClutchPlant
+from sim.units import DEG, RPM
+
+#: Rise time of the published shift forces, s by N (thesis table 2).
+RISE = {235.2: 0.2510, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
+
+#: Overrides that make the default study small: two operating points, few angles.
+SMALL = [
+    "operating.mismatch_rpm=[50, 149]",
+    "operating.force_N=[469.0]",
+    "expectation.angles=3",
+    "search.trials=12",
+    "search.startup=10",
+    "search.confirm_angles=3",
+]
+
+
+@pytest.fixture(scope="session")
+def prototype() -> Dog:
+    """The MQ200 prototype (thesis table 5)."""
+    return Dog(
+        count=15,
+        chamfer=8 * DEG,
+        traction=12 * DEG,
+        braking=22 * DEG,
+        height=3.7e-3,
+        outer_diameter=52e-3,
+        inner_diameter=44e-3,
+        axial_gap=1e-3,
+    )
+
+
+@pytest.fixture(scope="session")
+def clutch(prototype: Dog) -> Clutch:
+    """The prototype with the inertias of thesis table 6 and the design contact set."""
+    return Clutch(prototype, Rings(mass=0.3, sliding_inertia=0.01, output_inertia=0.6048))
+
+
+@pytest.fixture(scope="session")
+def plant(clutch: Clutch) -> ClutchPlant:
+    """The prototype's plant, built once."""
+    return ClutchPlant(clutch)
+
+
+@pytest.fixture
+def point() -> Callable[[float, float], OperatingPoint]:
+    """Make an operating point from 1/min and one of the published forces in N."""
+
+    def make(mismatch_rpm: float, force: float) -> OperatingPoint:
+        return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
+
+    return make
+
+
+@pytest.fixture
+def small_study() -> Study:
+    """The default study at smoke size."""
+    return load_study("mq200", SMALL)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a call of the command line said."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        """Standard output as JSON."""
+        return json.loads(self.out)
+
+    @property
+    def sentence(self) -> str:
+        """The only line on standard error, checked to be a sentence without a traceback."""
+        lines = self.err.strip().splitlines()
+        assert len(lines) == 1, self.err
+        assert "Traceback" not in self.err
+        return lines[0]
+
+
+@pytest.fixture
+def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Said]:
+    """Call the command line in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments: object) -> Said:
+        result = CliRunner().invoke(app, [str(a) for a in arguments])
+        return Said(result.exit_code, result.stdout, result.stderr)
+
+    return call
+
+
+def needed(available: bool, what: str) -> None:
+    """Skip a test whose outside program is missing; in continuous integration fail."""
+    if available:
+        return
+    if os.environ.get("CI"):
+        pytest.fail(f"{what} is missing, but continuous integration installs it")
+    pytest.skip(f"{what} is not installed")

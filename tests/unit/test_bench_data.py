@@ -1,0 +1,96 @@
+"""Bench data sets: what is read, and errors with file, row and column."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from diagnosis.bench import load_bench
+from sim.bundled import bundled_root
+from sim.errors import DogshapeError
+from sim.units import RPM
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    target = tmp_path / "set"
+    shutil.copytree(bundled_root() / "bench" / "mq200_stand", target)
+    return target
+
+
+def test_published_tables_are_complete() -> None:
+    for name in ("mq200_stand", "mq200_adams"):
+        bench = load_bench(name)
+        assert len(bench.cells) == 28
+        assert sum(cell.time is None for cell in bench.cells) == 3
+        assert all(cell.n == 10 for cell in bench.cells if cell.time is not None)
+        assert bench.clutch.shift_travel == pytest.approx(4.65e-3)
+        assert bench.clutch.contact.static_friction == 0.30
+    first = load_bench("mq200_stand").cells[0]
+    assert first.time == 0.4807
+    assert first.point.mismatch == pytest.approx(5 * RPM)
+
+
+def test_single_shifts_are_gathered_by_operating_point(folder: Path) -> None:
+    head = (folder / "shifts.csv").read_text().splitlines()[0]
+    rows = [
+        "50,469.0,0.1766,1,0.05,true,",
+        "50,469.0,0.1766,1,0.07,true,",
+        "50,469.0,0.1766,1,,false,",
+        "100,469.0,0.1766,2,0.04,true,",
+    ]
+    (folder / "shifts.csv").write_text("\n".join([head, *rows]))
+    cells = load_bench(folder).cells
+    assert [(c.n, c.time) for c in cells] == [(2, pytest.approx(0.06)), (2, 0.04)]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("0.4807", "abc", "row 2, column shift_time_s is 'abc', but it must be a number"),
+        ("0.4807", "480.7", "row 2, column shift_time_s is '480.7', but it must be a time in s"),
+        ("0.4807", "nan", "row 2, column shift_time_s is 'nan'"),
+        ("5,235.2,0.251,10", "5,235.2,0.251,0", "row 2, column n_shifts is '0'"),
+        ("0.4807,true", "0.4807,yes", "row 2, column engaged is 'yes'"),
+        ("mismatch_rpm", "mismatch_rmp", "row 1: 'mismatch_rmp' is not a known column"),
+        (",trace", "", "row 1: the column 'trace' is missing"),
+        ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
+    ],
+)
+def test_broken_tables(folder: Path, old: str, new: str, words: str) -> None:
+    table = folder / "shifts.csv"
+    table.write_text(table.read_text().replace(old, new, 1))
+    with pytest.raises(DogshapeError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("count = 15", "cuont = 15", "dog.count: field required"),
+        ("timeout_s = 1.0", "timeout_s = -1.0", "timeout_s is -1 s"),
+        ("shift_travel_mm = 4.65", "shift_travel_mm = 5.0", "shift_travel_mm is 5 mm"),
+        ("mass_kg = 0.3", "mass_kg = -0.3", "sliding.mass_kg is -0.3 kg"),
+        ("count = 15", "count = ", "not valid TOML"),
+    ],
+)
+def test_broken_settings(folder: Path, old: str, new: str, words: str) -> None:
+    file = folder / "bench.toml"
+    file.write_text(file.read_text().replace(old, new, 1))
+    with pytest.raises(DogshapeError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
+
+
+def test_missing_sets_and_files(folder: Path) -> None:
+    with pytest.raises(DogshapeError, match=r"there is no data set at.*mq200_adams, mq200_stand"):
+        load_bench("nowhere")
+    (folder / "shifts.csv").unlink()
+    with pytest.raises(DogshapeError, match=r"there is no .*shifts.csv"):
+        load_bench(folder)
+    (folder / "bench.toml").unlink()
+    with pytest.raises(DogshapeError, match=r"there is no .*bench.toml"):
+        load_bench(folder)

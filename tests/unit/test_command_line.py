@@ -1,0 +1,212 @@
+"""Every verb as a user calls it: JSON, text, exit status, and bad input."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from sim.bundled import bundled_root
+from tests.conftest import SMALL, Said
+
+Call = Callable[..., Said]
+VERBS = ("shift", "expect", "strength", "study", "report", "fit", "check", "validate")
+ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
+SETS = [part for text in SMALL for part in ("--set", text)]
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_has_an_example(dogshape: Call, verb: str) -> None:
+    said = dogshape(verb, "--help")
+    assert said.status == 0
+    assert f"Example: dogshape {verb}" in said.out
+
+
+def test_shift(dogshape: Call, tmp_path: Path) -> None:
+    said = dogshape("shift", "mq200", *ONE_SHIFT, "--html", "a.html", "--trace", "a.csv", "--json")
+    assert said.status == 0
+    assert said.json["outcome"] == "engaged"
+    assert 0.02 < said.json["shift_time_s"] < 0.2
+    assert said.json["phases"][0]["name"] == "free fly"
+    assert said.json["phases"][-1]["end"] == pytest.approx(said.json["shift_time_s"])
+    assert said.json["peak_axial_force_N"] > 469
+    assert said.json["solver"]["scheme"] == "runge_kutta3"
+    with (tmp_path / "a.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["output_speed_rpm"]) == pytest.approx(50)
+    assert float(rows[-1]["displacement_mm"]) >= 4.65
+    assert float(rows[-1]["t_s"]) == pytest.approx(said.json["shift_time_s"], abs=1.1e-3)
+    page = (tmp_path / "a.html").read_text()
+    assert not re.search(r'<(script|link)[^>]*(src|href)="?http', page)
+
+
+def test_shift_for_people(dogshape: Call) -> None:
+    said = dogshape("shift", "mq200", *ONE_SHIFT, "--force-rise-s", 0.1)
+    assert said.status == 0
+    assert "engaged in" in said.out
+    assert "face contact" in said.out
+
+
+def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
+    flat = ("--set", "dog.chamfer_deg=2")
+    still = ("--mismatch-rpm", 0, "--force-N", 469, "--relative-angle-deg", 0)
+    said = dogshape("shift", "mq200", *still, *flat, "--json")
+    assert said.status == 0
+    assert said.json["outcome"] == "blocked"
+    assert said.json["shift_time_s"] is None
+
+
+def test_expect_one_point(dogshape: Call) -> None:
+    point = ("--mismatch-rpm", 100, "--force-N", 469)
+    said = dogshape("expect", "mq200", *point, "--angles", 4, "--jobs", 1, "--json")
+    assert said.status == 0
+    (only,) = said.json["points"]
+    assert only["n"] == 4
+    assert only["engaged"] == 1.0
+    assert only["mean_s"] == pytest.approx(said.json["expected_shift_time_s"])
+    assert said.json["standard_error_s"] > 0.0
+
+
+def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
+    point = ("--mismatch-rpm", 100, "--force-N", 469)
+    said = dogshape("expect", "mq200", *point, "--angles", "0,12", "--jobs", 1, "--json")
+    times = [
+        dogshape("shift", "mq200", *point, "--relative-angle-deg", a, "--json").json["shift_time_s"]
+        for a in (0, 12)
+    ]
+    assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
+
+
+def test_strength(dogshape: Call) -> None:
+    good = dogshape("strength", "mq200", "--json")
+    assert good.status == 0
+    assert good.json["feasible"] is True
+    checks = {c["name"]: c for c in good.json["checks"]}
+    assert checks["flank_pressure"]["value"] == pytest.approx(132, abs=0.5)
+    assert {"name", "value", "limit", "unit", "margin", "passed"} <= set(checks["root_stress"])
+    bad = dogshape("strength", "mq200", "--set", "dog.traction_deg=5")
+    assert bad.status == 1
+    assert "self_locking_traction" in bad.out
+    assert "not feasible" in bad.out
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder in which ``dogshape study`` has been run at smoke size."""
+    home = tmp_path_factory.mktemp("home")
+    code = "from pipeline.cli import main; main()"
+    command = [sys.executable, "-c", code, "study", "mq200", *SETS, "--json"]
+    done = subprocess.run(command, cwd=home, capture_output=True, text=True, check=True)
+    said = json.loads(done.stdout)
+    assert set(said) >= {"best", "front", "n_simulated_shifts", "report"}
+    assert "12 of 12 designs" in done.stderr
+    return home
+
+
+def test_study_then_report_fit_and_check(
+    dogshape: Call, studied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(studied)
+    report = studied / "results/mq200/report.html"
+    report.unlink()
+    assert dogshape("report", "results/mq200", "--json").json == {
+        "report": "results/mq200/report.html"
+    }
+    assert report.stat().st_size > 1_000_000
+
+    fitted = dogshape("fit", "results/mq200", "--out", "mine.json", "--json")
+    assert fitted.status == 0
+    assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
+    assert fitted.json["n"] == 12
+
+    checked = dogshape("check", "mq200", *SETS, "--surrogate", "mine.json", "--json")
+    assert checked.status == 0
+    assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
+    assert checked.json["feasible"] is True
+    assert checked.json["in_range"] is True
+
+    far = dogshape("check", "mq200", *SETS, "--set", "dog.height_mm=7", "--json")
+    assert far.json["in_range"] is False
+    assert "height_mm = 7 is outside" in far.json["warnings"][0]
+    assert "extrapolates" in dogshape("check", "mq200", *SETS, "--set", "dog.height_mm=7").out
+
+    weak = dogshape("check", "mq200", *SETS, "--set", "dog.traction_deg=5")
+    assert weak.status == 1
+
+    other = dogshape("check", "mq200", *SETS, "--set", "contact.set=adams2019")
+    assert other.status == 2
+    assert "other physics" in other.sentence
+
+    again = dogshape("study", "mq200", *SETS)
+    assert again.status == 2
+    assert "add --resume" in again.sentence
+
+
+def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) -> None:
+    said = dogshape("fit", "mq200", *SETS, "--set", "surrogate.designs=11", "--json")
+    assert said.status == 0, said.err
+    assert said.json["n"] == 11
+    assert Path(said.json["file"]).is_file()
+
+
+def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(bundled_root() / "bench/mq200_adams", folder)
+    table = folder / "shifts.csv"
+    lines = table.read_text().splitlines()
+    table.write_text("\n".join([lines[0], lines[2], lines[25]]))
+    said = dogshape("validate", folder, "--jobs", 1, "--json")
+    assert said.status == 0
+    tried, timed = said.json["points"]
+    assert tried["bench_s"] is None
+    assert tried["z"] is None
+    assert tried["simulated_s"] > 0
+    assert timed["bench_s"] == 0.067867
+    gap = timed["bench_s"] - timed["simulated_s"]
+    assert said.json["rmse_s"] == pytest.approx(abs(gap))
+    assert timed["z"] == pytest.approx(gap / timed["standard_error_s"])
+    people = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
+    assert "root-mean-square gap" in people.out
+
+
+BAD: list[tuple[tuple[Any, ...], str]] = [
+    (("strength", "nowhere"), "there is no study at nowhere"),
+    (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'height_mm'?"),
+    (("strength", "mq200", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
+    (("shift", "mq200", *ONE_SHIFT, "--set", "dog.count=40"), "width of the tip at the inner"),
+    (("shift", "mq200", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
+    (("shift", "mq200", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
+    (("shift", "mq200", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
+    (("shift", "mq200", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
+    (("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"), "No such file"),
+    (("expect", "mq200", "--mismatch-rpm", 5), "give both"),
+    (("expect", "mq200", "--angles", "few"), "--angles is 'few'"),
+    (("expect", "mq200", "--angles", "0"), "--angles is '0'"),
+    (("study", "mq200", "--out", "/proc/none"), "cannot be written"),
+    (("study", "mq200", "--out", "x", "--storage", "sqlite:////no/such/d.db"), "cannot be opened"),
+    (("report", "nowhere"), "there is no study.json in nowhere"),
+    (("check", "mq200"), "there is no surrogate at"),
+    (("validate", "nowhere"), "there is no data set at nowhere"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "words"), BAD, ids=lambda v: str(v)[:40])
+def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], words: str) -> None:
+    said = dogshape(*arguments)
+    assert said.status == 2
+    assert words in said.sentence
+    assert said.out == ""
+
+
+def test_unknown_options_and_verbs_exit_with_two(dogshape: Call) -> None:
+    assert dogshape("strength", "mq200", "--colour", "red").status == 2
+    assert dogshape("shift", "mq200").status == 2
+    assert dogshape("shrength", "mq200").status == 2

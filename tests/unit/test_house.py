@@ -1,0 +1,58 @@
+"""The rules of the house: who may import whom, and what the package ships."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("sim", "surrogate", "diagnosis", "pipeline")
+#: What each room may import of the others.
+ALLOWED = {
+    "sim": set(),
+    "surrogate": {"sim"},
+    "diagnosis": {"sim", "surrogate"},
+    "pipeline": {"sim", "surrogate", "diagnosis"},
+}
+#: Outside packages that only some modules may import.
+GUARDED = {
+    "pydrake": {"sim/plant.py", "sim/engagement.py"},
+    "optuna": {"pipeline/search.py", "pipeline/sampler.py", "pipeline/study.py"},
+    "sklearn": {"surrogate/model.py"},
+    "plotly": {"pipeline/figures.py", "pipeline/report.py", "pipeline/animation.py"},
+    "typer": {"pipeline/cli.py", "pipeline/console.py"},
+    "joblib": {"pipeline/executor.py"},
+}
+MODULES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+
+
+def _imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found.add((node.module or "").split(".")[0])
+    return found
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_imports_keep_to_the_rooms(path: Path) -> None:
+    name = path.relative_to(ROOT).as_posix()
+    room = name.split("/")[0]
+    imported = _imports(path)
+    assert imported & set(ROOMS) <= ALLOWED[room] | {room}
+    for package, modules in GUARDED.items():
+        assert package not in imported or name in modules, f"{name} imports {package}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_rooms_stay_small(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def test_studies_hold_no_code() -> None:
+    assert not list((ROOT / "studies").rglob("*.py"))

@@ -1,0 +1,57 @@
+"""An installed wheel works as the checkout does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> None:
+    build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--quiet", "--no-build-isolation"]
+    subprocess.run([*build, "--wheel-dir", tmp_path, _copy(tmp_path)], check=True, timeout=300)
+    (wheel,) = tmp_path.glob("dogshape-*.whl")
+    target = tmp_path / "site"
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(target)
+        names = archive.namelist()
+    assert any(name.endswith("entry_points.txt") for name in names)
+    assert not any(name.startswith("tests/") for name in names)
+    # Only the unpacked wheel is on the path before the libraries; the folder is empty.
+    work = tmp_path / "work"
+    work.mkdir()
+    code = (
+        f"import sys; sys.path.insert(0, {str(target)!r}); import pipeline.cli as c; "
+        f"assert c.__file__.startswith({str(target)!r}); c.main()"
+    )
+    environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
+    for arguments in (["strength", "mq200"], ["validate", "mq200_adams", "--help"]):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments],
+            cwd=work, env=environment, capture_output=True, text=True, timeout=120, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+    shift = ["shift", "mq200", "--mismatch-rpm", "100", "--force-N", "469"]
+    shift += ["--relative-angle-deg", "12", "--html", "a.html"]
+    subprocess.run([sys.executable, "-c", code, *shift], cwd=work, env=environment, check=True)
+    assert (work / "a.html").stat().st_size > 1_000_000
+
+
+def _copy(tmp_path: Path) -> Path:
+    """Copy what is under version control, so that building leaves the checkout clean."""
+    copy = tmp_path / "source"
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT, capture_output=True, check=True,
+    ).stdout  # fmt: skip
+    for name in listed.decode().split("\0"):
+        source = ROOT / name
+        if name and source.is_file():
+            target = copy / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(source.read_bytes())
+    return copy

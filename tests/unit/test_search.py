@@ -1,0 +1,271 @@
+"""The search: reproducible, resumable, and never simulating what cannot be built."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import optuna
+import pytest
+
+from pipeline.config import Study, load_study
+from pipeline.design import design_of
+from pipeline.folder import StudyFolder
+from pipeline.journal import ShiftJournal, append
+from pipeline.sampler import SurrogateSampler, sampler_factory, search_space
+from pipeline.study import Run, run_study
+from sim.errors import DogshapeError, InputError, StorageError
+from tests.conftest import SMALL
+
+
+def _rows(folder: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (folder / "shifts.jsonl").read_text().splitlines()]
+
+
+def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
+    names = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+    return [(*(row[n] for n in names), row["expected_shift_time_s"]) for row in result["trials"]]
+
+
+def _command(out: Path, *more: str) -> list[str]:
+    overrides = [part for text in SMALL for part in ("--set", text)]
+    code = "from pipeline.cli import main; main()"
+    return [sys.executable, "-c", code, "study", "mq200", "--out", str(out), *overrides, *more]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A small study run to its end by one worker."""
+    folder = tmp_path_factory.mktemp("finished")
+    return folder, run_study(load_study("mq200", SMALL), Run(StudyFolder(folder), jobs=1))
+
+
+def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> None:
+    folder, result = finished
+    assert len(result["trials"]) == 12
+    assert result["trials"][0]["prototype"]
+    assert result["trials"][0]["count"] == 15
+    assert result["best"]["expected_shift_time_s"] == min(
+        row["expected_shift_time_s"] for row in result["trials"]
+    )
+    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6
+    assert result["confirmation"]["gain_s"] == pytest.approx(
+        result["confirmation"]["prototype"]["expected_shift_time_s"]
+        - result["confirmation"]["best"]["expected_shift_time_s"]
+    )
+    for name in ("study.json", "trials.log", "surrogate.json", "report.html"):
+        assert (folder / name).stat().st_size > 0
+    assert json.loads((folder / "result.json").read_text()) == result
+
+
+def test_front_is_what_nothing_dominates(finished: tuple[Path, dict[str, Any]]) -> None:
+    _, result = finished
+    values = {
+        row["trial"]: (row["expected_shift_time_s"], row["axial_length_mm"])
+        for row in result["trials"]
+    }
+    front = {
+        trial
+        for trial, (t, a) in values.items()
+        if not any(u <= t and b <= a and (u, b) != (t, a) for u, b in values.values())
+    }
+    assert {row["trial"] for row in result["front"]} == front
+
+
+def test_rows_carry_inputs_and_versions(finished: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = finished
+    row = _rows(folder)[0]
+    assert row["count"] == 15
+    assert row["contact_set"] == "lubricated_steel"
+    assert row["mismatch_rpm"] == pytest.approx(50)
+    assert row["outcome"] == "engaged"
+    assert row["drake"].startswith("1.")
+    frame = ShiftJournal(folder / "shifts.jsonl").frame()
+    assert frame["key"].is_unique
+
+
+def test_same_seed_gives_the_same_trials_on_more_workers(
+    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    again = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2))
+    assert _designs(again) == _designs(finished[1])
+
+
+def test_another_seed_gives_other_trials(finished: tuple[Path, dict[str, Any]]) -> None:
+    study = load_study("mq200", [*SMALL, "search.seed=2"])
+    first = _proposals(study, 3)
+    assert first != _proposals(load_study("mq200", SMALL), 3)
+    assert finished[1]["trials"][1]["height_mm"] != first[1]["height_mm"]
+
+
+def _proposals(study: Study, count: int) -> list[dict[str, float]]:
+    searched = optuna.create_study(directions=["minimize"] * 2, sampler=sampler_factory(study)(0))
+    return [dict(searched.ask(search_space(study)).params) for _ in range(count)]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_stopped_and_resumed_equals_uninterrupted(
+    finished: tuple[Path, dict[str, Any]], tmp_path: Path, number: signal.Signals
+) -> None:
+    """Neither Ctrl-C nor kill loses a finished shift or changes what follows."""
+    process = subprocess.Popen(
+        _command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    )
+    journal = tmp_path / "shifts.jsonl"
+    deadline = time.monotonic() + 120
+    while time.monotonic() < deadline:
+        if journal.exists() and journal.read_bytes().count(b"\n") >= 8:
+            break
+        time.sleep(0.02)
+    os.killpg(process.pid, number)
+    _, err = process.communicate(timeout=60)
+    if number == signal.SIGINT:
+        assert process.returncode == 130, err.decode()
+        assert "finished shifts are kept" in err.decode()
+        assert "Traceback" not in err.decode()
+    kept = journal.read_bytes()
+    whole = kept[: kept.rfind(b"\n") + 1]
+    assert whole.count(b"\n") >= 8
+    resumed = subprocess.run(
+        _command(tmp_path, "--resume", "--json"), capture_output=True, timeout=300, check=True
+    )
+    assert journal.read_bytes().startswith(whole)
+    rows = _rows(tmp_path)
+    assert len({row["key"] for row in rows}) == len(rows) == 84
+    assert json.loads(resumed.stdout)["n_simulated_shifts"] == 84
+    stored = json.loads((tmp_path / "result.json").read_text())
+    assert _designs(stored) == _designs(finished[1])
+
+
+def test_a_finished_study_can_be_given_more_trials(
+    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    short = load_study("mq200", [*SMALL, "search.trials=4"])
+    run_study(short, Run(StudyFolder(tmp_path), jobs=2))
+    assert not (tmp_path / "surrogate.json").exists()
+    longer = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2, resume=True))
+    assert _designs(longer) == _designs(finished[1])
+
+
+def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, Any]]) -> None:
+    folder, _ = finished
+    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    with pytest.raises(StorageError, match="holds a study already; add --resume"):
+        run_study(load_study("mq200", SMALL), Run(StudyFolder(folder)))
+    other = load_study("mq200", [*SMALL, "sliding.mass_kg=0.4"])
+    with pytest.raises(StorageError, match="another configuration"):
+        run_study(other, Run(StudyFolder(folder), resume=True))
+    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:
+    with (tmp_path / ".lock").open("w") as handle:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        with pytest.raises(StorageError, match="in use by another run"):
+            run_study(small_study, Run(StudyFolder(tmp_path)))
+    assert [p.name for p in tmp_path.iterdir()] == [".lock"]
+
+
+def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Study) -> None:
+    folder = StudyFolder(tmp_path)
+    folder.manifest.write_text('{"format": 99}')
+    with pytest.raises(StorageError, match="was written in format 99"):
+        run_study(small_study, Run(folder, resume=True))
+    folder.manifest.write_text("{")
+    with pytest.raises(StorageError, match="damaged"):
+        run_study(small_study, Run(folder, resume=True))
+    folder.manifest.unlink()
+    folder.shifts.write_text("")
+    with pytest.raises(StorageError, match=r"holds results without study\.json"):
+        run_study(small_study, Run(folder, resume=True))
+
+
+def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Study) -> None:
+    url = f"sqlite:///{tmp_path}/no/such/folder/db.sqlite"
+    with pytest.raises(StorageError, match="cannot be opened"):
+        run_study(small_study, Run(StudyFolder(tmp_path / "out"), storage=url))
+
+
+@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
+def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
+    study = load_study("mq200", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
+    result = run_study(study, Run(StudyFolder(tmp_path), jobs=2))
+    barred = [row for row in result["trials"] if not row["feasible"]]
+    assert barred
+    assert all(row["failed"] and row["expected_shift_time_s"] is None for row in barred)
+    simulated = {row["height_mm"] for row in _rows(tmp_path)}
+    allowed = [row["height_mm"] for row in result["trials"] if row["feasible"]]
+    assert all(min(abs(h - a) for a in allowed) < 1e-9 for h in simulated)
+    assert "not simulated" in (tmp_path / "report.html").read_text()
+
+
+def test_own_sampler_proposes_feasible_designs_only(small_study: Study) -> None:
+    proposals = _proposals(small_study, 8)
+    assert len({p["height_mm"] for p in proposals}) == 8
+    assert all(design_of(small_study, p).feasible for p in proposals)
+    assert all(isinstance(p["count"], int) for p in proposals)
+
+
+def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
+    """With the time replaced by a bowl, the process beats designs that only fill the space."""
+    study = load_study("mq200", [*SMALL, "search.objectives=['expected_shift_time_s']"])
+    names = list(study.variables)
+    low, high = np.array(list(study.variables.values())).T
+    goal = np.array([12.0, 15.0, 18.0, 3.5, 20.0])
+
+    def bowl(params: dict[str, float]) -> float:
+        x = np.array([params[n] for n in names])
+        return float(0.05 + 0.1 * (((x - goal) / (high - low)) ** 2).sum())
+
+    best = {}
+    for startup in (10, 1000):
+        sampler = SurrogateSampler(study, seed=4, startup=startup)
+        search = optuna.create_study(directions=["minimize"], sampler=sampler)
+        for _ in range(30):
+            trial = search.ask(search_space(study))
+            trial.set_user_attr("standard_error_s", 1e-4)
+            search.tell(trial, bowl(trial.params))
+        best[startup] = search.best_value - 0.05
+    assert best[10] < 0.25 * best[1000]
+
+
+def test_no_feasible_design_is_said(small_study: Study, tmp_path: Path) -> None:
+    tight = load_study("mq200", [*SMALL, "material.allowable_pressure_MPa=2"])
+    with pytest.raises(InputError, match="passes every check; widen"):
+        run_study(tight, Run(StudyFolder(tmp_path), jobs=1))
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("search.objectives=['axial_length_mm']", "lacks 'expected_shift_time_s'"),
+        ("search.objectives=['expected_shift_time']", "did you mean 'expected_shift_time_s'?"),
+        ("search.sampler=nsga", "did you mean 'nsga2'?"),
+    ],
+)
+def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> None:
+    study = load_study("mq200", [*SMALL, override])
+    with pytest.raises(DogshapeError) as refused:
+        run_study(study, Run(StudyFolder(tmp_path / "out"), jobs=1))
+    assert words in str(refused.value)
+
+
+def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:
+    path = tmp_path / "shifts.jsonl"
+    append(path, {"key": "a", "shift_time_s": 0.1})
+    append(path, {"key": "b", "shift_time_s": None})
+    whole = path.read_bytes()
+    path.write_bytes(whole + b'{"key": "c", "shi')
+    assert set(ShiftJournal(path).rows) == {"a", "b"}
+    assert path.read_bytes() == whole
+    path.write_bytes(b"rubbish\n" + whole)
+    with pytest.raises(StorageError, match="line 1 is not a finished shift"):
+        ShiftJournal(path)

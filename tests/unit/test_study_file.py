@@ -1,0 +1,98 @@
+"""The study file: what it builds, and one sentence for every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.config import load_study
+from sim.errors import DogshapeError
+from sim.units import RPM
+
+
+def test_default_study_is_the_prototype_at_the_published_points() -> None:
+    study = load_study("mq200")
+    assert study.clutch.dog.count == 15
+    assert study.clutch.contact.name == "lubricated_steel"
+    assert len(study.points) == 28
+    assert {round(p.mismatch / RPM) for p in study.points} == {5, 10, 25, 50, 100, 149, 249}
+    assert study.prototype["height_mm"] == 3.7
+    assert study.clutch.shift_travel == pytest.approx(4.65e-3)
+
+
+def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
+    plain = load_study("mq200")
+    other_dog = load_study("mq200", ["dog.chamfer_deg=14", "dog.count=18"])
+    other_contact = load_study("mq200", ["contact.set=adams2019"])
+    assert other_dog.prototype["chamfer_deg"] == 14
+    assert other_dog.physics_hash == plain.physics_hash
+    assert other_dog.config_hash != plain.config_hash
+    assert other_contact.physics_hash != plain.physics_hash
+
+
+def test_rise_time_lies_between_the_table(small_study: object) -> None:
+    study = load_study("mq200", ["operating.force_N=[392.25]"])
+    assert study.points[0].profile.rise == pytest.approx(0.5 * (0.2026 + 0.1766))
+
+
+@pytest.mark.parametrize(
+    ("override", "sentence"),
+    [
+        ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'height_mm'?"),
+        ("dog.height_m=0.003", "did you mean 'height_mm'?"),
+        ("surprise.key=1", "'surprise' is not a known key; valid are"),
+        ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but input should be a valid number"),
+        ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
+        ("dog.count=15.5", "dog.count is 15.5"),
+        ("dog.count=true", "dog.count is True"),
+        ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
+        ("dog=3", "dog is 3"),
+        ("sliding.mass_kg=-0.3", "sliding.mass_kg is -0.3 kg"),
+        ("sliding.mass_kg=300", "sliding.mass_kg is 300 kg"),
+        ("output.inertia_kgm2=0", "output.inertia_kgm2 is 0 kg m2"),
+        ("dog.count=70", "tip width at the inner radius is -"),
+        ("dog.chamfer_deg=30", "height of the braking flank is"),
+        ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
+        ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
+        ("contact.stiction_velocity_m_s=0", "contact.stiction_velocity_m_s is 0 m/s"),
+        ("shift.timeout_s=-1", "shift.timeout_s is -1 s"),
+        ("shift.retraction_s=-1", "shift.retraction_s is -1 s"),
+        ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
+        ("operating.mismatch_rpm=[1e9]", "mismatch speed is 1e+09 1/min"),
+        ("operating.mismatch_rpm=[]", "operating.mismatch_rpm is []"),
+        ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
+        ("variables.count=[24, 6]", "variables.count is [24, 6]"),
+        ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg"),
+        ("load.load_sharing=0", "load.load_sharing is 0"),
+        ("material.safety=0", "material.safety is 0"),
+        ("manufacturing.tip_width_mm=0", "manufacturing.tip_width_mm is 0 mm"),
+        ("search.trials=0", "search.trials is 0"),
+        ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
+        ("solver.accuracy=1", "solver.accuracy is 1"),
+        ("format=2", "format is 2, but this version reads format 1"),
+        ("dog.count", "--set dog.count is not KEY=VALUE"),
+        ("name.x=1", "--set name.x=1: name is a value and not a table"),
+    ],
+)
+def test_every_mistake_is_one_sentence(override: str, sentence: str) -> None:
+    with pytest.raises(DogshapeError) as refused:
+        load_study("mq200", [override])
+    text = str(refused.value)
+    assert sentence in text
+    assert "\n" not in text
+
+
+def test_missing_and_broken_files(tmp_path: Path) -> None:
+    with pytest.raises(DogshapeError, match="there is no study at"):
+        load_study(tmp_path / "nowhere")
+    broken = tmp_path / "study.toml"
+    broken.write_text("format = 1\nname = \n")
+    with pytest.raises(DogshapeError, match=r"not valid TOML.*line 2"):
+        load_study(tmp_path)
+    broken.write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DogshapeError, match="not valid TOML"):
+        load_study(broken)
+    broken.write_text("format = 1\nname = 'x'\n")
+    with pytest.raises(DogshapeError, match="'dog' is missing; add it"):
+        load_study(broken)

@@ -1,0 +1,156 @@
+"""Derived dimensions against hand calculation, and meshes against the closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.errors import GeometryError, InputError
+from sim.geometry import Dog, section
+from sim.mesh import compliant_dog, corners, dog_planes, dog_solid, layer_depth, rigid_dog, ring_of
+from sim.units import DEG
+
+
+@pytest.mark.parametrize(
+    ("dimension", "millimetres"),
+    [
+        ("pitch", 10.053),
+        ("tip_width", 3.886),
+        ("root_width", 6.167),
+        ("entry_play", 2.281),
+        ("chamfer_drop", 0.546),
+        ("working_height", 3.154),
+        ("traction_flank_height", 3.7),
+        ("travel", 4.7),
+        ("axial_length", 8.4),
+    ],
+)
+def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float) -> None:
+    assert getattr(prototype, dimension) * 1e3 == pytest.approx(millimetres, abs=6e-4)
+
+
+def test_prototype_entry_play_angle(prototype: Dog) -> None:
+    assert prototype.entry_play_angle / DEG == pytest.approx(5.446, abs=1e-3)
+
+
+def test_edge_drop_is_where_face_and_braking_flank_meet(prototype: Dog) -> None:
+    """Two lines intersected by hand: z = -(w + z' tan g) tan a with z' = -z."""
+    a, g = math.tan(prototype.chamfer), math.tan(prototype.braking)
+    drop = prototype.edge_drop
+    assert drop == pytest.approx((prototype.tip_width + drop * g) * a, rel=1e-12)
+    assert prototype.braking_flank_height == pytest.approx(prototype.height - drop, rel=1e-12)
+    assert prototype.braking_overlap == pytest.approx(prototype.height - 2 * drop, rel=1e-12)
+
+
+def test_mesh_carries_the_derived_dimensions(prototype: Dog) -> None:
+    """Crest level over the length; edge drop at the mean radius; flanks of equal lean."""
+    top = rigid_dog(prototype).vertices[[1, 3, 5, 7]]
+    braking, traction = top[:2], top[2:]
+    half = 0.5 * prototype.height
+    assert traction[:, 2] == pytest.approx([half, half], abs=1e-12)
+    # The face is one plane; across the curved dog its mean height is the closed form.
+    assert half - braking[:, 2].mean() == pytest.approx(prototype.edge_drop, rel=0.02)
+
+
+def test_flank_planes_hold_a_radial_line_of_the_median_plane(prototype: Dog) -> None:
+    planes = dog_planes(prototype)
+    for name, side in (("traction", 1), ("braking", -1)):
+        quarter = side * 0.25 * prototype.pitch_angle
+        for radius in (0.0, prototype.inner_radius, prototype.outer_radius):
+            on_line = radius * np.array([math.cos(quarter), math.sin(quarter), 0.0])
+            assert planes[name].normal @ on_line == pytest.approx(planes[name].offset, abs=1e-15)
+
+
+def test_mating_flanks_coincide_at_full_depth(prototype: Dog) -> None:
+    """One ring turned over about x and set half a pitch on: its flanks lie in ours."""
+    planes = dog_planes(prototype)
+    half_pitch = 0.5 * prototype.pitch_angle
+    for name, side in (("traction", 1), ("braking", -1)):
+        x, y, z = planes[name].normal
+        mirrored = np.array([x, -y, -z])
+        turn = side * half_pitch
+        c, s = math.cos(turn), math.sin(turn)
+        mate = np.array(
+            [c * mirrored[0] - s * mirrored[1], s * mirrored[0] + c * mirrored[1], mirrored[2]]
+        )
+        assert mate == pytest.approx(-planes[name].normal, abs=1e-12)
+
+
+def test_solid_is_closed_and_has_the_volume_of_its_section(prototype: Dog) -> None:
+    solid = dog_solid(prototype)
+    edges: dict[tuple[int, int], int] = {}
+    for a, b, c in solid.cells.tolist():
+        for edge in ((a, b), (b, c), (c, a)):
+            edges[edge] = edges.get(edge, 0) + 1
+    assert all(edges.get((b, a)) == n == 1 for (a, b), n in edges.items())
+    points = np.array(section(prototype))
+    x, z = points[:, 0], points[:, 1]
+    area = 0.5 * abs(float(x @ np.roll(z, -1) - z @ np.roll(x, -1)))
+    assert solid.volume == pytest.approx(area * prototype.radial_width, rel=0.02)
+
+
+def test_compliant_dog_fills_its_skin_without_overlap(prototype: Dog) -> None:
+    """Volumes of all tetrahedra are positive and add up to the body between six planes."""
+    mesh = compliant_dog(prototype)
+    cells = mesh.vertices[mesh.cells]
+    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
+    assert (volumes > 0.0).all()
+    depth = layer_depth(prototype)
+    out = {"inner": 2 * depth, "outer": 2 * depth, "root": 2 * depth}
+    moved = {n: p.moved(out.get(n, 0.0)) for n, p in dog_planes(prototype).items()}
+    skin = corners(moved)
+    assert np.abs(mesh.vertices[:8] - skin).max() < 1e-15
+    faces: dict[tuple[int, ...], int] = {}
+    for cell in mesh.cells.tolist():
+        for out_vertex in cell:
+            face = tuple(sorted(v for v in cell if v != out_vertex))
+            faces[face] = faces.get(face, 0) + 1
+    # Inner faces are shared by two tetrahedra; the boundary is the twelve skin triangles.
+    boundary = [face for face, n in faces.items() if n == 1]
+    assert set(faces.values()) == {1, 2}
+    assert len(boundary) == 12
+    assert all(max(face) < 8 for face in boundary)
+
+
+def test_ring_repeats_the_dog_once_a_pitch(prototype: Dog) -> None:
+    ring = ring_of(prototype, rigid_dog(prototype))
+    assert len(ring.vertices) == 15 * 8
+    angles = np.arctan2(ring.vertices[::8, 1], ring.vertices[::8, 0])
+    steps = np.diff(np.unwrap(angles))
+    assert steps == pytest.approx([prototype.pitch_angle] * 14, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"count": 70}, ("tip width at the inner radius is -", "0 mm")),
+        ({"height": 16e-3}, ("tip width at the inner radius is -", "0 mm")),
+        ({"chamfer": 30 * DEG}, ("height of the braking flank is", "1.85 mm")),
+    ],
+)
+def test_impossible_dogs_are_refused_with_both_numbers(
+    prototype: Dog, change: dict[str, float], words: tuple[str, ...]
+) -> None:
+    with pytest.raises(GeometryError) as refused:
+        replace(prototype, **change)
+    assert all(word in str(refused.value) for word in words)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        ({"count": 1}, "dog.count is 1"),
+        ({"height": 3.7}, "dog.height_mm is 3700 mm"),
+        ({"height": 3.7e-6}, "in millimetres"),
+        ({"height": math.nan}, "dog.height_mm is nan mm"),
+        ({"chamfer": -0.1}, "dog.chamfer_deg is -5.7"),
+        ({"chamfer": 8.0}, "dog.chamfer_deg is 458"),
+        ({"inner_diameter": 60e-3}, "dog.outer_diameter_mm = 52 mm"),
+    ],
+)
+def test_broken_numbers_are_refused(prototype: Dog, change: dict[str, float], word: str) -> None:
+    with pytest.raises(InputError, match=word.replace(".", r"\.")):
+        replace(prototype, **change)

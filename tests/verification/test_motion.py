@@ -1,0 +1,185 @@
+"""The plant against closed forms: flight, momentum, energy, symmetry of the dogs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint, solver_for
+from sim.contact import CONTACT_SETS
+from sim.engagement import Engagement, Outcome, engage
+from sim.plant import ClutchPlant
+from sim.units import DEG, RPM
+from tests.conftest import RISE
+
+Point = Callable[[float, float], OperatingPoint]
+
+
+@pytest.mark.parametrize(
+    ("force", "gap_ms", "full_ms"),
+    [
+        (235.2, 24.04, 35.57),
+        (315.5, 20.08, 29.71),
+        (469.0, 16.97, 25.11),
+        (641.5, 13.28, 19.65),
+    ],
+)
+def test_free_flight_closed_form(force: float, gap_ms: float, full_ms: float) -> None:
+    """x = (F T2/m)(s4/4 - s5/10), solved by hand for 1.0 and 4.7 mm."""
+    profile = ForceProfile(force, RISE[force])
+    assert profile.free_flight_time(1e-3, 0.3) * 1e3 == pytest.approx(gap_ms, abs=0.006)
+    assert profile.free_flight_time(4.7e-3, 0.3) * 1e3 == pytest.approx(full_ms, abs=0.006)
+
+
+def test_free_flight_goes_on_smoothly_after_the_rise() -> None:
+    profile = ForceProfile(100.0, 0.01)
+    for offset in (-1e-7, 1e-7):
+        time = 0.01 + offset
+        assert profile.free_flight(time, 0.3) == pytest.approx(profile.free_flight(0.01, 0.3), 1e-4)
+    step = 1e-5
+    speed = (profile.free_flight(0.02 + step, 0.3) - profile.free_flight(0.02, 0.3)) / step
+    assert speed == pytest.approx(profile.free_speed(0.02, 0.3), rel=1e-3)
+
+
+def test_simulated_flight_before_the_first_touch(plant: ClutchPlant, point: Point) -> None:
+    """Displacement to 0.1 % of the closed form at every step of the free fly."""
+    result = engage(plant, point(50, 235.2), 12 * DEG)
+    trace, mass = result.trace, plant.clutch.rings.mass
+    flying = (trace.time < result.phases[0].end) & (trace.displacement > 1e-5)
+    exact = [result.point.profile.free_flight(t, mass) for t in trace.time[flying]]
+    assert flying.sum() > 10
+    assert trace.displacement[flying] == pytest.approx(exact, rel=1e-3)
+
+
+def test_never_faster_than_free_flight(plant: ClutchPlant, point: Point) -> None:
+    way = plant.clutch.shift_travel
+    for angle in (0, 6, 12, 18):
+        result = engage(plant, point(100, 469.0), angle * DEG)
+        floor = result.point.profile.free_flight_time(way, plant.clutch.rings.mass)
+        assert result.shift_time is not None
+        assert result.shift_time >= floor * (1 - 1e-4)
+
+
+def test_an_untouched_shift_takes_exactly_the_free_flight(plant: ClutchPlant, point: Point) -> None:
+    """At 5 1/min and dogs facing slots only the very end is touched, if at all."""
+    result = engage(plant, point(5, 235.2), 12 * DEG)
+    assert result.shift_time is not None
+    floor = result.point.profile.free_flight_time(plant.clutch.shift_travel, 0.3)
+    assert floor <= result.shift_time < 1.6 * floor
+
+
+@pytest.mark.parametrize("mismatch", [149.0, -149.0])
+def test_angular_momentum_is_kept_over_a_whole_shift(
+    plant: ClutchPlant, point: Point, mismatch: float
+) -> None:
+    rings = plant.clutch.rings
+    trace = engage(plant, point(mismatch, 469.0), 3 * DEG).trace
+    momentum = (
+        rings.sliding_inertia * trace.sliding_speed + rings.output_inertia * trace.output_speed
+    )
+    assert momentum == pytest.approx(np.full_like(momentum, momentum[0]), rel=1e-6)
+
+
+def test_contact_only_takes_energy(plant: ClutchPlant, point: Point) -> None:
+    """Kinetic energy less the work of the shift force never grows over the shift."""
+    rings = plant.clutch.rings
+    t = engage(plant, point(100, 469.0), 0.0).trace
+    kinetic = 0.5 * (
+        rings.mass * t.axial_speed**2
+        + rings.sliding_inertia * t.sliding_speed**2
+        + rings.output_inertia * t.output_speed**2
+    )
+    work = np.concatenate(
+        [[0.0], np.cumsum(0.5 * (t.shift_force[1:] + t.shift_force[:-1]) * np.diff(t.displacement))]
+    )
+    lost = kinetic[0] + work - kinetic
+    initial = 0.5 * rings.reduced_inertia * (100 * RPM) ** 2
+    # Elastic energy comes back: a rise of the balance stays a small part of what is there.
+    assert lost.min() > -0.01 * initial
+    assert lost[-1] > 0.2 * initial
+
+
+def _shift_times(clutch: Clutch, point: OperatingPoint, angles: list[float]) -> list[Engagement]:
+    plant = ClutchPlant(clutch)
+    return [engage(plant, point, angle * DEG) for angle in angles]
+
+
+@pytest.mark.parametrize(("mismatch", "force"), [(10.0, 641.5), (50.0, 235.2), (149.0, 469.0)])
+def test_one_dog_moves_as_all_dogs_do(
+    clutch: Clutch, point: Point, mismatch: float, force: float
+) -> None:
+    angles = [0.0, 16.0]
+    alone = _shift_times(clutch, point(mismatch, force), angles)
+    every = replace(clutch, solver=replace(clutch.solver, all_dogs=True))
+    together = _shift_times(every, point(mismatch, force), angles)
+    for one, many in zip(alone, together, strict=True):
+        assert one.shift_time == pytest.approx(many.shift_time, rel=2e-3)
+        assert one.trace.output_speed[-1] == pytest.approx(many.trace.output_speed[-1], rel=2e-3)
+
+
+def test_reused_plant_repeats_bit_by_bit(clutch: Clutch, plant: ClutchPlant, point: Point) -> None:
+    engage(plant, point(249, 641.5), 5 * DEG)
+    again = engage(plant, point(50, 469.0), 5 * DEG)
+    fresh = engage(ClutchPlant(clutch), point(50, 469.0), 5 * DEG)
+    assert again.shift_time == fresh.shift_time
+
+
+@pytest.mark.parametrize(("mismatch", "force"), [(10.0, 469.0), (100.0, 235.2), (249.0, 641.5)])
+def test_default_accuracy_is_converged(
+    clutch: Clutch, point: Point, mismatch: float, force: float
+) -> None:
+    """The default against a hundred times tighter, mean of four angles, within 0.3 %."""
+    angles = [1.0, 7.0, 13.0, 19.0]
+    fine = replace(clutch, solver=replace(clutch.solver, accuracy=1e-5, max_step=2e-4))
+    means = [
+        np.mean([r.shift_time for r in _shift_times(c, point(mismatch, force), angles)])
+        for c in (clutch, fine)
+    ]
+    assert means[0] == pytest.approx(means[1], rel=3e-3)
+
+
+@pytest.mark.parametrize(("chamfer", "outcome"), [(4.5, Outcome.BLOCKED), (7.5, Outcome.ENGAGED)])
+def test_chamfer_releases_above_the_friction_angle(
+    clutch: Clutch, point: Point, chamfer: float, outcome: Outcome
+) -> None:
+    """Dog on dog at rest: dynamic friction 0.10 is 5.7 deg."""
+    flat = clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG))
+    result = engage(ClutchPlant(flat), OperatingPoint(0.0, point(5, 641.5).profile), 0.0)
+    assert result.outcome is outcome
+    if outcome is Outcome.BLOCKED:
+        assert result.shift_time is None
+        assert result.trace.time[-1] < 0.5 * clutch.timeout
+
+
+def test_phases_follow_each_other_and_fill_the_shift(plant: ClutchPlant, point: Point) -> None:
+    for mismatch, angle in ((5, 0), (50, 6), (249, 12), (-50, 18)):
+        result = engage(plant, point(mismatch, 469.0), angle * DEG)
+        assert [p.name for p in result.phases] == ["free fly", "face contact", "entry", "seating"]
+        assert result.phases[0].start == 0.0
+        assert result.phases[-1].end == pytest.approx(result.shift_time, rel=1e-12)
+        for before, after in zip(result.phases[:-1], result.phases[1:], strict=True):
+            assert before.end == after.start >= before.start
+
+
+def test_face_contact_is_told_from_a_free_entry(plant: ClutchPlant, point: Point) -> None:
+    facing_dog = engage(plant, point(5, 469.0), 0.0).phases[1]
+    facing_slot = engage(plant, point(5, 469.0), 12 * DEG).phases[1]
+    assert facing_dog.end - facing_dog.start > 0.02
+    assert facing_slot.end == facing_slot.start
+
+
+def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
+    hasty = replace(clutch, timeout=0.03)
+    result = engage(ClutchPlant(hasty), point(5, 235.2), 0.0)
+    assert result.outcome is Outcome.TIMED_OUT
+    assert result.shift_time is None
+    assert result.trace.time[-1] == pytest.approx(0.03)
+
+
+def test_contact_set_decides_the_scheme() -> None:
+    assert solver_for(CONTACT_SETS["adams2019"]).scheme == "cenic"
+    assert solver_for(CONTACT_SETS["lubricated_steel"]).scheme == "runge_kutta3"
