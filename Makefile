@@ -6,7 +6,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 
-.PHONY: study test lint evidence constraints clean
+# What Debian must bring beside Python itself: venv, and a library that Drake loads.
+DEBIAN := python3.11-venv libglib2.0-0
+SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
+
+.PHONY: study test lint evidence constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -23,13 +27,20 @@ lint: $(VENV)/ready
 evidence: $(VENV)/ready
 	$(BIN)/python -m pytest -m slow
 
-$(VENV)/ready: pyproject.toml constraints.txt
+$(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
 	touch $@
 
+# Install what is missing where that is possible, and say what to do where it is not.
+system:
+	@$(SYSTEM_OK) 2>/dev/null || { test "$$(id -u)" = 0 && command -v apt-get >/dev/null && \
+	  apt-get update -q && DEBIAN_FRONTEND=noninteractive \
+	  apt-get install -y -q --no-install-recommends $(DEBIAN); } || \
+	  { echo "Missing system packages; run: sudo apt-get install $(DEBIAN)" >&2; exit 2; }
+
 # Resolve the newest versions that pyproject.toml allows and pin them.
-constraints:
+constraints: system
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
