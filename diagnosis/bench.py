@@ -14,14 +14,14 @@ from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 
 from sim.actuation import ForceProfile
 from sim.bundled import bundled_root
-from sim.clutch import Clutch, OperatingPoint, Rings, solver_for
+from sim.clutch import Clutch, OperatingPoint, solver_for
 from sim.contact import contact_set
-from sim.errors import DataError, did_you_mean, refusal
-from sim.geometry import Dog
+from sim.edge import DogSection, OutputSection, Section, SlidingSection, rings, validate
+from sim.errors import DataError, did_you_mean, refusal, require_between
 from sim.units import DEG, MM, RPM
 
 COLUMNS = (
@@ -35,56 +35,31 @@ COLUMNS = (
 )
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class _Dog(_Section):
-    count: int
-    chamfer_deg: float
-    traction_deg: float
-    braking_deg: float
-    height_mm: float
-    outer_diameter_mm: float
-    inner_diameter_mm: float
-    axial_gap_mm: float
-
-
-class _Sliding(_Section):
-    mass_kg: float
-    inertia_kgm2: float
-    initial_speed_rpm: float = 0.0
-
-
-class _Output(_Section):
-    inertia_kgm2: float
-
-
-class _Contact(_Section):
+class _Contact(Section):
     static_friction: float
     dynamic_friction: float
     stiction_velocity_m_s: float
     friction_velocity_m_s: float
 
 
-class _Sensor(_Section):
+class _Sensor(Section):
     displacement_at: str = "sleeve"
     linkage_ratio: float | None = None
     linkage_efficiency: float | None = None
 
 
-class _BenchFile(_Section):
+class _BenchFile(Section):
     name: str
     source: str
     timeout_s: float
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
-    dog: _Dog
-    sliding: _Sliding
-    output: _Output
+    dog: DogSection
+    sliding: SlidingSection
+    output: OutputSection
     contact: _Contact
     sensor: _Sensor | None = None
-    actuator_calibration: list[dict[str, float]] = []
+    actuator_calibration: list[dict[str, float]] = Field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -150,33 +125,11 @@ def _settings(path: Path) -> _BenchFile:
         raise DataError(f"there is no {path}; a data set needs bench.toml") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise DataError(f"{path} is not valid TOML: {error}; correct the line") from error
-    try:
-        return _BenchFile.model_validate(data)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        message = first["msg"][0].lower() + first["msg"][1:]
-        raise DataError(f"{path}: {key}: {message}; correct the key") from error
+    return validate(_BenchFile, data, str(path))
 
 
 def _clutch(file: _BenchFile) -> Clutch:
-    given = file.dog
-    dog = Dog(
-        count=given.count,
-        chamfer=given.chamfer_deg * DEG,
-        traction=given.traction_deg * DEG,
-        braking=given.braking_deg * DEG,
-        height=given.height_mm * MM,
-        outer_diameter=given.outer_diameter_mm * MM,
-        inner_diameter=given.inner_diameter_mm * MM,
-        axial_gap=given.axial_gap_mm * MM,
-    )
-    rings = Rings(
-        mass=file.sliding.mass_kg,
-        sliding_inertia=file.sliding.inertia_kgm2,
-        output_inertia=file.output.inertia_kgm2,
-        initial_speed=file.sliding.initial_speed_rpm * RPM,
-    )
+    dog = file.dog.dog()
     contact = replace(
         contact_set("adams2019"),
         name="bench",
@@ -190,10 +143,9 @@ def _clutch(file: _BenchFile) -> Clutch:
         rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
         remedy = "give the travel at which a shift counts as finished"
         raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
-    if not 0.0 < file.timeout_s <= 60.0:
-        rule = "it must be positive and at most 60 s"
-        raise DataError(refusal("timeout_s", file.timeout_s, "s", rule, "give it in seconds"))
-    return Clutch(dog, rings, contact, file.timeout_s, left, solver_for(contact))
+    require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
+    both = rings(file.sliding, file.output)
+    return Clutch(dog, both, contact, file.timeout_s, left, solver_for(contact))
 
 
 def _table(path: Path) -> pd.DataFrame:

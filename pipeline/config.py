@@ -9,25 +9,22 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-from pydantic import BaseModel, ValidationError
-from pydantic_core import ErrorDetails
 
 from pipeline.schema import FORMAT, StudyFile
 from sim.actuation import ForceProfile
 from sim.batch import Record, clutch_record, content_key
 from sim.bundled import bundled_root
-from sim.clutch import Clutch, OperatingPoint, Rings, Solver, solver_for
+from sim.clutch import Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
-from sim.errors import InputError, did_you_mean, refusal
+from sim.edge import dog_fields, rings, validate
+from sim.errors import InputError, refusal, require_between
 from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits
 from sim.strength import Limits, LoadCase, Material
-from sim.units import MM, MPA, RPM, to_si, unit_of
-
-Model = TypeVar("Model", bound=BaseModel)
+from sim.units import MM, MPA, RPM, unit_of
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
@@ -60,8 +57,7 @@ class Study:
 
         Raises InputError or GeometryError where there is no such dog.
         """
-        changes: dict[str, Any] = {_field(k): _value(k, v) for k, v in params.items()}
-        return replace(self.clutch.dog, **changes)
+        return replace(self.clutch.dog, **dog_fields(params))
 
     @property
     def prototype(self) -> dict[str, float]:
@@ -86,14 +82,6 @@ class Study:
     def config_hash(self) -> str:
         """Content key of the whole study file."""
         return content_key(self.file.model_dump())
-
-
-def _field(key: str) -> str:
-    return key.removesuffix("_deg").removesuffix("_mm")
-
-
-def _value(key: str, value: float) -> Any:
-    return int(value) if key == "count" else to_si(key, value)
 
 
 def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
@@ -158,64 +146,25 @@ def _override(data: dict[str, Any], text: str) -> None:
         table[last] = value.strip()
 
 
-def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
-    """Validate ``data`` and turn the first mistake into a sentence."""
-    try:
-        return model.model_validate(data)
-    except ValidationError as error:
-        raise InputError(f"{source}: {_sentence(model, error.errors()[0])}") from error
-
-
-def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
-    path = [str(part) for part in error["loc"]]
-    key = ".".join(path)
-    given = error.get("input")
-    if error["type"] == "extra_forbidden":
-        return f"'{key}' is not a known key; {did_you_mean(path[-1], _keys(model, path[:-1]))}"
-    if error["type"] == "missing":
-        return f"'{key}' is missing; add it"
-    if key == "format":
-        return (
-            f"format is {given!r}, but this version reads format {FORMAT}; "
-            "convert the file or use the version that wrote it"
-        )
-    unit = unit_of(key)
-    hint = f" in {unit}" if unit else ""
-    rule = error["msg"][0].lower() + error["msg"][1:]
-    return f"{key} is {given!r}, but {rule}; give a value of the right kind{hint}"
-
-
-def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
-    for name in path:
-        field = model.model_fields.get(name)
-        annotation = field.annotation if field else None
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return []
-        model = annotation
-    return list(model.model_fields)
-
-
 def build_study(file: StudyFile) -> Study:
     """Build the values of ``sim`` from a validated study file."""
+    if file.format != FORMAT:
+        raise InputError(
+            f"format is {file.format}, but this version reads format {FORMAT}; "
+            "convert the file or use the version that wrote it"
+        )
     contact = _contact(file)
     clutch = Clutch(
-        dog=_dog(file),
-        rings=Rings(
-            mass=file.sliding.mass_kg,
-            sliding_inertia=file.sliding.inertia_kgm2,
-            output_inertia=file.output.inertia_kgm2,
-            initial_speed=file.sliding.initial_speed_rpm * RPM,
-        ),
+        dog=file.dog.dog(),
+        rings=rings(file.sliding, file.output),
         contact=contact,
         timeout=_positive("shift.timeout_s", file.shift.timeout_s, 60.0),
         seated_tolerance=_positive("shift.seated_tolerance_mm", file.shift.seated_tolerance_mm, 1.0)
         * MM,
         solver=_solver(file, contact),
     )
-    if file.shift.retraction_s < 0.0:
-        value = file.shift.retraction_s
-        rule = "it must not be negative"
-        raise InputError(refusal("shift.retraction_s", value, "s", rule, "give a time in seconds"))
+    remedy = "give a time in seconds"
+    require_between("shift.retraction_s", file.shift.retraction_s, 0.0, 60.0, remedy)
     points = tuple(
         OperatingPoint(mismatch * RPM, profile_for(file, force))
         for mismatch in file.operating.mismatch_rpm
@@ -230,11 +179,6 @@ def _positive(key: str, value: float, most: float) -> float:
         rule = f"it must be positive and at most {most:.6g} {unit}"
         raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
     return value
-
-
-def _dog(file: StudyFile) -> Dog:
-    section = file.dog.model_dump()
-    return Dog(**{_field(key): _value(key, value) for key, value in section.items()})
 
 
 def _contact(file: StudyFile) -> ContactSet:

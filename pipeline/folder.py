@@ -17,9 +17,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from pipeline.config import Study, build_study, validate
+from pipeline.config import Study, build_study
 from pipeline.schema import FORMAT, StudyFile
 from sim.batch import versions
+from sim.edge import validate
 from sim.errors import StorageError
 
 

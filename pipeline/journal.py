@@ -21,7 +21,7 @@ class ShiftJournal:
     """Finished shifts by their content key, on disk and in memory."""
 
     def __init__(self, path: Path) -> None:
-        self.path = path
+        self.path = path.absolute()  # workers may stand in another folder
         self.rows: dict[str, Record] = {}
         if path.exists():
             self._read()

@@ -120,7 +120,7 @@ class SurrogateSampler(BaseSampler):
         if len(finished) < self._startup:
             pool = self._wide
             return self._space.design(pool[_farthest(self._scaled(pool), self._scaled(taken))])
-        return self._space.design(self._thompson(rng, finished))
+        return self._space.design(self._thompson(rng, finished, taken))
 
     def sample_independent(
         self,
@@ -171,7 +171,10 @@ class SurrogateSampler(BaseSampler):
             "widen [variables] or relax [load], [material] or [manufacturing]"
         )
 
-    def _thompson(self, rng: np.random.Generator, finished: Sequence[FrozenTrial]) -> Array:
+    def _thompson(
+        self, rng: np.random.Generator, finished: Sequence[FrozenTrial], taken: Array
+    ) -> Array:
+        """Return the candidate that a draw from the process finds best; none twice."""
         index = self._study.file.search.objectives.index(SIMULATED)
         data = dataset_of(
             self._study,
@@ -181,6 +184,8 @@ class SurrogateSampler(BaseSampler):
         )
         front = self._scaled(data.x[_front(self._values(data.x, data.time))])
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
+        known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
+        pool = pool[~known]
         process = fit(data, seed=self._seed)
         values = self._values(pool, process.sample(pool, rng))
         reference = self._values(data.x, data.time)

@@ -1,52 +1,20 @@
 """The study file: every key with its type and default, and nothing else.
 
-Lengths, angles and speeds are in the unit that a key ends in. What a value may
-be is the business of the physics that uses it; here only keys and types.
+Lengths, angles and speeds are in the unit that a key ends in.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from sim.edge import DogSection, OutputSection, Section, SlidingSection
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
-
-
-class Section(BaseModel):
-    """A table of the study file; unknown keys are refused."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
-
-
-class DogSection(Section):
-    """Geometry of the dog that the study starts from (the prototype)."""
-
-    count: int
-    chamfer_deg: float
-    traction_deg: float
-    braking_deg: float
-    height_mm: float
-    outer_diameter_mm: float
-    inner_diameter_mm: float
-    axial_gap_mm: float
-
-
-class SlidingSection(Section):
-    """The ring that is shifted."""
-
-    mass_kg: float
-    inertia_kgm2: float
-    initial_speed_rpm: float = 0.0
-
-
-class OutputSection(Section):
-    """The ring that it engages."""
-
-    inertia_kgm2: float
 
 
 class ContactSection(Section):
@@ -132,10 +100,9 @@ class VariablesSection(Section):
 class SearchSection(Section):
     """Objectives, sampler and budget of the search."""
 
-    objectives: Annotated[list[str], Field(min_length=1)] = [
-        "expected_shift_time_s",
-        "axial_length_mm",
-    ]
+    objectives: list[str] = Field(
+        min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
+    )
     sampler: str = "surrogate"
     trials: Annotated[int, Field(ge=1)] = 48
     startup: Annotated[int, Field(ge=1)] = 16
@@ -161,7 +128,7 @@ class SurrogateSection(Section):
 class StudyFile(Section):
     """The whole study file."""
 
-    format: Literal[1]
+    format: int
     name: Annotated[str, Field(min_length=1, pattern=r"^[\w.-]+$")]
     dog: DogSection
     sliding: SlidingSection

@@ -23,8 +23,9 @@ from pipeline.config import Study
 from pipeline.design import Design, design_of, objectives_of, values_of
 from pipeline.evaluation import evaluate
 from pipeline.executor import Executor
-from pipeline.folder import StudyFolder
+from pipeline.folder import StudyFolder, comparable
 from pipeline.sampler import sampler_factory, search_space
+from sim.batch import content_key
 from sim.errors import StorageError
 from sim.expectation import Expectation
 
@@ -49,8 +50,12 @@ class Search:
         return [t for t in self.trials if "standard_error_s" in t.user_attrs]
 
 
-def open_search(study: Study, folder: StudyFolder, storage: str | None) -> Search:
-    """Open or start the search in a storage: the folder's journal file, or an Optuna URL."""
+def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
+    """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
+
+    Raises StorageError where the storage cannot be opened, or holds a search
+    of that name which is of another configuration or is not to be resumed.
+    """
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
@@ -67,7 +72,25 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None) -> Searc
                 f"the storage holds a study '{study.name}' with other objectives; "
                 "give the study another name or use another storage"
             ) from error
+    _require_same(study, opened, resume)
     return Search(study, opened)
+
+
+def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
+    mark = content_key(comparable(study.file))
+    known = opened.user_attrs.get("configuration")
+    if known is None and not opened.get_trials(deepcopy=False):
+        opened.set_user_attr("configuration", mark)
+    elif known != mark:
+        raise StorageError(
+            f"the storage holds a study '{study.name}' of another configuration; "
+            "give the study another name or use another storage"
+        )
+    elif not resume:
+        raise StorageError(
+            f"the storage holds a study '{study.name}' already; add --resume to go on with it "
+            "or give the study another name"
+        )
 
 
 def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:

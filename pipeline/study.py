@@ -45,7 +45,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     folder = how.folder
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study, folder, how.storage)
+        search = open_search(study, folder, how.storage, how.resume)
         journal = ShiftJournal(folder.shifts)
         with ShiftProgress(_shifts(study)) as progress:
 

@@ -11,15 +11,9 @@ from dataclasses import dataclass, field, replace
 
 from sim.actuation import ForceProfile
 from sim.contact import CONTACT_SETS, ContactSet
-from sim.errors import InputError, did_you_mean, refusal
+from sim.errors import InputError, did_you_mean, refusal, require_between
 from sim.geometry import Dog
 from sim.units import RPM
-
-
-def _require(name: str, value: float, unit: str, low: float, high: float) -> None:
-    if not low <= value <= high:
-        rule = f"it must lie between {low:.6g} and {high:.6g} {unit}".rstrip()
-        raise InputError(refusal(name, value, unit, rule, "check the value and its unit"))
 
 
 @dataclass(frozen=True)
@@ -35,13 +29,10 @@ class Rings:
     initial_speed: float = 0.0
 
     def __post_init__(self) -> None:
-        quantities = (
-            ("sliding.mass_kg", self.mass, "kg", 1e-3, 50.0),
-            ("sliding.inertia_kgm2", self.sliding_inertia, "kg m2", 1e-6, 100.0),
-            ("output.inertia_kgm2", self.output_inertia, "kg m2", 1e-6, 1e4),
-        )
-        for quantity in quantities:
-            _require(*quantity)
+        remedy = "check the value and its unit"
+        require_between("sliding.mass_kg", self.mass, 1e-3, 50.0, remedy)
+        require_between("sliding.inertia_kgm2", self.sliding_inertia, 1e-6, 100.0, remedy)
+        require_between("output.inertia_kgm2", self.output_inertia, 1e-6, 1e4, remedy)
 
     @property
     def reduced_inertia(self) -> float:
@@ -69,8 +60,9 @@ class Solver:
         if self.scheme not in SCHEMES:
             hint = did_you_mean(self.scheme, SCHEMES)
             raise InputError(f"solver.scheme is '{self.scheme}', which is not a scheme; {hint}")
-        _require("solver.accuracy", self.accuracy, "", 1e-10, 0.1)
-        _require("solver.max_step_s", self.max_step, "s", 1e-6, 0.01)
+        remedy = "correct the solver settings"
+        require_between("solver.accuracy", self.accuracy, 1e-10, 0.1, remedy)
+        require_between("solver.max_step_s", self.max_step, 1e-6, 0.01, remedy)
 
 
 SCHEMES = ("runge_kutta3", "cenic")

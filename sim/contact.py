@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.errors import InputError, did_you_mean, refusal
+from sim.errors import InputError, did_you_mean, refusal, require_between
 
 
 @dataclass(frozen=True)
@@ -52,23 +52,21 @@ class ContactSet:
     dissipation: float
 
     def __post_init__(self) -> None:
-        for key in ("static_friction", "dynamic_friction"):
-            _require(key, getattr(self, key), 0.0, 1.5, "")
-        _require("stiction_velocity_m_s", self.stiction_velocity, 1e-5, 1.0, "m/s")
-        _require("friction_velocity_m_s", self.friction_velocity, self.stiction_velocity, 10, "m/s")
-        _require("stiffness_Pa_m", self.stiffness, 1e10, 1e16, "Pa/m")
-        _require("dissipation_s_m", self.dissipation, 0.0, 1e4, "s/m")
+        slowest, remedy = self.stiction_velocity, "correct the contact set"
+        for name, value, low, high in (
+            ("static_friction", self.static_friction, 0.0, 1.5),
+            ("dynamic_friction", self.dynamic_friction, 0.0, 1.5),
+            ("stiction_velocity_m_s", slowest, 1e-5, 1.0),
+            ("friction_velocity_m_s", self.friction_velocity, slowest, 10.0),
+            ("stiffness_Pa_m", self.stiffness, 1e10, 1e16),
+            ("dissipation_s_m", self.dissipation, 0.0, 1e4),
+        ):
+            require_between(f"contact.{name}", value, low, high, remedy)
         if self.dynamic_friction > self.static_friction:
             rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
             remedy = "exchange or correct the two coefficients"
             message = refusal("contact.dynamic_friction", self.dynamic_friction, "", rule, remedy)
             raise InputError(message)
-
-
-def _require(key: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        rule = f"it must lie between {low:.6g} and {high:.6g} {unit}".rstrip()
-        raise InputError(refusal(f"contact.{key}", value, unit, rule, "correct the contact set"))
 
 
 CONTACT_SETS: dict[str, ContactSet] = {

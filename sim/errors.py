@@ -9,6 +9,8 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+from sim.units import unit_of
+
 
 class DogshapeError(Exception):
     """Root of every error that is the input's fault and not the program's."""
@@ -39,6 +41,14 @@ def refusal(quantity: str, value: float, unit: str, rule: str, remedy: str) -> s
     """Return the sentence ``quantity is value unit, but rule; remedy.``"""
     amount = f"{number(value)} {unit}".strip()
     return f"{quantity} is {amount}, but {rule}; {remedy}."
+
+
+def require_between(name: str, value: float, low: float, high: float, remedy: str) -> None:
+    """Raise InputError unless ``low <= value <= high``; the unit is what ``name`` ends in."""
+    if not low <= value <= high:
+        unit = unit_of(name)
+        rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
+        raise InputError(refusal(name, value, unit, rule, remedy))
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

@@ -90,7 +90,9 @@ def expect_point(
     """Return the expected shift time of one operating point from its shifts.
 
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
+    Shifts whose integration failed say nothing and are left out.
     """
+    shifts = [s for s in shifts if s.outcome is not Outcome.DIVERGED]
     n = len(shifts)
     times = np.array([s.shift_time for s in shifts if s.shift_time is not None], dtype=float)
     lost = timeout + retraction

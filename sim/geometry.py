@@ -30,8 +30,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from sim.errors import GeometryError, InputError, refusal
-from sim.units import from_si, unit_of
+from sim.errors import GeometryError, InputError, refusal, require_between
+from sim.units import MM, from_si, unit_of
 
 _ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
@@ -217,9 +217,8 @@ def _require_numbers(dog: Dog) -> None:
             _refuse_value(name, angle, rule, "check the angle and that it is in degrees")
     for name, (low, high) in _LENGTHS.items():
         length = getattr(dog, name.removesuffix("_mm"))
-        if not low <= length <= high:
-            rule = f"it must lie between {low * 1e3:.6g} and {high * 1e3:.6g} mm"
-            _refuse_value(name, length, rule, "check the length and that it is in millimetres")
+        remedy = "check the length and that it is in millimetres"
+        require_between(f"dog.{name}", length / MM, low / MM, high / MM, remedy)
     if dog.inner_diameter >= dog.outer_diameter:
         rule = f"it must be below dog.outer_diameter_mm = {dog.outer_diameter * 1e3:.6g} mm"
         _refuse_value("inner_diameter_mm", dog.inner_diameter, rule, "exchange or correct the two")

@@ -25,7 +25,7 @@ import math
 from dataclasses import dataclass, field
 
 from sim.checks import Check
-from sim.errors import InputError, refusal
+from sim.errors import require_between
 from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits, manufacturing_checks
 from sim.units import DEG, MPA
@@ -43,18 +43,15 @@ class LoadCase:
     separating_force_limit: float = 5000.0
 
     def __post_init__(self) -> None:
-        bounds = (
-            ("load.torque_Nm", self.torque, "N m", 1e-3, 1e5),
-            ("load.application_factor", self.application_factor, "", 0.5, 10.0),
-            ("load.load_sharing", self.load_sharing, "", 0.01, 1.0),
-            ("load.friction_release", self.friction_release, "", 0.0, 1.0),
-            ("load.friction_hold", self.friction_hold, "", 0.0, 1.0),
-            ("load.separating_force_limit_N", self.separating_force_limit, "N", 1.0, 1e6),
-        )
-        for name, value, unit, low, high in bounds:
-            if not low <= value <= high:
-                rule = f"it must lie between {low:.6g} and {high:.6g} {unit}".rstrip()
-                raise InputError(refusal(name, value, unit, rule, "correct the load case"))
+        for name, value, low, high in (
+            ("torque_Nm", self.torque, 1e-3, 1e5),
+            ("application_factor", self.application_factor, 0.5, 10.0),
+            ("load_sharing", self.load_sharing, 0.01, 1.0),
+            ("friction_release", self.friction_release, 0.0, 1.0),
+            ("friction_hold", self.friction_hold, 0.0, 1.0),
+            ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
+        ):
+            require_between(f"load.{name}", value, low, high, "correct the load case")
 
     @property
     def design_torque(self) -> float:
@@ -81,16 +78,13 @@ class Material:
     notch_factor: float = 2.0
 
     def __post_init__(self) -> None:
-        bounds = (
-            ("material.proof_stress_MPa", self.proof_stress / MPA, "MPa", 10.0, 5000.0),
-            ("material.allowable_pressure_MPa", self.allowable_pressure / MPA, "MPa", 1.0, 5000.0),
-            ("material.safety", self.safety, "", 0.5, 10.0),
-            ("material.notch_factor", self.notch_factor, "", 1.0, 10.0),
-        )
-        for name, value, unit, low, high in bounds:
-            if not low <= value <= high:
-                rule = f"it must lie between {low:.6g} and {high:.6g} {unit}".rstrip()
-                raise InputError(refusal(name, value, unit, rule, "correct the material"))
+        for name, value, low, high in (
+            ("proof_stress_MPa", self.proof_stress / MPA, 10.0, 5000.0),
+            ("allowable_pressure_MPa", self.allowable_pressure / MPA, 1.0, 5000.0),
+            ("safety", self.safety, 0.5, 10.0),
+            ("notch_factor", self.notch_factor, 1.0, 10.0),
+        ):
+            require_between(f"material.{name}", value, low, high, "correct the material")
 
     @property
     def allowable_stress(self) -> float:

@@ -194,6 +194,22 @@ def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Study) -
         run_study(small_study, Run(StudyFolder(tmp_path / "out"), storage=url))
 
 
+def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -> None:
+    url = f"sqlite:///{tmp_path}/search.db"
+    settings = [*SMALL, "search.sampler=random", "search.trials=4"]
+    study = load_study("mq200", settings)
+    first = run_study(study, Run(StudyFolder(tmp_path / "a"), 1, storage=url))
+    assert len(first["trials"]) == 4
+    assert not (tmp_path / "a" / "trials.log").exists()
+    with pytest.raises(StorageError, match="holds a study 'mq200' already"):
+        run_study(study, Run(StudyFolder(tmp_path / "b"), 1, storage=url))
+    other = load_study("mq200", [*settings, "sliding.mass_kg=0.4"])
+    with pytest.raises(StorageError, match="of another configuration"):
+        run_study(other, Run(StudyFolder(tmp_path / "c"), 1, storage=url, resume=True))
+    again = run_study(study, Run(StudyFolder(tmp_path / "a"), 1, storage=url, resume=True))
+    assert _designs(again) == _designs(first)
+
+
 @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
 def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
     study = load_study("mq200", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
@@ -234,6 +250,7 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
             trial.set_user_attr("standard_error_s", 1e-4)
             search.tell(trial, bowl(trial.params))
         best[startup] = search.best_value - 0.05
+        assert len({tuple(t.params.values()) for t in search.trials}) == 30
     assert best[10] < 0.25 * best[1000]
 
 

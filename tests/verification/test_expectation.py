@@ -37,6 +37,13 @@ def test_retry_formula_against_a_drawn_experiment(point: Point) -> None:
     assert np.mean(total) == pytest.approx(result.mean, rel=0.03)
 
 
+def test_failed_integrations_are_left_out(point: Point) -> None:
+    failed = ShiftResult(Outcome.DIVERGED, None)
+    result = expect_point(point(50, 469.0), [*_shifts(0.05, 0.07), failed], 1.0, 0.2)
+    assert (result.n, result.engaged) == (2, 1.0)
+    assert result.mean == pytest.approx(0.06)
+
+
 def test_nothing_engaged_gives_a_lower_bound(point: Point) -> None:
     result = expect_point(point(50, 469.0), _shifts(None, None), 1.0, 0.2)
     assert result.mean_engaged is None

@@ -180,6 +180,18 @@ def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
     assert result.trace.time[-1] == pytest.approx(0.03)
 
 
+def test_failed_integration_is_an_outcome(
+    plant: ClutchPlant, point: Point, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim.engagement.STEP_LIMIT", 20)
+    result = engage(plant, point(50, 235.2), 0.0)
+    assert result.outcome is Outcome.DIVERGED
+    assert result.shift_time is None
+    assert "no end after 21 steps" in result.detail
+    monkeypatch.undo()
+    assert engage(plant, point(50, 235.2), 0.0).outcome is Outcome.ENGAGED
+
+
 def test_contact_set_decides_the_scheme() -> None:
     assert solver_for(CONTACT_SETS["adams2019"]).scheme == "cenic"
     assert solver_for(CONTACT_SETS["lubricated_steel"]).scheme == "runge_kutta3"

@@ -1,0 +1,113 @@
+"""Tables of files (study, bench data) that describe a clutch, and their mistakes.
+
+Keys carry their unit; unknown keys are refused. What a value may be is the
+business of the physics that uses it; here only keys and types.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from sim.clutch import Rings
+from sim.errors import InputError, did_you_mean
+from sim.geometry import Dog
+from sim.units import RPM, to_si, unit_of
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """A table of a file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class DogSection(Section):
+    """Geometry of the dogs of both rings."""
+
+    count: int
+    chamfer_deg: float
+    traction_deg: float
+    braking_deg: float
+    height_mm: float
+    outer_diameter_mm: float
+    inner_diameter_mm: float
+    axial_gap_mm: float
+
+    def dog(self) -> Dog:
+        """Build the dog; what cannot be a dog raises InputError or GeometryError."""
+        return Dog(**dog_fields(self.model_dump()))
+
+
+class SlidingSection(Section):
+    """The ring that is shifted."""
+
+    mass_kg: float
+    inertia_kgm2: float
+    initial_speed_rpm: float = 0.0
+
+
+class OutputSection(Section):
+    """The ring that it engages."""
+
+    inertia_kgm2: float
+
+
+def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
+    """Build both rings."""
+    return Rings(
+        mass=sliding.mass_kg,
+        sliding_inertia=sliding.inertia_kgm2,
+        output_inertia=output.inertia_kgm2,
+        initial_speed=sliding.initial_speed_rpm * RPM,
+    )
+
+
+def dog_fields(values: dict[str, float]) -> dict[str, Any]:
+    """Turn keys of a dog in edge units (``height_mm``) into fields of ``Dog`` in SI."""
+    return {
+        key.removesuffix("_deg").removesuffix("_mm"): int(value)
+        if key == "count"
+        else to_si(key, value)
+        for key, value in values.items()
+    }
+
+
+def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
+    """Validate ``data`` and turn the first mistake into a sentence.
+
+    Raises InputError that names ``source``, the key, the value and the rule.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        # A misspelt key is also a missing one; the spelling is the better hint.
+        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
+        raise InputError(f"{source}: {_sentence(model, first)}") from error
+
+
+def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
+    path = [str(part) for part in error["loc"]]
+    key = ".".join(path)
+    given = error.get("input")
+    if error["type"] == "extra_forbidden":
+        return f"'{key}' is not a known key; {did_you_mean(path[-1], _keys(model, path[:-1]))}"
+    if error["type"] == "missing":
+        return f"'{key}' is missing; add it"
+    unit = unit_of(key)
+    hint = f" in {unit}" if unit else ""
+    rule = error["msg"][0].lower() + error["msg"][1:]
+    return f"{key} is {given!r}, but {rule}; give a value of the right kind{hint}"
+
+
+def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
+    for name in path:
+        field = model.model_fields.get(name)
+        annotation = field.annotation if field else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return []
+        model = annotation
+    return list(model.model_fields)
