@@ -28,7 +28,7 @@ from pipeline.config import Study
 from pipeline.design import SIMULATED, Design, design_of, exact_values
 from sim.errors import InputError, did_you_mean
 from surrogate.dataset import Array, Dataset
-from surrogate.model import MIN_DESIGNS, fit
+from surrogate.model import MIN_DESIGNS, Surrogate, fit
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 POOL = 400  #: feasible candidates of the whole space; half as many again near the front
@@ -95,6 +95,7 @@ class SurrogateSampler(BaseSampler):
         self._seed = seed
         self._startup = max(startup, MIN_DESIGNS)
         self._distributions = search_space(study)
+        self._process: Surrogate | None = None
         bounds = np.array(list(study.variables.values()), dtype=float).reshape(-1, 2)
         names = tuple(study.variables)
         whole = np.array([name == "count" for name in names])
@@ -186,8 +187,9 @@ class SurrogateSampler(BaseSampler):
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
         pool = pool[~known]
-        process = fit(data, seed=self._seed)
-        values = self._values(pool, process.sample(pool, rng))
+        if self._process is None or self._process.data.digest != data.digest:
+            self._process = fit(data, seed=self._seed)  # once for all proposals of a round
+        values = self._values(pool, self._process.sample(pool, rng))
         reference = self._values(data.x, data.time)
         low, span = reference.min(axis=0), np.ptp(reference, axis=0)
         unit = (values - low) / np.where(span > 0.0, span, 1.0)

@@ -70,9 +70,11 @@ class Surrogate:
 
     def sample(self, x: Array, rng: np.random.Generator) -> Array:
         """Draw the expected shift times of designs (m, d) from the posterior, (m,), s."""
-        seed = int(rng.integers(2**31))
-        draw: Array = self._process.sample_y(self.data.scaled(x), 1, random_state=seed)[:, 0]
-        return np.exp(draw + self._mean)
+        mean, covariance = self._process.predict(self.data.scaled(x), return_cov=True)
+        jitter = 1e-8 * float(self._process.kernel_.diag(self.data.scaled(x[:1]))[0])
+        root = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
+        draw: Array = np.exp(mean + root @ rng.standard_normal(len(mean)) + self._mean)
+        return draw
 
 
 def _kernel(dimensions: int) -> Kernel:

@@ -42,6 +42,16 @@ def test_predicts_a_smooth_function_and_covers_it() -> None:
     assert (prediction.low < prediction.time).all()
 
 
+def test_draws_follow_the_posterior() -> None:
+    surrogate = fit(_data(30, noise=0.02))
+    x = _data(12, noise=0.0, seed=2).x
+    rng = np.random.default_rng(0)
+    logs = np.log([surrogate.sample(x, rng) for _ in range(2000)])
+    prediction = surrogate.predict(x)
+    assert logs.mean(axis=0) == pytest.approx(np.log(prediction.time), abs=0.01)
+    assert logs.std(axis=0) == pytest.approx(prediction.log_sd, rel=0.1)
+
+
 def test_validation_tells_signal_from_noise() -> None:
     good = validate(_data(50, noise=0.01))
     rng = np.random.default_rng(3)
