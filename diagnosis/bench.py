@@ -136,7 +136,6 @@ def _clutch(file: _BenchFile) -> Clutch:
         static_friction=file.contact.static_friction,
         dynamic_friction=file.contact.dynamic_friction,
         stiction_velocity=file.contact.stiction_velocity_m_s,
-        friction_velocity=file.contact.friction_velocity_m_s,
     )
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:
@@ -145,7 +144,7 @@ def _clutch(file: _BenchFile) -> Clutch:
         raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
     both = rings(file.sliding, file.output)
-    return Clutch(dog, both, contact, file.timeout_s, left, solver_for(contact))
+    return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
 
 
 def _table(path: Path) -> pd.DataFrame:

@@ -161,10 +161,12 @@ def build_study(file: StudyFile) -> Study:
         timeout=_positive("shift.timeout_s", file.shift.timeout_s, 60.0),
         seated_tolerance=_positive("shift.seated_tolerance_mm", file.shift.seated_tolerance_mm, 1.0)
         * MM,
+        rebound=file.shift.rebound_mm * MM,
         solver=_solver(file, contact),
     )
-    remedy = "give a time in seconds"
-    require_between("shift.retraction_s", file.shift.retraction_s, 0.0, 60.0, remedy)
+    shift = file.shift
+    require_between("shift.retraction_s", shift.retraction_s, 0.0, 60.0, "give a time in seconds")
+    require_between("shift.rebound_mm", shift.rebound_mm, 0.0, 100.0, "give a length in mm")
     points = tuple(
         OperatingPoint(mismatch * RPM, profile_for(file, force))
         for mismatch in file.operating.mismatch_rpm
@@ -186,7 +188,6 @@ def _contact(file: StudyFile) -> ContactSet:
     given = file.contact.model_dump(exclude={"set"}, exclude_none=True)
     names = {key: key for key in ("static_friction", "dynamic_friction")} | {
         "stiction_velocity_m_s": "stiction_velocity",
-        "friction_velocity_m_s": "friction_velocity",
         "stiffness_Pa_m": "stiffness",
         "dissipation_s_m": "dissipation",
     }
@@ -196,7 +197,7 @@ def _contact(file: StudyFile) -> ContactSet:
 def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     solver, section = solver_for(contact), file.solver
     if section.scheme is not None:
-        solver = Solver(scheme=section.scheme, accuracy=1e-7 if section.scheme == "cenic" else 1e-3)
+        solver = Solver(scheme=section.scheme, accuracy=1e-7 if section.scheme == "cenic" else 1e-4)
     if section.accuracy is not None:
         solver = replace(solver, accuracy=section.accuracy)
     if section.max_step_s is not None:

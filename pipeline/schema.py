@@ -24,17 +24,17 @@ class ContactSection(Section):
     static_friction: float | None = None
     dynamic_friction: float | None = None
     stiction_velocity_m_s: float | None = None
-    friction_velocity_m_s: float | None = None
     stiffness_Pa_m: float | None = None
     dissipation_s_m: float | None = None
 
 
 class ShiftSection(Section):
-    """When a shift is done, when it is given up and what a retry costs."""
+    """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
 
     timeout_s: float = 1.0
     retraction_s: float = 0.2
     seated_tolerance_mm: float = 0.05
+    rebound_mm: float = 1.0
 
 
 class ActuationSection(Section):
@@ -104,7 +104,7 @@ class SearchSection(Section):
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: str = "surrogate"
-    trials: Annotated[int, Field(ge=1)] = 48
+    trials: Annotated[int, Field(ge=1)] = 40
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1

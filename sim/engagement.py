@@ -9,7 +9,8 @@ Phases, contiguous from the start of the force:
 free fly
     until the first touch, or until the crests meet when no face is ever touched.
 face contact
-    from the first touch to the last one of a face (dog on dog, bounces included).
+    from the first touch of any kind to the last one of a face: dog on dog with
+    every bounce, rebound and skipped slot in between.
 entry
     the dogs are in the slots and no flank has touched yet.
 seating
@@ -51,7 +52,7 @@ class Outcome(Enum):
 
 _MESSAGES = {
     Outcome.ENGAGED: "the sliding ring reached full depth",
-    Outcome.BLOCKED: "both rings stand still dog on dog, held by friction",
+    Outcome.BLOCKED: "the rings stand still on each other, dog on dog, held by friction",
     Outcome.TIMED_OUT: "full depth was not reached before the time-out",
     Outcome.DIVERGED: "the integration failed",
 }
@@ -182,6 +183,8 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
         record(plant.context)
         simulator.AdvanceTo(plant.clutch.timeout)
     except RuntimeError as error:
+        if len(record.times) < 2:
+            raise  # not a step was made: the model is wrong, not the motion
         detail = str(error).split("\n")[0]
     finally:
         simulator.clear_monitor()

@@ -92,12 +92,12 @@ def expect_point(
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
     Shifts whose integration failed say nothing and are left out.
     """
-    shifts = [s for s in shifts if s.outcome is not Outcome.DIVERGED]
-    n = len(shifts)
+    asked = len(shifts)
+    n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
     times = np.array([s.shift_time for s in shifts if s.shift_time is not None], dtype=float)
     lost = timeout + retraction
     if times.size == 0:
-        return PointExpectation(point, timeout + n * lost, None, lost, 0.0, 0.0, n)
+        return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n)
     share = times.size / n
     mean = float(times.mean())
     variance = _variance_of_mean(times, stratified and share == 1.0)

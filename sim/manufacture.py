@@ -19,7 +19,8 @@ class ManufacturingLimits:
 
     ``tip_width`` keeps a case-hardened tip from hardening through (case depth of
     about 0.4 mm from either side leaves a core); ``slot_width`` lets a cutter
-    reach the floor of the slot; ``flank_height`` is that of the braking flank.
+    reach the floor of the slot, which is as wide as a tip; ``flank_height`` is that
+    of the braking flank.
     """
 
     tip_width: float = 1.5e-3

@@ -23,6 +23,9 @@ from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
     AddRigidHydroelasticProperties,
+    Box,
+    CollisionFilterDeclaration,
+    GeometrySet,
     InMemoryMesh,
     ProximityProperties,
 )
@@ -33,7 +36,13 @@ from pydrake.multibody.plant import (
     ContactModel,
     CoulombFriction,
 )
-from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import (
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    SpatialInertia,
+    UnitInertia,
+)
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
@@ -58,9 +67,9 @@ class ClutchPlant:
         if clutch.solver.all_dogs:
             self.share = 1
         builder = DiagramBuilder()
-        self.plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+        self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
-        self._add_sliding_ring()
+        self._add_stop(self._add_sliding_ring())
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
@@ -117,7 +126,47 @@ class ClutchPlant:
         shape = _in_memory(to_obj(surface), ".obj")
         plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
 
-    def _add_sliding_ring(self) -> None:
+    def _add_stop(self, carriage: RigidBody) -> None:
+        """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
+
+        Without friction, as stiff as all faces on each other and with a
+        dissipation that leaves next to no restitution. The plates see only each
+        other, wherever they stand.
+        """
+        dog, plant = self.clutch.dog, self.plant
+        side, thick = 10e-3, 5e-3
+        behind = 10.0 * dog.height
+        faces = dog.count * dog.tip_width * dog.radial_width / self.share
+        plate, fixed = ProximityProperties(), ProximityProperties()
+        modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
+        AddCompliantHydroelasticProperties(side, modulus, plate)
+        AddRigidHydroelasticProperties(side, fixed)
+        for properties in (plate, fixed):
+            AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=properties)
+        middle = behind + 0.5 * thick
+        far = middle + thick + self.clutch.rebound
+        shape, wall = Box(side, side, thick), Box(2 * side, 2 * side, thick)
+        dogs = GeometrySet(
+            [
+                geometry
+                for name in ("output_ring", "sliding_ring")
+                for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name))
+            ]
+        )
+        moving = plant.RegisterCollisionGeometry(
+            carriage, RigidTransform(np.array([0, 0, middle])), shape, "plate", plate
+        )
+        still = plant.RegisterCollisionGeometry(
+            plant.world_body(), RigidTransform(np.array([0, 0, far])), wall, "stop", fixed
+        )
+        apart = CollisionFilterDeclaration().ExcludeBetween(dogs, GeometrySet([moving, still]))
+        self._scene_graph.collision_filter_manager().Apply(apart)
+
+    def _add_sliding_ring(self) -> RigidBody:
+        """Add both bodies of the sliding ring and return the one that does not turn.
+
+        Its frame starts at the origin of the world, one travel from its dogs.
+        """
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.rings.mass / self.share
@@ -144,6 +193,7 @@ class ClutchPlant:
             pose = turned_over @ RigidTransform(turn, [0.0, 0.0, 0.0])
             shape = _in_memory(to_vtk(one), ".vtk")
             plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
+        return carriage
 
     def _add_contact(self, properties: ProximityProperties) -> None:
         contact = self.clutch.contact

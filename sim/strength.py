@@ -3,8 +3,9 @@ r"""Strength and self-locking of a dog, by closed forms.
 Load of one dog with load sharing :math:`K_s` (share of the dogs that carry) and
 application factor :math:`K_A`: :math:`F = K_A T / (r N K_s)`.
 
-- flank pressure :math:`p = F/(b h_c)`; :math:`h_c` is height less chamfer drop on the
-  traction side. Two braking flanks overlap by the height less twice the drop of
+- flank pressure :math:`p = F/(b h_c)`; :math:`h_c` is height less chamfer drop. Traction
+  flanks touch over the full height, both crests being on that side, so this
+  is on the safe side there. Two braking flanks overlap by the height less twice the drop of
   the face at its edge, because either ring lacks it at its own crest.
 - shear :math:`\tau = 1.5 F/(b s)`, :math:`s` the width at the root
 - root bending with the load at the tip :math:`\sigma_b = 6 F h/(b s^2)`, equivalent

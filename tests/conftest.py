@@ -14,7 +14,8 @@ from typer.testing import CliRunner
 from pipeline.cli import app
 from pipeline.config import Study, load_study
 from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, Rings
+from sim.clutch import Clutch, OperatingPoint, Rings, solver_for
+from sim.contact import contact_set
 from sim.geometry import Dog
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
@@ -51,7 +52,9 @@ def prototype() -> Dog:
 @pytest.fixture(scope="session")
 def clutch(prototype: Dog) -> Clutch:
     """The prototype with the inertias of thesis table 6 and the design contact set."""
-    return Clutch(prototype, Rings(mass=0.3, sliding_inertia=0.01, output_inertia=0.6048))
+    rings = Rings(mass=0.3, sliding_inertia=0.01, output_inertia=0.6048)
+    contact = contact_set("lubricated_steel")
+    return Clutch(prototype, rings, contact, solver_for(contact))
 
 
 @pytest.fixture(scope="session")

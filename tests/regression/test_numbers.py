@@ -34,10 +34,9 @@ def test_same_friction_as_an_earlier_prototype(
         static_friction=0.3,
         dynamic_friction=0.3,
         stiction_velocity=0.1,
-        friction_velocity=1.0,
         dissipation=50.0,
     )
-    plant = ClutchPlant(replace(clutch, contact=contact, solver=Solver()))
+    plant = ClutchPlant(replace(clutch, contact=contact, solver=Solver(), rebound=0.1))
     times = [engage(plant, point(mismatch, force), a * DEG).shift_time for a in ANGLES]
     assert all(times)
     assert sum(t for t in times if t) / 10 == pytest.approx(mean, rel=5e-3)
