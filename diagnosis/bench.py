@@ -36,6 +36,8 @@ COLUMNS = (
 
 
 class _Contact(Section):
+    # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
+    # published set; the friction velocity is read and not used.
     static_friction: float
     dynamic_friction: float
     stiction_velocity_m_s: float

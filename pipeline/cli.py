@@ -321,8 +321,3 @@ def validate(
         "relative_rms": result.relative_rms,
     }
     emit(data, json, lambda: tables.comparison_table(result))
-
-
-def main() -> None:
-    """Run the command line."""
-    app()

@@ -32,7 +32,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
             raise typer.Exit(2) from error
         except KeyboardInterrupt as error:
-            print("dogshape: stopped; finished shifts are kept", file=sys.stderr)
+            print("dogshape: stopped", file=sys.stderr)
             raise typer.Exit(130) from error
 
     return run

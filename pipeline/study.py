@@ -54,8 +54,12 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
                 write_json(folder.result, collect(search, journal))
 
             executor = Executor(journal, how.jobs, progress.advance)
-            run(search, executor, after_round)
-            confirmation = _confirm(search, executor, progress)
+            try:
+                run(search, executor, after_round)
+                confirmation = _confirm(search, executor, progress)
+            except KeyboardInterrupt:
+                progress.say(f"finished shifts are kept in {folder.root}; --resume goes on")
+                raise
         result = collect(search, journal)
         result["confirmation"] = confirmation
         if result["n_simulated_designs"] > MIN_DESIGNS and study.variables:

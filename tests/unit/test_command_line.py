@@ -102,8 +102,7 @@ def test_strength(dogshape: Call) -> None:
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which ``dogshape study`` has been run at smoke size."""
     home = tmp_path_factory.mktemp("home")
-    code = "from pipeline.cli import main; main()"
-    command = [sys.executable, "-c", code, "study", "mq200", *SETS, "--json"]
+    command = [sys.executable, "-m", "pipeline", "study", "mq200", *SETS, "--json"]
     done = subprocess.run(command, cwd=home, capture_output=True, text=True, check=True)
     said = json.loads(done.stdout)
     assert set(said) >= {"best", "front", "n_simulated_shifts", "report"}

@@ -37,8 +37,17 @@ def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
 
 def _command(out: Path, *more: str) -> list[str]:
     overrides = [part for text in SMALL for part in ("--set", text)]
-    code = "from pipeline.cli import main; main()"
-    return [sys.executable, "-c", code, "study", "mq200", "--out", str(out), *overrides, *more]
+    return [
+        sys.executable,
+        "-m",
+        "pipeline",
+        "study",
+        "mq200",
+        "--out",
+        str(out),
+        *overrides,
+        *more,
+    ]
 
 
 @pytest.fixture(scope="module")
