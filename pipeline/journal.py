@@ -1,7 +1,7 @@
 """The journal of shifts: one JSON line for every finished simulation.
 
 Workers append with one write each, so lines of several processes do not mix
-and a kill costs at most the line being written. Reading skips a torn last line.
+and a kill costs at most the line being written. Opening cuts off a torn last line.
 """
 
 from __future__ import annotations
@@ -27,26 +27,16 @@ class ShiftJournal:
             self._read()
 
     def _read(self) -> None:
-        lines = self.path.read_bytes().split(b"\n")
-        for number, line in enumerate(lines, start=1):
-            if not line:
-                continue
+        drop_torn_line(self.path)
+        for number, line in enumerate(self.path.read_bytes().splitlines(), start=1):
             try:
                 row = json.loads(line)
                 self.rows[row["key"]] = row
             except (ValueError, KeyError, TypeError) as error:
-                if number == len(lines):
-                    self._drop_tail(line)
-                    return
                 raise StorageError(
                     f"{self.path}, line {number} is not a finished shift; remove the line "
                     "or start the study in another folder"
                 ) from error
-
-    def _drop_tail(self, torn: bytes) -> None:
-        """Cut off the line that a kill left unfinished, so that the next one starts clean."""
-        size = self.path.stat().st_size
-        os.truncate(self.path, size - len(torn))
 
     def add(self, rows: Iterable[Record]) -> None:
         """Take up rows that a worker has already written."""
@@ -55,6 +45,14 @@ class ShiftJournal:
     def frame(self) -> pd.DataFrame:
         """Return all finished shifts as a table."""
         return pd.DataFrame(list(self.rows.values()))
+
+
+def drop_torn_line(path: Path) -> None:
+    """Cut off a last line that a kill left unfinished, so that the next one starts clean."""
+    content = path.read_bytes()
+    whole = content.rfind(b"\n") + 1
+    if whole < len(content):
+        os.truncate(path, whole)
 
 
 def append(path: Path, row: Record) -> None:

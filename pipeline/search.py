@@ -24,6 +24,7 @@ from pipeline.design import Design, design_of, objectives_of, values_of
 from pipeline.evaluation import evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
+from pipeline.journal import drop_torn_line
 from pipeline.sampler import sampler_factory, search_space
 from sim.batch import content_key
 from sim.errors import StorageError
@@ -97,6 +98,8 @@ def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     try:
         if url is not None:
             return optuna.storages.RDBStorage(url)
+        if folder.trials.exists():
+            drop_torn_line(folder.trials)
         return JournalStorage(JournalFileBackend(str(folder.trials)))
     except Exception as error:
         where = url or str(folder.trials)

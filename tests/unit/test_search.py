@@ -164,6 +164,26 @@ def test_a_finished_study_can_be_given_more_trials(
     assert _designs(longer) == _designs(finished[1])
 
 
+def test_a_torn_journal_of_trials_is_mended(
+    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    short = load_study("mq200", [*SMALL, "search.trials=4"])
+    run_study(short, Run(StudyFolder(tmp_path), jobs=2))
+    with (tmp_path / "trials.log").open("ab") as file:
+        file.write(b'{"op_code": 4, "worker')
+    longer = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2, resume=True))
+    assert _designs(longer) == _designs(finished[1])
+
+
+def test_a_broken_journal_of_trials_is_said(tmp_path: Path) -> None:
+    short = load_study("mq200", [*SMALL, "search.trials=1"])
+    run_study(short, Run(StudyFolder(tmp_path), jobs=1))
+    log = tmp_path / "trials.log"
+    log.write_bytes(b"rubbish\n" + log.read_bytes())
+    with pytest.raises(StorageError, match=r"trials\.log.* cannot be opened"):
+        run_study(short, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+
+
 def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = finished
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
