@@ -110,8 +110,8 @@ def _find(where: str | Path) -> Path:
     if folder.is_dir():
         return folder
     root = bundled_root() / "bench"
-    bundled = root / folder.name
-    if bundled.is_dir():
+    bundled = root / str(where)
+    if folder.name == str(where) and bundled.is_dir():
         return bundled
     names = ", ".join(sorted(p.name for p in root.iterdir() if p.is_dir()))
     raise DataError(

@@ -16,6 +16,7 @@ from diagnosis.bench import Bench, Cell
 from sim.batch import Block, Record, pitch_angles, result_of
 from sim.expectation import PointExpectation, expect_point, stratified_phases
 
+STRATA = 16  #: stratified angles where neither data set nor caller says any
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
 
@@ -68,23 +69,25 @@ def _rms(values: list[float]) -> float:
 
 
 def compare(
-    bench: Bench, run: Runner, angles: int | tuple[float, ...] = 16, seed: int = 1
+    bench: Bench, run: Runner, angles: int | tuple[float, ...] | None = None, seed: int = 1
 ) -> Comparison:
     """Simulate every operating point of a data set.
 
     Parameters
     ----------
     run : simulates blocks of shifts.
-    angles : relative angles in rad, or how many stratified ones to use where
-        the data set does not say its own.
+    angles : relative angles in rad, or how many stratified ones, at least three;
+        by default those of the data set, or sixteen stratified ones.
     seed : of the stratified angles.
     """
-    given = angles if isinstance(angles, tuple) else bench.relative_angles
+    given = angles if isinstance(angles, tuple) else None
+    if angles is None:
+        given = bench.relative_angles
+    count = angles if isinstance(angles, int) else STRATA
     blocks = []
     for index, cell in enumerate(bench.cells):
         chosen = given
         if chosen is None:
-            count = angles if isinstance(angles, int) else len(angles)
             chosen = pitch_angles(bench.clutch, stratified_phases(count, seed, index))
         blocks.append(Block(bench.clutch, cell.point, chosen))
     rows = run(blocks)

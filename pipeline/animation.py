@@ -18,6 +18,7 @@ from sim.engagement import Engagement
 from sim.units import DEG, MM, MS, RPM
 
 FRAMES = 600  #: positions of the animation, evenly spaced in time
+FORCE_CEILING = 4.0  #: end of the force axis over the largest shift force
 SHADES = ("#ffffff", "#f6e3d5", "#e4eef8", "#e3f1e8")
 
 
@@ -46,6 +47,7 @@ def write_animation(result: Engagement, path: Path) -> None:
         dog=result.clutch.dog,
         mismatch=result.point.mismatch / RPM,
         angle=result.relative_angle / DEG,
+        ceiling=FORCE_CEILING * float(result.trace.shift_force.max()),
         end=float(result.trace.time[-1]) / MS,
         shades=SHADES,
         data=json.dumps(_frames(result)),
@@ -97,7 +99,7 @@ def _curves(result: Engagement) -> go.Figure:
     figure.update_yaxes(title="displacement, mm", row=1)
     figure.update_yaxes(title="speed, 1/min", row=2)
     # Impacts are far above the shift force; the axis keeps both in sight.
-    ceiling = 4.0 * float(t.shift_force.max())
+    ceiling = FORCE_CEILING * float(t.shift_force.max())
     figure.update_yaxes(title="force, N", range=[0.0, ceiling], row=3)
     figure.update_xaxes(title="time, ms", row=3)
     figure.update_layout(

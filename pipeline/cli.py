@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from diagnosis.bench import load_bench
-from diagnosis.comparison import compare
+from diagnosis.comparison import STRATA, compare
 from pipeline import tables
 from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study, profile_for
@@ -23,7 +23,7 @@ from pipeline.folder import StudyFolder
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, check_record, expectation_record, fit_study, run_study
-from sim.batch import Block, pitch_angles
+from sim.batch import Block, pitch_angles, versions
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
@@ -59,6 +59,21 @@ Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
+    ] = False,
+) -> None:
+    """Simulate, search and check the shape of the dogs of a dog clutch."""
+
+
 @app.command()
 @verb
 def shift(
@@ -79,6 +94,8 @@ def shift(
 
     Example: dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10
     """
+    if html is not None and html == trace:
+        raise InputError(f"--html and --trace both name {html}; give two files")
     given = load_study(study, set_)
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     solver = replace(given.clutch.solver, all_dogs=all_dogs)
@@ -136,6 +153,8 @@ def expect(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     if (mismatch_rpm is None) != (force_N is None):
         raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
+    if force_rise_s is not None and force_N is None:
+        raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = given.points
     if mismatch_rpm is not None and force_N is not None:
         points = (_point(given, mismatch_rpm, force_N, force_rise_s),)
@@ -252,6 +271,10 @@ def fit(
     """
     folder = StudyFolder(Path(where))
     given = None
+    if folder.manifest.is_file() and set_:
+        raise InputError(
+            "--set cannot change a study that was run; leave it out, or name the study"
+        )
     if not folder.manifest.is_file():
         given = load_study(where, set_)
         folder = StudyFolder(Path("results") / f"{given.name}-space")
@@ -275,7 +298,7 @@ def check(
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
     given = load_study(study, set_)
-    model, _ = load(surrogate or StudyFolder(_default_out(given)).surrogate)
+    model, validation = load(surrogate or StudyFolder(_default_out(given)).surrogate)
     answer = ask(model, given.prototype, given.physics_hash)
     checks = strength_checks(given.clutch.dog, given.limits)
     data = {
@@ -283,11 +306,12 @@ def check(
         "low_s": answer.low,
         "high_s": answer.high,
         "in_range": answer.in_range,
+        "q2": validation.q2,
         "warnings": list(answer.warnings),
         "feasible": feasible(checks),
         "checks": [check_record(c) for c in checks],
     }
-    emit(data, json, lambda: tables.answer_text(answer, checks))
+    emit(data, json, lambda: tables.answer_text(answer, validation, checks))
     if not feasible(checks):
         raise typer.Exit(1)
 
@@ -308,12 +332,15 @@ def validate(
     Example: dogshape validate mq200_adams
     """
     given = load_bench(bench)
-    count, listed = _angles(angles, 16)
-    with ShiftProgress(
-        len(given.cells) * len(listed or given.relative_angles or range(count))
-    ) as p:
-        run = scratch_executor(jobs, p.advance).run
-        result = compare(given, run, listed or count)
+    count, listed = _angles(angles, STRATA)
+    if len(listed or range(count)) < 3:
+        raise InputError(
+            f"--angles is '{angles}', but a comparison needs at least three; give more"
+        )
+    chosen = None if angles is None else listed or count
+    own = given.relative_angles if angles is None else None
+    with ShiftProgress(len(given.cells) * len(listed or own or range(count))) as progress:
+        result = compare(given, scratch_executor(jobs, progress.advance).run, chosen)
     data = {
         "name": given.name,
         "points": [tables.difference_record(d) for d in result.differences],

@@ -106,7 +106,8 @@ def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     for override in overrides or []:
         _override(data, override)
-    return build_study(validate(StudyFile, data, str(path)))
+    source = f"{path} with --set" if overrides else str(path)
+    return build_study(validate(StudyFile, data, source))
 
 
 def find_study(where: str | Path) -> Path:
@@ -116,8 +117,8 @@ def find_study(where: str | Path) -> Path:
         path = path / "study.toml"
     if path.is_file():
         return path
-    bundled = bundled_root() / Path(where).name / "study.toml"
-    if bundled.is_file():
+    bundled = bundled_root() / str(where) / "study.toml"
+    if path.name == str(where) and bundled.is_file():
         return bundled
     raise InputError(
         f"there is no study at {where}: give a TOML file, a folder with study.toml, "
@@ -141,9 +142,12 @@ def _override(data: dict[str, Any], text: str) -> None:
         if not isinstance(table, dict):
             raise InputError(f"--set {text}: {name} is a value and not a table; check the key")
     try:
-        table[last] = tomllib.loads(f"v = {value}")["v"]
+        read = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
-        table[last] = value.strip()
+        read = {"v": value.strip()}
+    if set(read) != {"v"}:
+        raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
+    table[last] = read["v"]
 
 
 def build_study(file: StudyFile) -> Study:
@@ -207,8 +211,9 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
 
 def profile_for(file: StudyFile, force: float, rise: float | None = None) -> ForceProfile:
     """Return the force profile for ``force`` in N; ``rise`` in s overrides the table."""
+    profile = ForceProfile(force, rise if rise is not None else 0.1)
     if rise is not None:
-        return ForceProfile(force, rise)
+        return profile
     forces, rises = file.actuation.force_N, file.actuation.rise_s
     if len(forces) != len(rises):
         raise InputError(
@@ -263,3 +268,12 @@ def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
             rule = "angles must lie between 0 and 60 deg"
             raise InputError(refusal(f"variables.{key}", high, "deg", rule, "narrow the range"))
     return {key: (low, high) for key, (low, high) in ranges.items()}
+
+
+def require_variables(study: Study) -> None:
+    """Raise InputError where the study has nothing to search."""
+    if not study.variables:
+        names = ", ".join(VARIABLES)
+        raise InputError(
+            f"[variables] is empty, so there is nothing to search; give one of {names}"
+        )

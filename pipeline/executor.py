@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Sequence
@@ -26,13 +28,11 @@ class Executor:
     """Runs blocks in worker processes and keeps their shifts in a journal.
 
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked.
-    ``scratch`` is a folder that goes with the executor.
     """
 
     journal: ShiftJournal
     jobs: int = 0
     progress: Progress = field(default=_silent)
-    scratch: tempfile.TemporaryDirectory[str] | None = None
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
@@ -79,7 +79,7 @@ def _work_alone(block: Block, path: Path) -> list[Record]:
 
 
 def scratch_executor(jobs: int = 0, progress: Progress = _silent) -> Executor:
-    """Return an executor whose journal is a temporary file."""
-    scratch = tempfile.TemporaryDirectory(prefix="dogshape-")
-    journal = ShiftJournal(Path(scratch.name) / "shifts.jsonl")
-    return Executor(journal, jobs, progress, scratch)
+    """Return an executor whose journal is a temporary file, gone when the program ends."""
+    folder = tempfile.mkdtemp(prefix="dogshape-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress)

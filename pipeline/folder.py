@@ -95,7 +95,10 @@ class StudyFolder:
 
         Raises StorageError for a missing, damaged or foreign manifest.
         """
-        content = read_json(self.manifest, "run 'dogshape study' first")
+        remedy = "run 'dogshape study' first"
+        if self.manifest.exists():
+            remedy = "start the study in another --out"
+        content = read_json(self.manifest, remedy)
         if content.get("format") != FORMAT:
             raise StorageError(
                 f"{self.root} was written in format {content.get('format')!r}, but this version "
@@ -104,6 +107,20 @@ class StudyFolder:
         if "study" not in content:
             raise StorageError(f"{self.manifest} is damaged; start the study in another folder")
         return build_study(validate(StudyFile, content["study"], str(self.manifest)))
+
+    def stored_result(self) -> dict[str, Any]:
+        """Read what the study found so far; raise StorageError where that is damaged."""
+        remedy = "run 'dogshape study' with --resume to write it again"
+        result = read_json(self.result, remedy)
+        if not _whole(result):
+            raise StorageError(f"{self.result} is damaged; {remedy}")
+        return result
+
+
+def _whole(result: dict[str, Any]) -> bool:
+    rows = result.get("trials")
+    keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
+    return isinstance(rows, list) and all(key in result for key in keys)
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from sim.batch import Record
+from sim.batch import Record, result_of
 from sim.errors import StorageError
 
 
@@ -31,6 +31,7 @@ class ShiftJournal:
         for number, line in enumerate(self.path.read_bytes().splitlines(), start=1):
             try:
                 row = json.loads(line)
+                result_of(row)
                 self.rows[row["key"]] = row
             except (ValueError, KeyError, TypeError) as error:
                 raise StorageError(

@@ -14,7 +14,7 @@ from pipeline.config import Study
 from pipeline.design import SIMULATED
 from pipeline.drawing import section_svg
 from pipeline.figures import axis_title, convergence_figure, front_figure, points_figure
-from pipeline.folder import StudyFolder, read_json
+from pipeline.folder import StudyFolder
 from sim.strength import strength_checks
 
 Row = dict[str, Any]
@@ -23,10 +23,22 @@ Row = dict[str, Any]
 def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` from what the study stored and return its path."""
     study = folder.stored_study()
-    result = read_json(folder.result, "run 'dogshape study' to its first finished round")
+    result = folder.stored_result()
     page = render("report.html.j2", **_content(study, result))
     folder.report.write_text(page, encoding="utf-8")
     return folder.report
+
+
+def is_clear(confirmation: Row) -> bool:
+    """Tell whether a confirmed gain is at least twice its standard error."""
+    gain: float = confirmation["gain_s"]
+    error: float = confirmation["gain_standard_error_s"]
+    return abs(gain) >= 2.0 * error and gain != 0.0
+
+
+def percent(margin: float) -> str:
+    """Return a margin in percent, with a decimal where it is small."""
+    return f"{100 * margin:.1f} %" if abs(margin) < 0.05 else f"{100 * margin:.0f} %"
 
 
 def render(template: str, **content: Any) -> str:
@@ -77,6 +89,8 @@ def _content(study: Study, result: Row) -> Row:
         "points": figure_html(points_figure(confirmation), "points") if confirmation else "",
         "drawings": drawings,
         "designs": _designs(result),
+        "is_clear": is_clear,
+        "percent": percent,
         "checks": [c.name for c in strength_checks(study.clutch.dog, study.limits)],
         "barred": [r for r in result["trials"] if not r["feasible"]],
         "contact": study.clutch.contact,

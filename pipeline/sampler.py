@@ -55,6 +55,7 @@ def sampler_factory(study: Study) -> Callable[[int], BaseSampler]:
     if search.sampler in ("surrogate", "space_filling"):
         startup = search.startup if search.sampler == "surrogate" else search.trials
         own = SurrogateSampler(study, search.seed, startup)
+        own.require_feasible_space()
         return lambda _: own
     kinds: dict[str, Callable[[int], BaseSampler]] = {
         "tpe": lambda seed: TPESampler(seed=seed, n_startup_trials=search.startup),
@@ -100,6 +101,10 @@ class SurrogateSampler(BaseSampler):
         names = tuple(study.variables)
         whole = np.array([name == "count" for name in names])
         self._space = _Space(names, bounds[:, 0], bounds[:, 1], whole)
+
+    def require_feasible_space(self) -> None:
+        """Raise InputError where next to no design of the search ranges is feasible."""
+        _ = self._wide
 
     def infer_relative_search_space(
         self, study: optuna.Study, trial: FrozenTrial

@@ -54,7 +54,7 @@ class OperatingSection(Section):
 class ExpectationSection(Section):
     """How many relative angles an operating point gets, and the seed of their draw."""
 
-    angles: Annotated[int, Field(ge=1)] = 6
+    angles: Annotated[int, Field(ge=3)] = 6
     seed: Annotated[int, Field(ge=0)] = 1
 
 
@@ -108,7 +108,7 @@ class SearchSection(Section):
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
-    confirm_angles: Annotated[int, Field(ge=2)] = 24
+    confirm_angles: Annotated[int, Field(ge=3)] = 24
 
 
 class SolverSection(Section):

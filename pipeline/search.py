@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import optuna
 from optuna.exceptions import ExperimentalWarning
+from optuna.samplers import BaseSampler
 from optuna.storages import BaseStorage, JournalStorage
 from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
@@ -25,7 +26,7 @@ from pipeline.evaluation import evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
-from pipeline.sampler import sampler_factory, search_space
+from pipeline.sampler import search_space
 from sim.batch import content_key
 from sim.errors import StorageError
 from sim.expectation import Expectation
@@ -110,10 +111,14 @@ def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:
         ) from error
 
 
-def run(search: Search, executor: Executor, after_round: AfterRound) -> None:
+def run(
+    search: Search,
+    sampler_of: Callable[[int], BaseSampler],
+    executor: Executor,
+    after_round: AfterRound,
+) -> None:
     """Run the search until the study's number of trials is finished."""
     study = search.study
-    sampler_of = sampler_factory(study)
     if not search.optuna.get_trials(deepcopy=False):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
     _finish(search, _cut_off(search), executor)

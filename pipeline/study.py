@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from pipeline.config import Study
+from pipeline.config import Study, require_variables
 from pipeline.design import Design, design_of, exact_values, objectives_of
 from pipeline.evaluation import evaluate
 from pipeline.executor import Executor
-from pipeline.folder import StudyFolder, read_json, write_json
+from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
-from pipeline.sampler import dataset_of
+from pipeline.sampler import dataset_of, sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
 from sim.batch import versions
 from sim.checks import Check, smallest_margin
@@ -42,6 +43,8 @@ class Run:
 def run_study(study: Study, how: Run) -> dict[str, Any]:
     """Run or resume a study; return its result, which is also in ``result.json``."""
     objectives_of(study)
+    require_variables(study)
+    sampler_of = sampler_factory(study)
     folder = how.folder
     with folder.writing():
         folder.open(study, how.resume)
@@ -55,16 +58,18 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
 
             executor = Executor(journal, how.jobs, progress.advance)
             try:
-                run(search, executor, after_round)
+                run(search, sampler_of, executor, after_round)
                 confirmation = _confirm(search, executor, progress)
             except KeyboardInterrupt:
                 progress.say(f"finished shifts are kept in {folder.root}; --resume goes on")
                 raise
         result = collect(search, journal)
         result["confirmation"] = confirmation
-        if result["n_simulated_designs"] > MIN_DESIGNS and study.variables:
+        if result["n_simulated_designs"] > MIN_DESIGNS:
             validation = fit_surrogate(study, result["trials"], folder.surrogate)
             result["surrogate"] = validation.as_dict()
+        else:
+            progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
         write_report(folder)
     return result
@@ -155,15 +160,16 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
     """Return an expectation by the names of the command line's contract."""
     return {
         "expected_shift_time_s": expectation.mean,
-        "standard_error_s": expectation.standard_error,
+        "standard_error_s": _number(expectation.standard_error),
         "engaged": expectation.engaged,
+        "lower_bound": expectation.is_lower_bound,
         "points": [
             {
                 "mismatch_rpm": p.point.mismatch / RPM,
                 "force_N": p.point.profile.force,
                 "mean_s": p.mean,
                 "mean_engaged_s": p.mean_engaged,
-                "standard_error_s": p.standard_error,
+                "standard_error_s": _number(p.standard_error),
                 "sd_s": p.sd,
                 "engaged": p.engaged,
                 "n": p.n,
@@ -171,6 +177,11 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
             for p in expectation.points
         ],
     }
+
+
+def _number(value: float) -> float | None:
+    """Return a number that JSON can hold: None where there is none."""
+    return value if math.isfinite(value) else None
 
 
 def check_record(check: Check) -> dict[str, Any]:
@@ -200,7 +211,7 @@ def fit_study(
         )
         filled = replace(study, file=study.file.model_copy(update={"search": search}))
         run_study(filled, Run(folder, jobs, resume=True))
-    rows = read_json(folder.result, "run 'dogshape study' first")["trials"]
+    rows = folder.stored_result()["trials"]
     path = out or folder.surrogate
     return fit_surrogate(folder.stored_study(), rows, path), path
 

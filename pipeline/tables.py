@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from rich.table import Table
 
 from diagnosis.comparison import Comparison, Difference
 from pipeline.config import Study
+from pipeline.report import is_clear
 from sim.checks import Check, feasible
 from sim.engagement import Engagement
 from sim.expectation import Expectation
@@ -27,7 +29,7 @@ def _table(*columns: str) -> Table:
 
 
 def _ms(value: float | None) -> str:
-    return "-" if value is None else f"{value * 1e3:.1f}"
+    return "-" if value is None or math.isnan(value) else f"{value * 1e3:.1f}"
 
 
 def shift_table(result: Engagement) -> RenderableType:
@@ -55,7 +57,12 @@ def expectation_table(result: Expectation) -> RenderableType:
             f"{p.engaged:.0%}",
             str(p.n),
         )
-    total = f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms"
+    total = (
+        f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms "
+        "(one standard error)"
+    )
+    if result.is_lower_bound:
+        total += "\nnone engaged at a point above: its mean and the total are lower bounds"
     return Group(table, total)
 
 
@@ -90,8 +97,10 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
             f"{_ms(best['expected_shift_time_s'])} +- {_ms(best['standard_error_s'])} ms, "
             "prototype "
             f"{_ms(proto['expected_shift_time_s'])} +- {_ms(proto['standard_error_s'])} ms, "
-            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms"
+            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms (one standard error)"
         )
+        if not is_clear(c):
+            lines.append("the best design is not distinguishable from the prototype")
     lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
     return Group(*lines)
 
@@ -105,13 +114,18 @@ def validation_text(validation: Validation, path: Path) -> str:
     )
 
 
-def answer_text(answer: Answer, checks: Sequence[Check]) -> RenderableType:
+def answer_text(answer: Answer, validation: Validation, checks: Sequence[Check]) -> RenderableType:
     """Return the surrogate's answer with warnings and checks."""
     lines = [
         f"expected shift time {_ms(answer.time)} ms, 95 % interval {_ms(answer.low)} to "
         f"{_ms(answer.high)} ms (surrogate)"
     ]
     lines += [f"warning: {w}; the prediction extrapolates" for w in answer.warnings]
+    if not validation.useful:
+        lines.append(
+            f"warning: on designs held out the surrogate has Q2 {validation.q2:.2f}; "
+            "simulate more designs before relying on it"
+        )
     return Group(*lines, checks_table(checks))
 
 

@@ -91,10 +91,12 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
 
 def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
     path = [str(part) for part in error["loc"]]
-    key = ".".join(path)
+    key = ".".join(path) or "the file"
     given = error.get("input")
     if error["type"] == "extra_forbidden":
-        return f"'{key}' is not a known key; {did_you_mean(path[-1], _keys(model, path[:-1]))}"
+        stem = "".join(f"{part}." for part in path[:-1])
+        valid = [stem + name for name in _keys(model, path[:-1])]
+        return f"'{key}' is not a known key; {did_you_mean(key, valid)}"
     if error["type"] == "missing":
         return f"'{key}' is missing; add it"
     unit = unit_of(key)

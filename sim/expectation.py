@@ -44,6 +44,7 @@ class PointExpectation:
 
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
     engaged, ``mean`` is a lower bound with p = 1/(n + 1) and ``mean_engaged`` None.
+    ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
     """
 
     point: OperatingPoint
@@ -62,6 +63,11 @@ class Expectation:
     points: tuple[PointExpectation, ...]
     mean: float
     standard_error: float
+
+    @property
+    def is_lower_bound(self) -> bool:
+        """Whether at some operating point no shift engaged at all."""
+        return any(p.mean_engaged is None for p in self.points)
 
     @property
     def engaged(self) -> float:
@@ -103,16 +109,16 @@ def expect_point(
     variance = _variance_of_mean(times, stratified and share == 1.0)
     retry = (1.0 - share) / share * lost
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
-    error = math.sqrt(variance + retry_variance)
+    error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan
     sd = float(times.std(ddof=1)) if times.size > 1 else 0.0
     return PointExpectation(point, mean + retry, mean, error, sd, share, n)
 
 
 def _variance_of_mean(times: Phases, stratified: bool) -> float:
     n = times.size
-    if n < 2:
-        return float(times.mean() ** 2)
-    if stratified and n > 2:
+    if n < 3:
+        return float(times.mean() ** 2 / n)  # two times that agree by luck would look exact
+    if stratified:
         bends = np.roll(times, 1) - 2.0 * times + np.roll(times, -1)
         return float((bends**2).sum() / (6.0 * n * n))
     return float(times.var(ddof=1) / n)

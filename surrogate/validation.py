@@ -24,6 +24,11 @@ class Validation:
     rmse_s: float
     n: int
 
+    @property
+    def useful(self) -> bool:
+        """Whether the surrogate explains at least half of the variance."""
+        return self.q2 >= 0.5
+
     def as_dict(self) -> dict[str, float]:
         """Return the figures by name."""
         return asdict(self)

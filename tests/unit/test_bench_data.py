@@ -70,7 +70,7 @@ def test_broken_tables(folder: Path, old: str, new: str, words: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("count = 15", "cuont = 15", "'dog.cuont' is not a known key; did you mean 'count'?"),
+        ("count = 15", "cuont = 15", "'dog.cuont' is not a known key; did you mean 'dog.count'?"),
         ("timeout_s = 1.0", "timeout_s = -1.0", "timeout_s is -1 s"),
         ("shift_travel_mm = 4.65", "shift_travel_mm = 5.0", "shift_travel_mm is 5 mm"),
         ("mass_kg = 0.3", "mass_kg = -0.3", "sliding.mass_kg is -0.3 kg"),

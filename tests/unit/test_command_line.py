@@ -172,13 +172,16 @@ def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
     gap = timed["bench_s"] - timed["simulated_s"]
     assert said.json["rmse_s"] == pytest.approx(abs(gap))
     assert timed["z"] == pytest.approx(gap / timed["standard_error_s"])
+    assert {point["n"] for point in said.json["points"]} == {10}
     people = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
     assert "root-mean-square gap" in people.out
+    fewer = dogshape("validate", folder, "--angles", 3, "--jobs", 1, "--json")
+    assert {point["n"] for point in fewer.json["points"]} == {3}
 
 
 BAD: list[tuple[tuple[Any, ...], str]] = [
     (("strength", "nowhere"), "there is no study at nowhere"),
-    (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'height_mm'?"),
+    (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
     (("strength", "mq200", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
     (("shift", "mq200", *ONE_SHIFT, "--set", "dog.count=40"), "width of the tip at the inner"),
     (("shift", "mq200", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
@@ -186,6 +189,13 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("shift", "mq200", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
     (("shift", "mq200", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
     (("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"), "No such file"),
+    (("shift", "mq200", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
+    (("strength", "no/such/mq200"), "there is no study at no/such/mq200"),
+    (("strength", "mq200", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
+    (("fit", "results/mq200"), "there is no study at results/mq200"),
+    (("validate", "mq200_adams", "--angles", 2), "needs at least three"),
+    (("expect", "mq200", "--force-rise-s", 0.1), "goes with one operating point"),
+    (("shift", "mq200", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
     (("expect", "mq200", "--mismatch-rpm", 5), "give both"),
     (("expect", "mq200", "--angles", "few"), "--angles is 'few'"),
     (("expect", "mq200", "--angles", "0"), "--angles is '0'"),
@@ -205,7 +215,56 @@ def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], w
     assert said.out == ""
 
 
-def test_unknown_options_and_verbs_exit_with_two(dogshape: Call) -> None:
-    assert dogshape("strength", "mq200", "--colour", "red").status == 2
-    assert dogshape("shift", "mq200").status == 2
-    assert dogshape("shrength", "mq200").status == 2
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("strength", "mq200", "--colour", "red"), "--colour"),
+        (("shift", "mq200"), "Missing option"),
+        (("shrength", "mq200"), "shrength"),
+        (("expect", "mq200", "--jobs", "-1"), "--jobs"),
+    ],
+)
+def test_wrong_options_are_one_sentence(arguments: tuple[str, ...], words: str) -> None:
+    command = [sys.executable, "-m", "pipeline", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stdout == ""
+
+
+def test_version_and_status_through_the_entry_point() -> None:
+    entry = [sys.executable, "-m", "pipeline"]
+    version = subprocess.run([*entry, "--version"], capture_output=True, text=True, check=True)
+    assert re.fullmatch(r"dogshape \d+\.\d+\.\d+, drake \S+", version.stdout.strip())
+    weak = [*entry, "strength", "mq200", "--set", "dog.traction_deg=5"]
+    assert subprocess.run(weak, capture_output=True, check=False).returncode == 1
+
+
+def test_nothing_engaged_is_said(dogshape: Call) -> None:
+    hasty = ("--set", "shift.timeout_s=0.01", "--angles", 3, "--jobs", 1)
+    point = ("--mismatch-rpm", 50, "--force-N", 469)
+    said = dogshape("expect", "mq200", *point, *hasty, "--json")
+    assert said.json["lower_bound"] is True
+    assert said.json["points"][0]["mean_engaged_s"] is None
+    assert "lower bounds" in dogshape("expect", "mq200", *point, *hasty).out
+
+
+def test_two_angles_say_nothing_of_the_error(dogshape: Call) -> None:
+    point = ("--mismatch-rpm", 100, "--force-N", 469)
+    said = dogshape("expect", "mq200", *point, "--angles", 2, "--jobs", 1, "--json")
+    assert said.json["standard_error_s"] is None
+
+
+def test_damaged_results_are_refused(dogshape: Call, studied: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(studied / "results/mq200", copy)
+    for content in ("{}", '{"trials": null}', "[]", "{"):
+        (copy / "result.json").write_text(content)
+        for verb in ("report", "fit"):
+            said = dogshape(verb, copy)
+            assert said.status == 2
+            assert "result.json" in said.sentence
+    fixed = dogshape("fit", copy, "--set", "dog.count=18")
+    assert fixed.status == 2
+    assert "cannot change a study that was run" in fixed.sentence

@@ -16,11 +16,12 @@ import numpy as np
 import optuna
 import pytest
 
-from pipeline.config import Study, load_study
+from pipeline.config import Study, build_study, load_study
 from pipeline.design import design_of
 from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal, append
 from pipeline.sampler import SurrogateSampler, sampler_factory, search_space
+from pipeline.schema import VariablesSection
 from pipeline.study import Run, run_study
 from sim.errors import DogshapeError, InputError, StorageError
 from tests.conftest import SMALL
@@ -289,6 +290,14 @@ def test_no_feasible_design_is_said(small_study: Study, tmp_path: Path) -> None:
         run_study(tight, Run(StudyFolder(tmp_path), jobs=1))
 
 
+def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
+    still = load_study("mq200", SMALL)
+    file = still.file.model_copy(update={"variables": VariablesSection()})
+    with pytest.raises(InputError, match=r"\[variables\] is empty"):
+        run_study(build_study(file), Run(StudyFolder(tmp_path / "out")))
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("override", "words"),
     [
@@ -302,16 +311,18 @@ def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> Non
     with pytest.raises(DogshapeError) as refused:
         run_study(study, Run(StudyFolder(tmp_path / "out"), jobs=1))
     assert words in str(refused.value)
+    assert not (tmp_path / "out").exists()
 
 
 def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:
     path = tmp_path / "shifts.jsonl"
-    append(path, {"key": "a", "shift_time_s": 0.1})
-    append(path, {"key": "b", "shift_time_s": None})
+    append(path, {"key": "a", "outcome": "engaged", "shift_time_s": 0.1})
+    append(path, {"key": "b", "outcome": "blocked", "shift_time_s": None})
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"key": "c", "shi')
     assert set(ShiftJournal(path).rows) == {"a", "b"}
     assert path.read_bytes() == whole
-    path.write_bytes(b"rubbish\n" + whole)
-    with pytest.raises(StorageError, match="line 1 is not a finished shift"):
-        ShiftJournal(path)
+    for wrong in (b"rubbish\n", b'{"key": "x"}\n', b'{"key": "x", "outcome": "y"}\n'):
+        path.write_bytes(wrong + whole)
+        with pytest.raises(StorageError, match="line 1 is not a finished shift"):
+            ShiftJournal(path)

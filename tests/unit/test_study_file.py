@@ -39,8 +39,8 @@ def test_rise_time_lies_between_the_table(small_study: object) -> None:
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [
-        ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'height_mm'?"),
-        ("dog.height_m=0.003", "did you mean 'height_mm'?"),
+        ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
+        ("dog.height_m=0.003", "did you mean 'dog.height_mm'?"),
         ("surprise.key=1", "'surprise' is not a known key; valid are"),
         ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but input should be a valid number"),
         ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),

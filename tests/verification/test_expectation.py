@@ -87,8 +87,8 @@ def test_standard_error_of_a_smooth_time_is_unbiased(point: Point) -> None:
 
 
 def test_weights_and_independent_errors(point: Point) -> None:
-    a = expect_point(point(50, 469.0), _shifts(0.04, 0.06), 1.0, 0.2, stratified=False)
-    b = expect_point(point(100, 469.0), _shifts(0.10, 0.14), 1.0, 0.2, stratified=False)
+    a = expect_point(point(50, 469.0), _shifts(0.04, 0.05, 0.06), 1.0, 0.2, stratified=False)
+    b = expect_point(point(100, 469.0), _shifts(0.10, 0.12, 0.14), 1.0, 0.2, stratified=False)
     both = expect([a, b])
     assert both.mean == pytest.approx(0.085)
-    assert both.standard_error == pytest.approx(0.5 * np.hypot(0.01, 0.02))
+    assert both.standard_error == pytest.approx(0.5 * np.hypot(0.01, 0.02) / np.sqrt(3))
