@@ -10,22 +10,18 @@ OUT ?= results/mq200
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint evidence constraints system clean
+.PHONY: study test lint constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
 
 test: $(VENV)/ready lint
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest
 
 lint: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
-
-# Slow evidence: minutes to hours, not part of 'make test'.
-evidence: $(VENV)/ready
-	$(BIN)/python -m pytest -m slow
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)

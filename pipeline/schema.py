@@ -104,11 +104,11 @@ class SearchSection(Section):
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: str = "surrogate"
-    trials: Annotated[int, Field(ge=1)] = 40
+    trials: Annotated[int, Field(ge=1)] = 32
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
-    confirm_angles: Annotated[int, Field(ge=3)] = 24
+    confirm_angles: Annotated[int, Field(ge=3)] = 16
 
 
 class SolverSection(Section):
