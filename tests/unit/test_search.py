@@ -126,8 +126,13 @@ def test_stopped_and_resumed_equals_uninterrupted(
     finished: tuple[Path, dict[str, Any]], tmp_path: Path, number: signal.Signals
 ) -> None:
     """Neither Ctrl-C nor kill loses a finished shift or changes what follows."""
+    # A shell starts background jobs with Ctrl-C ignored, and children inherit that.
     process = subprocess.Popen(
-        _command(tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+        _command(tmp_path),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
     )
     journal = tmp_path / "shifts.jsonl"
     deadline = time.monotonic() + 120
