@@ -17,7 +17,7 @@ from pipeline.schema import FORMAT, StudyFile
 from sim.actuation import ForceProfile
 from sim.batch import Record, clutch_record, content_key
 from sim.bundled import bundled_root
-from sim.clutch import Clutch, OperatingPoint, Solver, solver_for
+from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
 from sim.edge import dog_fields, rings, validate
 from sim.errors import InputError, refusal, require_between
@@ -201,7 +201,7 @@ def _contact(file: StudyFile) -> ContactSet:
 def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     solver, section = solver_for(contact), file.solver
     if section.scheme is not None:
-        solver = Solver(scheme=section.scheme, accuracy=1e-7 if section.scheme == "cenic" else 1e-4)
+        solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
     if section.accuracy is not None:
         solver = replace(solver, accuracy=section.accuracy)
     if section.max_step_s is not None:

@@ -16,6 +16,7 @@ from pipeline.drawing import section_svg
 from pipeline.figures import axis_title, convergence_figure, front_figure, points_figure
 from pipeline.folder import StudyFolder
 from sim.strength import strength_checks
+from surrogate.validation import Validation
 
 Row = dict[str, Any]
 
@@ -69,6 +70,7 @@ def _content(study: Study, result: Row) -> Row:
     variables = list(study.variables)
     others = [name for name in result["objectives"] if name != SIMULATED]
     confirmation, best = result["confirmation"], result["best"]
+    fitted = result["surrogate"]
     figures, convergence = [], ""
     if best is not None:
         convergence = figure_html(convergence_figure(result), "convergence")
@@ -90,6 +92,7 @@ def _content(study: Study, result: Row) -> Row:
         "drawings": drawings,
         "designs": _designs(result),
         "is_clear": is_clear,
+        "surrogate_useful": bool(fitted) and Validation(**fitted).useful,
         "percent": percent,
         "checks": [c.name for c in strength_checks(study.clutch.dog, study.limits)],
         "barred": [r for r in result["trials"] if not r["feasible"]],

@@ -66,7 +66,8 @@ class Solver:
         require_between("solver.max_step_s", self.max_step, 1e-6, 0.01, remedy)
 
 
-SCHEMES = ("runge_kutta3", "cenic")
+#: Schemes with the accuracy that each needs.
+SCHEMES = {"runge_kutta3": 1e-4, "cenic": 1e-7}
 
 
 def solver_for(contact: ContactSet) -> Solver:
@@ -76,7 +77,7 @@ def solver_for(contact: ContactSet) -> Solver:
     than a quarter (0.30 and 0.16) that decides whether a flank holds.
     """
     if contact.dynamic_friction < 0.75 * contact.static_friction:
-        return Solver(scheme="cenic", accuracy=1e-7)
+        return Solver("cenic", SCHEMES["cenic"])
     return Solver()
 
 
