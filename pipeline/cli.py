@@ -23,7 +23,7 @@ from pipeline.folder import StudyFolder
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, check_record, expectation_record, fit_study, run_study
-from sim.batch import Block, pitch_angles, versions
+from sim.batch import Block, events_record, loads_record, pitch_angles, versions
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
@@ -105,6 +105,7 @@ def shift(
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
     result = engage(ClutchPlant(clutch), point, relative_angle_deg * DEG)
+    peak = given.torque_peak(result.loads.residual_mismatch)
     if html is not None:
         write_animation(result, html)
     if trace is not None:
@@ -113,18 +114,21 @@ def shift(
         "outcome": result.outcome.value,
         "shift_time_s": result.shift_time,
         "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
-        "peak_axial_force_N": result.peak_axial_force,
+        "peak_axial_force_N": result.loads.peak_axial_force,
+        "events": events_record(result),
+        "loads": {**loads_record(result), "torque_peak_Nm": peak},
         "detail": result.detail,
         "solver": {
             "scheme": solver.scheme,
             "accuracy": solver.accuracy,
             "max_step_s": solver.max_step,
             "steps": result.steps,
+            "evaluations": result.evaluations,
             "dogs": clutch.dog.count if all_dogs else 1,
             "contact_set": clutch.contact.name,
         },
     }
-    emit(data, json, lambda: tables.shift_table(result))
+    emit(data, json, lambda: tables.shift_table(result, peak))
 
 
 def _point(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:

@@ -22,6 +22,7 @@ from sim.contact import ContactSet, contact_set
 from sim.edge import dog_fields, rings, validate
 from sim.errors import InputError, refusal, require_between
 from sim.geometry import Dog
+from sim.loads import torque_peak
 from sim.manufacture import ManufacturingLimits
 from sim.strength import Limits, LoadCase, Material
 from sim.units import MM, MPA, RPM, unit_of
@@ -58,6 +59,16 @@ class Study:
         Raises InputError or GeometryError where there is no such dog.
         """
         return replace(self.clutch.dog, **dog_fields(params))
+
+    def torque_peak(self, mismatch: float) -> float | None:
+        """Return the driveline's torque peak in N m for a residual mismatch in rad/s.
+
+        None where the study gives no driveline stiffness.
+        """
+        stiffness = self.file.driveline.stiffness_Nm_rad
+        if stiffness is None:
+            return None
+        return torque_peak(mismatch, stiffness, self.clutch.rings.reduced_inertia)
 
     @property
     def prototype(self) -> dict[str, float]:
@@ -171,6 +182,9 @@ def build_study(file: StudyFile) -> Study:
     shift = file.shift
     require_between("shift.retraction_s", shift.retraction_s, 0.0, 60.0, "give a time in seconds")
     require_between("shift.rebound_mm", shift.rebound_mm, 0.0, 100.0, "give a length in mm")
+    stiffness = file.driveline.stiffness_Nm_rad
+    if stiffness is not None:
+        _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
     points = tuple(
         OperatingPoint(mismatch * RPM, profile_for(file, force))
         for mismatch in file.operating.mismatch_rpm

@@ -58,6 +58,12 @@ class ExpectationSection(Section):
     seed: Annotated[int, Field(ge=0)] = 1
 
 
+class DrivelineSection(Section):
+    """What stands between the clutch and the vehicle; for the torque peak only."""
+
+    stiffness_Nm_rad: float | None = None
+
+
 class LoadSection(Section):
     """Load case of the strength checks."""
 
@@ -138,6 +144,7 @@ class StudyFile(Section):
     actuation: ActuationSection
     operating: OperatingSection
     expectation: ExpectationSection = ExpectationSection()
+    driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()

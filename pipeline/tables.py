@@ -16,7 +16,7 @@ from pipeline.report import is_clear
 from sim.checks import Check, feasible
 from sim.engagement import Engagement
 from sim.expectation import Expectation
-from sim.units import RPM
+from sim.units import MM, RPM
 from surrogate.query import Answer
 from surrogate.validation import Validation
 
@@ -32,16 +32,44 @@ def _ms(value: float | None) -> str:
     return "-" if value is None or math.isnan(value) else f"{value * 1e3:.1f}"
 
 
-def shift_table(result: Engagement) -> RenderableType:
-    """Return outcome, phases and peak force of one shift."""
+def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
+    """Return outcome, phases, events and loads of one shift; ``torque_peak`` in N m."""
     table = _table("phase", "start, ms", "end, ms", "length, ms")
     for phase in result.phases:
         length = phase.end - phase.start
         table.add_row(phase.name, _ms(phase.start), _ms(phase.end), _ms(length))
     outcome = result.outcome.value.replace("_", " ")
     time = f" in {_ms(result.shift_time)} ms" if result.shift_time is not None else ""
-    peak = f"peak axial contact force {result.peak_axial_force:.0f} N"
-    return Group(f"{outcome}{time}: {result.detail}", table, peak)
+    facts = "; ".join([*event_facts(result), *load_facts(result, torque_peak)])
+    return Group(f"{outcome}{time}: {result.detail}", table, facts)
+
+
+def event_facts(result: Engagement) -> list[str]:
+    """Return what happened in a shift, in words."""
+    events = result.events
+    slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
+    return [
+        f"{events.face_contacts} face contacts",
+        f"{events.slots_skipped} slots skipped",
+        f"thrown back {events.rebound / MM:.2f} mm",
+        f"held dog on dog {_ms(events.time_blocked)} ms",
+        slid,
+    ]
+
+
+def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
+    """Return the loads of a shift, in words; ``torque_peak`` in N m."""
+    loads = result.loads
+    facts = [
+        f"peak force axial {loads.peak_axial_force:.0f} N",
+        f"tangential {loads.peak_tangential_force:.0f} N",
+        f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
+        f"energy dissipated {loads.energy_dissipated:.3g} J",
+        f"mismatch left at the flanks {loads.residual_mismatch / RPM:.3g} 1/min",
+    ]
+    if torque_peak is not None:
+        facts.append(f"torque peak in the driveline {torque_peak:.3g} N m")
+    return facts
 
 
 def expectation_table(result: Expectation) -> RenderableType:

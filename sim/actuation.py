@@ -9,10 +9,15 @@ A mass that nothing touches has travelled
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import InputError, refusal
+
+Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
 
 
 @dataclass(frozen=True)
@@ -31,24 +36,27 @@ class ForceProfile:
             remedy = "give the rise time in seconds"
             raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
 
-    def at(self, time: float) -> float:
+    def at(self, time: Times) -> Times:
         """Return the force in N at ``time`` in s after the start."""
-        s = min(1.0, max(0.0, time / self.rise))
-        return self.force * s * s * (3.0 - 2.0 * s)
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        force: Times = self.force * s * s * (3.0 - 2.0 * s)
+        return force
 
-    def free_flight(self, time: float, mass: float) -> float:
+    def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
-        s = min(1.0, time / self.rise)
+        s = np.clip(time / self.rise, 0.0, 1.0)
         way = self.force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
-        beyond = max(0.0, time - self.rise)
+        beyond = np.maximum(0.0, time - self.rise)
         speed = 0.5 * self.force * self.rise / mass
-        return way + beyond * speed + 0.5 * self.force / mass * beyond**2
+        whole: Times = way + beyond * speed + 0.5 * self.force / mass * beyond**2
+        return whole
 
-    def free_speed(self, time: float, mass: float) -> float:
+    def free_speed(self, time: Times, mass: float) -> Times:
         """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
-        s = min(1.0, time / self.rise)
+        s = np.clip(time / self.rise, 0.0, 1.0)
         speed = self.force * self.rise / mass * (s**3 - s**4 / 2.0)
-        return speed + self.force / mass * max(0.0, time - self.rise)
+        whole: Times = speed + self.force / mass * np.maximum(0.0, time - self.rise)
+        return whole
 
     def free_flight_time(self, way: float, mass: float) -> float:
         """Return the time in s after which a free ``mass`` has made ``way`` in m."""

@@ -107,6 +107,31 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version(), **{n: metadata.version(n) for n in names}}
 
 
+def events_record(result: Engagement) -> Record:
+    """Return the events of a shift as a flat record in the edge's units."""
+    events = result.events
+    return {
+        "face_contacts": events.face_contacts,
+        "slots_skipped": events.slots_skipped,
+        "rebound_travel_mm": events.rebound / MM,
+        "time_blocked_s": events.time_blocked,
+        "face_slide_mm": events.face_slide / MM,
+        "chamfer_slid": events.chamfer_slid,
+    }
+
+
+def loads_record(result: Engagement) -> Record:
+    """Return the loads of a shift as a flat record in the edge's units."""
+    loads = result.loads
+    return {
+        "peak_axial_force_N": loads.peak_axial_force,
+        "peak_tangential_force_N": loads.peak_tangential_force,
+        "impact_impulse_Ns": loads.impact_impulse,
+        "energy_dissipated_J": loads.energy_dissipated,
+        "residual_mismatch_rpm": loads.residual_mismatch / RPM,
+    }
+
+
 def shift_record(result: Engagement) -> Record:
     """Return one shift as a flat record: key, inputs, result and versions."""
     given = inputs(result.clutch, result.point, result.relative_angle)
@@ -115,8 +140,10 @@ def shift_record(result: Engagement) -> Record:
         **given,
         "outcome": result.outcome.value,
         "shift_time_s": result.shift_time,
-        "peak_axial_force_N": result.peak_axial_force,
+        **events_record(result),
+        **loads_record(result),
         "steps": result.steps,
+        "evaluations": result.evaluations,
         "dogshape": versions()["dogshape"],
         "drake": versions()["drake"],
     }

@@ -10,10 +10,13 @@ Contact needs one rigid and one compliant side:
 - rigid: the three surfaces that can touch (traction flank, face, braking
   flank) of every dog, as an open surface. Nothing else can be reached: the way
   ends 0.05 mm above the root and the annuli are equal and coaxial.
-- compliant: one dog as a volume whose pressure rises linearly from its skin
-  over a layer of depth *d* to a plateau. It reaches beyond the dog inwards,
-  outwards and below the root by 2 *d*, so that the stiffness over the whole
-  surface that can be touched is the same, save within *d* of the true edges.
+- compliant: one dog as six pyramids with a common apex, the point equally deep
+  below traction flank, face and braking flank. Pressure rises linearly from the
+  skin to the apex, so that below each of the three faces it is stiffness times
+  depth, and where two of them meet it is the smaller depth that counts. The body
+  reaches beyond the dog inwards, outwards and below the root, half as far again
+  from the apex as the dog itself: down to a third of the apex's depth the
+  pyramids of the three faces cover all that can be touched.
 """
 
 from __future__ import annotations
@@ -158,54 +161,40 @@ def rotation(angle: float) -> NDArray[np.float64]:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def layer_depth(dog: Dog) -> float:
-    """Return the depth of the pressure layer, m: a fifth of the smallest half width."""
-    tip = dog.tip_width_at(dog.inner_radius)
-    return 0.2 * 0.5 * min(tip, dog.braking_flank_height)
+def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
+    """Return the point (3,) equally deep below the three faces that touch, and its depth, m.
+
+    It lies at the mean radius; its depth bounds what the contact can resolve.
+    """
+    planes = dog_planes(dog)
+    touching = [planes[name] for name in ("face", "traction", "braking")]
+    normals = np.array([plane.normal for plane in touching])
+    offsets = np.array([plane.offset for plane in touching])
+    matrix = np.column_stack([normals[:, 1:], np.ones(3)])
+    y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * dog.mean_radius)
+    return np.array([dog.mean_radius, y, z]), float(depth)
 
 
 def compliant_dog(dog: Dog) -> Mesh:
-    """Return one dog as tetrahedra: a skin, a core at the layer depth, and between.
+    """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
-    Six frusta join the quadrilaterals of skin and core; the core is one
-    hexahedron. Every quadrilateral is cut by a rule on its indices alone, so
-    neighbours agree, and no tetrahedron has all its corners on the skin.
+    Few and large cells are right here: the pressure is linear in each, so a finer
+    mesh has the same field and only costs more.
     """
-    depth = layer_depth(dog)
-    planes = dog_planes(dog)
-    skin = {name: plane.moved(_overhang(name, depth)) for name, plane in planes.items()}
-    core = {name: plane.moved(-depth) for name, plane in skin.items()}
-    vertices = np.concatenate([corners(skin), corners(core)])
-    return Mesh(vertices, _oriented(vertices, _layer_cells() + _core_cells()))
-
-
-def _overhang(name: str, depth: float) -> float:
-    return 2.0 * depth if name in ("inner", "outer", "root") else 0.0
+    apex, _ = pressure_apex(dog)
+    reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
+    beyond = {
+        "inner": 0.25 * dog.radial_width,
+        "outer": 0.25 * dog.radial_width,
+        "root": 1.5 * reach - apex[2] - 0.5 * dog.height,
+    }
+    skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in dog_planes(dog).items()}
+    vertices = np.concatenate([corners(skin), apex[None, :]])
+    cells = [(*triangle, 8) for face in _FACES for triangle in _triangulate(face)]
+    return Mesh(vertices, _oriented(vertices, cells))
 
 
 _FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-
-
-def _layer_cells() -> list[tuple[int, int, int, int]]:
-    """Split each frustum between skin face and core face into tetrahedra.
-
-    A prism over the triangle (a, b, c) with a < b < c by index splits without
-    conflict into (a b c c'), (a b c' b'), (a b' c' a') (Dompierre et al. 1999).
-    """
-    cells: list[tuple[int, int, int, int]] = []
-    for face in _FACES:
-        for triangle in _triangulate(face):
-            a, b, c = sorted(triangle)
-            cells += [(a, b, c, c + 8), (a, b, c + 8, b + 8), (a, b + 8, c + 8, a + 8)]
-    return cells
-
-
-def _core_cells() -> list[tuple[int, int, int, int]]:
-    """Split the core as a fan about its lowest corner, in line with the layer."""
-    apex = 8
-    triangles = [t for face in _FACES for t in _triangulate(face)]
-    outer = [tuple(v + 8 for v in t) for t in triangles if 0 not in t]
-    return [(apex, a, b, c) for a, b, c in outer if apex not in (a, b, c)]
 
 
 def _triangulate(face: tuple[int, int, int, int]) -> list[tuple[int, int, int]]:

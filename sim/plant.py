@@ -50,7 +50,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint
-from sim.mesh import compliant_dog, layer_depth, rigid_dog, ring_of, to_obj, to_vtk
+from sim.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -183,7 +183,7 @@ class ClutchPlant:
         plant.AddJointActuator("shift_force", joint)
         one = compliant_dog(clutch.dog)
         properties = ProximityProperties()
-        modulus = clutch.contact.stiffness * layer_depth(clutch.dog)
+        modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
         AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start.translation())

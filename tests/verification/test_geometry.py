@@ -10,7 +10,15 @@ import pytest
 
 from sim.errors import GeometryError, InputError
 from sim.geometry import Dog, section
-from sim.mesh import compliant_dog, corners, dog_planes, dog_solid, layer_depth, rigid_dog, ring_of
+from sim.mesh import (
+    Mesh,
+    compliant_dog,
+    dog_planes,
+    dog_solid,
+    pressure_apex,
+    rigid_dog,
+    ring_of,
+)
 from sim.units import DEG
 
 
@@ -92,27 +100,68 @@ def test_solid_is_closed_and_has_the_volume_of_its_section(prototype: Dog) -> No
     assert solid.volume == pytest.approx(area * prototype.radial_width, rel=0.02)
 
 
-def test_compliant_dog_fills_its_skin_without_overlap(prototype: Dog) -> None:
-    """Volumes of all tetrahedra are positive and add up to the body between six planes."""
-    mesh = compliant_dog(prototype)
+#: Chamfer, traction, braking in deg, height in mm, dogs: the prototype and corners of the range.
+SHAPES = [
+    (8, 12, 22, 3.7, 15),
+    (2, 4, 5, 1.6, 6),
+    (6, 29, 29, 5.5, 10),
+    (15, 7, 25, 2.0, 34),
+    (0, 4, 4, 6.0, 20),
+]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_compliant_dog_is_whole_and_its_pressure_is_depth(
+    prototype: Dog, shape: tuple[float, ...]
+) -> None:
+    """Tetrahedra fill the skin without overlap; below each face pressure grows with depth.
+
+    Twenty points on every face of the rigid dog, moved in by up to a third of
+    the apex's depth: the pressure of the cell around each is its depth below the
+    nearest of the three faces.
+    """
+    chamfer, traction, braking, height, count = shape
+    angles = {"chamfer": chamfer * DEG, "traction": traction * DEG, "braking": braking * DEG}
+    dog = replace(prototype, height=height * 1e-3, count=int(count), **angles)
+    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
     cells = mesh.vertices[mesh.cells]
     volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
     assert (volumes > 0.0).all()
-    depth = layer_depth(prototype)
-    out = {"inner": 2 * depth, "outer": 2 * depth, "root": 2 * depth}
-    moved = {n: p.moved(out.get(n, 0.0)) for n, p in dog_planes(prototype).items()}
-    skin = corners(moved)
-    assert np.abs(mesh.vertices[:8] - skin).max() < 1e-15
+    assert _boundary(mesh) == 12
+    assert mesh.vertices[8] == pytest.approx(apex)
+    touching = [dog_planes(dog)[name] for name in ("braking", "face", "traction")]
+    assert [p.offset - p.normal @ apex for p in touching] == pytest.approx([full] * 3)
+    rng = np.random.default_rng(3)
+    skin = rigid_dog(dog)
+    for triangle in skin.vertices[skin.cells]:
+        for weights in rng.dirichlet(np.ones(3), 10):
+            inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
+            inward /= np.linalg.norm(inward)
+            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
+            depth = min(plane.offset - plane.normal @ place for plane in touching)
+            if depth > 0.0:
+                assert _pressure(mesh, place) * full == pytest.approx(depth, abs=1e-12)
+
+
+def _boundary(mesh: Mesh) -> int:
+    """Count triangles that belong to one tetrahedron; no triangle may belong to three."""
     faces: dict[tuple[int, ...], int] = {}
     for cell in mesh.cells.tolist():
-        for out_vertex in cell:
-            face = tuple(sorted(v for v in cell if v != out_vertex))
+        for left_out in cell:
+            face = tuple(sorted(v for v in cell if v != left_out))
             faces[face] = faces.get(face, 0) + 1
-    # Inner faces are shared by two tetrahedra; the boundary is the twelve skin triangles.
-    boundary = [face for face, n in faces.items() if n == 1]
     assert set(faces.values()) == {1, 2}
-    assert len(boundary) == 12
-    assert all(max(face) < 8 for face in boundary)
+    return sum(n == 1 for n in faces.values())
+
+
+def _pressure(mesh: Mesh, place: np.ndarray) -> float:
+    """Return the field that is 1 at the apex and 0 on the skin, at a point of the mesh."""
+    for cell in mesh.cells:
+        matrix = np.vstack([mesh.vertices[cell].T, np.ones(4)])
+        shares = np.linalg.solve(matrix, [*place, 1.0])
+        if (shares > -1e-9).all():
+            return float(shares[cell == 8][0])
+    raise AssertionError(f"{place} lies in no cell")
 
 
 def test_ring_repeats_the_dog_once_a_pitch(prototype: Dog) -> None:

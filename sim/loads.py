@@ -1,0 +1,94 @@
+r"""Loads of a shift that a designer needs.
+
+The rings are rigid behind the stiffness of the dogs, so peak forces are upper
+bounds; impulses and energies follow from the momenta and are not.
+
+A driveline of torsional stiffness *c* between clutch and vehicle takes up what
+mismatch is left when the flanks close: the rings swing against each other as two
+inertias on a spring, and with :math:`J = J_1 J_2/(J_1 + J_2)` the torque peaks at
+
+.. math:: T = \Delta\omega \sqrt{c J}.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.clutch import Clutch
+from sim.phases import Phase
+from sim.trace import Series, Trace
+
+IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of a shift, of the whole ring.
+
+    Parameters
+    ----------
+    peak_axial_force : largest axial contact force, N.
+    peak_tangential_force : largest tangential contact force at the mean radius, N.
+    impact_impulse : largest contact impulse (axial and tangential as a vector)
+        within any millisecond, N s.
+    energy_dissipated : energy that the contact took, by balance, J: what is left
+        in the compressed dogs at the end included.
+    residual_mismatch : relative speed with which the flanks close for good, at the
+        start of seating, rad/s, signed; flanks that struck and flew off before
+        show in the impulse.
+    """
+
+    peak_axial_force: float
+    peak_tangential_force: float
+    impact_impulse: float
+    energy_dissipated: float
+    residual_mismatch: float
+
+
+def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
+    """Return the loads of a shift."""
+    closing = int(np.searchsorted(trace.time, phases[-1].start))
+    before = max(0, min(closing, len(trace.time) - 1) - 1)
+    return Loads(
+        peak_axial_force=float(trace.contact_force.max()),
+        peak_tangential_force=float(np.abs(trace.tangential_force).max()),
+        impact_impulse=_hardest(trace),
+        energy_dissipated=float(energy_lost(clutch, trace)[-1]),
+        residual_mismatch=float(trace.relative_speed[before]),
+    )
+
+
+def _hardest(trace: Trace) -> float:
+    """Return the largest impulse within any window of the impact's length, N s."""
+    steps = np.diff(trace.time, prepend=trace.time[0])
+    ends = trace.time + IMPACT
+    gained = []
+    for force in (trace.contact_force, trace.tangential_force):
+        impulse = np.cumsum(force * steps)
+        gained.append(np.interp(ends, trace.time, impulse) - impulse)
+    return float(np.hypot(*gained).max())
+
+
+def energy_lost(clutch: Clutch, trace: Trace) -> Series:
+    """Return initial energy and work of the shift force less kinetic energy, J, (n,)."""
+    rings = clutch.rings
+    kinetic = 0.5 * (
+        rings.mass * trace.axial_speed**2
+        + rings.sliding_inertia * trace.sliding_speed**2
+        + rings.output_inertia * trace.output_speed**2
+    )
+    mean_force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
+    work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.displacement))])
+    lost: Series = kinetic[0] + work - kinetic
+    return lost
+
+
+def torque_peak(mismatch: float, stiffness: float, inertia: float) -> float:
+    """Return the torque in N m with which a driveline takes up a residual mismatch.
+
+    ``mismatch`` in rad/s, torsional ``stiffness`` in N m/rad, reduced ``inertia`` in kg m2.
+    """
+    return abs(mismatch) * math.sqrt(stiffness * inertia)

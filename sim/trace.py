@@ -1,0 +1,93 @@
+"""Time series of a shift, worked out from the states of the run.
+
+Contact forces follow from what the sliding ring does: along the shaft the shift
+force lost to the contact, about it the torque that its speed shows. Each is the
+mean over the step that ends at its time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.clutch import Clutch, OperatingPoint
+
+Series = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Time series of a shift, each (n,), SI units.
+
+    ``contact_force`` is the axial one, positive against the shift.
+    ``tangential_force`` acts on the sliding ring at the mean radius, positive
+    where the output ring drives it. Both are of the whole ring.
+    """
+
+    time: Series
+    displacement: Series
+    axial_speed: Series
+    sliding_speed: Series
+    output_speed: Series
+    relative_angle: Series
+    shift_force: Series
+    contact_force: Series
+    tangential_force: Series
+
+    @property
+    def relative_speed(self) -> Series:
+        """Output less sliding speed, rad/s, (n,)."""
+        return self.output_speed - self.sliding_speed
+
+
+def trace_of(
+    clutch: Clutch, point: OperatingPoint, times: Sequence[float], states: Sequence[Series]
+) -> Trace:
+    """Return the trace of a run.
+
+    Parameters
+    ----------
+    times : s, (n,); a time that does not grow is left out.
+    states : output angle, displacement, sliding angle and their rates, each (6,).
+    """
+    time, state = np.array(times), np.array(states)
+    keep = np.concatenate([[True], np.diff(time) > 0.0])
+    time, state = time[keep], state[keep]
+    steps = np.diff(time)
+    lost = np.diff(point.profile.free_speed(time, clutch.rings.mass)) - np.diff(state[:, 4])
+    torque = clutch.rings.sliding_inertia * np.diff(state[:, 5]) / steps
+    return Trace(
+        time=time,
+        displacement=state[:, 1],
+        axial_speed=state[:, 4],
+        sliding_speed=state[:, 5],
+        output_speed=state[:, 3],
+        relative_angle=state[:, 0] - state[:, 2],
+        shift_force=point.profile.at(time),
+        contact_force=np.concatenate([[0.0], clutch.rings.mass * lost / steps]),
+        tangential_force=np.concatenate([[0.0], torque / clutch.dog.mean_radius]),
+    )
+
+
+def crossing(trace: Trace, way: float) -> float:
+    """Return when the displacement reaches ``way`` within the last step, s.
+
+    Cubic between the two states (Hermite), solved by bisection.
+    """
+    (t0, t1), (x0, x1) = trace.time[-2:], trace.displacement[-2:]
+    v0, v1 = trace.axial_speed[-2:]
+    step = t1 - t0
+    low, high = 0.0, 1.0
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        x = (
+            (1 + 2 * s) * (1 - s) ** 2 * x0
+            + s * (1 - s) ** 2 * step * v0
+            + s * s * (3 - 2 * s) * x1
+            + s * s * (s - 1) * step * v1
+        )
+        low, high = (low, s) if x >= way else (s, high)
+    return float(t0 + 0.5 * (low + high) * step)
