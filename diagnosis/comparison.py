@@ -2,7 +2,7 @@
 
 Where the data set says its relative angles, the simulation uses the same; then
 ``standard_error`` is that of a mean of so many random angles and tells what weight
-a difference deserves. Otherwise the angles are stratified, and the error is that
+a difference deserves. Otherwise the angles are evenly spaced, and the error is that
 of the bench's mean (spread from the simulation) and of the simulated mean.
 """
 
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 from diagnosis.bench import Bench, Cell
 from sim.batch import Block, Record, pitch_angles, result_of
-from sim.expectation import PointExpectation, expect_point, stratified_phases
+from sim.expectation import PointExpectation, even_phases, expect_point
 
-STRATA = 16  #: stratified angles where neither data set nor caller says any
+ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
 
@@ -76,30 +76,30 @@ def compare(
     Parameters
     ----------
     run : simulates blocks of shifts.
-    angles : relative angles in rad, or how many stratified ones, at least three;
-        by default those of the data set, or sixteen stratified ones.
-    seed : of the stratified angles.
+    angles : relative angles in rad, or how many evenly spaced ones, at least three;
+        by default those of the data set, or sixteen.
+    seed : of where the angles begin.
     """
     given = angles if isinstance(angles, tuple) else None
     if angles is None:
         given = bench.relative_angles
-    count = angles if isinstance(angles, int) else STRATA
+    count = angles if isinstance(angles, int) else ANGLES
     blocks = []
     for index, cell in enumerate(bench.cells):
         chosen = given
         if chosen is None:
-            chosen = pitch_angles(bench.clutch, stratified_phases(count, seed, index))
+            chosen = pitch_angles(bench.clutch, even_phases(count, seed, index))
         blocks.append(Block(bench.clutch, cell.point, chosen))
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
     return Comparison(bench, tuple(_difference(bench, c, r, given is None) for c, r in pairs))
 
 
-def _difference(bench: Bench, cell: Cell, rows: list[Record], stratified: bool) -> Difference:
+def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Difference:
     results = [result_of(row) for row in rows]
-    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, stratified)
+    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even)
     error = simulated.sd / math.sqrt(max(1, simulated.n))
-    if stratified:
+    if even:
         sampled = simulated.sd / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
     return Difference(cell, simulated, max(error, 1e-6))

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from diagnosis.bench import load_bench
-from diagnosis.comparison import STRATA, compare
+from diagnosis.comparison import ANGLES, compare
 from pipeline import tables
 from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study, profile_for
@@ -28,7 +28,7 @@ from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
 from sim.errors import InputError, refusal
-from sim.expectation import stratified_phases
+from sim.expectation import even_phases
 from sim.manufacture import require_makeable
 from sim.plant import ClutchPlant
 from sim.strength import strength_checks
@@ -143,7 +143,8 @@ def expect(
     force_N: Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")] = None,
     force_rise_s: Rise = None,
     angles: Annotated[
-        str | None, typer.Option(help="number of strata, or relative angles in degrees: A,B,C")
+        str | None,
+        typer.Option(help="how many evenly spaced ones, or relative angles in degrees: A,B,C"),
     ] = None,
     set_: Sets = None,
     jobs: Jobs = 0,
@@ -166,16 +167,16 @@ def expect(
     seed = given.file.expectation.seed
     blocks = []
     for index, point in enumerate(points):
-        chosen = listed or pitch_angles(given.clutch, stratified_phases(count, seed, index))
+        chosen = listed or pitch_angles(given.clutch, even_phases(count, seed, index))
         blocks.append(Block(given.clutch, point, chosen))
     with ShiftProgress(sum(len(b.angles) for b in blocks)) as progress:
         rows = scratch_executor(jobs, progress.advance).run(blocks)
-    result = expectation_of(given, points, rows, stratified=not listed)
+    result = expectation_of(given, points, rows, even=not listed)
     emit(expectation_record(result), json, lambda: tables.expectation_table(result))
 
 
 def _angles(text: str | None, default: int) -> tuple[int, tuple[float, ...]]:
-    """Return how many strata, and the angles in rad where they are listed."""
+    """Return how many angles, and the angles in rad where they are listed."""
     if text is None:
         return default, ()
     try:
@@ -326,7 +327,7 @@ def validate(
     bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
     angles: Annotated[
         str | None,
-        typer.Option(help="strata, or angles A,B,C in degrees; default: the set's own, or 16"),
+        typer.Option(help="how many, or angles A,B,C in degrees; default: the set's own, or 16"),
     ] = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -336,7 +337,7 @@ def validate(
     Example: dogshape validate mq200_adams
     """
     given = load_bench(bench)
-    count, listed = _angles(angles, STRATA)
+    count, listed = _angles(angles, ANGLES)
     if len(listed or range(count)) < 3:
         raise InputError(
             f"--angles is '{angles}', but a comparison needs at least three; give more"

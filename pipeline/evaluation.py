@@ -8,15 +8,15 @@ from pipeline.config import Study
 from pipeline.executor import Executor
 from sim.batch import Block, Record, pitch_angles, result_of
 from sim.clutch import Clutch, OperatingPoint
-from sim.expectation import Expectation, expect, expect_point, stratified_phases
+from sim.expectation import Expectation, even_phases, expect, expect_point
 from sim.geometry import Dog
 from sim.manufacture import require_makeable
 
 
 def blocks_of(study: Study, clutch: Clutch, angles: int, seed: int) -> list[Block]:
-    """Return one block for each operating point, at stratified angles of its own."""
+    """Return one block for each operating point, at evenly spaced angles of its own."""
     return [
-        Block(clutch, point, pitch_angles(clutch, stratified_phases(angles, seed, index)))
+        Block(clutch, point, pitch_angles(clutch, even_phases(angles, seed, index)))
         for index, point in enumerate(study.points)
     ]
 
@@ -44,13 +44,13 @@ def expectation_of(
     study: Study,
     points: Sequence[OperatingPoint],
     rows: Sequence[Sequence[Record]],
-    stratified: bool = True,
+    even: bool = True,
 ) -> Expectation:
     """Return the expectation over points from the records of each."""
     timeout = study.clutch.timeout
     return expect(
         [
-            expect_point(point, [result_of(r) for r in mine], timeout, study.retraction, stratified)
+            expect_point(point, [result_of(r) for r in mine], timeout, study.retraction, even)
             for point, mine in zip(points, rows, strict=True)
         ]
     )

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim.clutch import OperatingPoint
+import sim.mesh
+from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import engage
+from sim.geometry import Dog
+from sim.mesh import Mesh
 from sim.plant import ClutchPlant
 from sim.units import DEG, FACTORS, from_si, to_si, unit_of
 
@@ -30,6 +35,51 @@ def test_coinciding_angles_of_the_thesis(plant: ClutchPlant, point: Point) -> No
         one = engage(plant, point(100, 315.5), a * DEG)
         two = engage(plant, point(100, 315.5), b * DEG)
         assert one.shift_time == pytest.approx(two.shift_time, rel=1e-4)
+
+
+def _mirrored(make: Callable[[Dog], Mesh]) -> Callable[[Dog], Mesh]:
+    """Reflect what a mesh function makes in the plane of the axis and the x direction."""
+
+    def reflected(dog: Dog) -> Mesh:
+        mesh = make(dog)
+        cells = mesh.cells.copy()
+        cells[:, [0, 1]] = cells[:, [1, 0]]  # a reflection turns every cell inside out
+        return Mesh(mesh.vertices * [1.0, -1.0, 1.0], cells)
+
+    return reflected
+
+
+@pytest.mark.parametrize(("mismatch", "angle"), [(10, 14), (50, 3), (-50, 18), (149, 9)])
+def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
+    clutch: Clutch, point: Point, monkeypatch: pytest.MonkeyPatch, mismatch: float, angle: float
+) -> None:
+    """Same displacement, opposite angles and speeds; same events."""
+    here = engage(ClutchPlant(clutch), point(mismatch, 469.0), angle * DEG)
+    for name in ("rigid_dog", "compliant_dog"):
+        monkeypatch.setattr(f"sim.plant.{name}", _mirrored(getattr(sim.mesh, name)))
+    there = engage(ClutchPlant(clutch), point(-mismatch, 469.0), -angle * DEG)
+    assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
+    seen = np.linspace(0.0, 0.9 * here.trace.time[-1], 50)
+    for name, sign in (("displacement", 1), ("relative_angle", -1), ("relative_speed", -1)):
+        one = np.interp(seen, here.trace.time, getattr(here.trace, name))
+        other = np.interp(seen, there.trace.time, getattr(there.trace, name))
+        assert one == pytest.approx(sign * other, abs=2e-3 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("mismatch", [25, -100])
+def test_flat_faces_mirror_by_exchanging_the_flanks(
+    clutch: Clutch, point: Point, mismatch: float
+) -> None:
+    """Without chamfer the mirror image is a dog of its own: both side angles exchanged."""
+    dog = replace(clutch.dog, chamfer=0.0)
+    swapped = replace(dog, traction=dog.braking, braking=dog.traction)
+    for angle in (9, 12, 15):
+        here = engage(ClutchPlant(clutch.with_dog(dog)), point(mismatch, 235.2), angle * DEG)
+        other = ClutchPlant(clutch.with_dog(swapped))
+        there = engage(other, point(-mismatch, 235.2), -angle * DEG)
+        assert here.outcome is there.outcome
+        if here.shift_time is not None:
+            assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
 
 
 @given(st.sampled_from(sorted(FACTORS)), st.floats(-1e6, 1e6))

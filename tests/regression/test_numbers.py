@@ -34,6 +34,7 @@ def test_same_friction_as_an_earlier_prototype(
         static_friction=0.3,
         dynamic_friction=0.3,
         stiction_velocity=0.1,
+        stiffness=2e13,
         dissipation=50.0,
     )
     plant = ClutchPlant(replace(clutch, contact=contact, solver=Solver(), rebound=0.1))

@@ -9,7 +9,7 @@ import pytest
 
 from sim.clutch import OperatingPoint
 from sim.engagement import Outcome
-from sim.expectation import ShiftResult, expect, expect_point, stratified_phases
+from sim.expectation import ShiftResult, even_phases, expect, expect_point
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -51,44 +51,46 @@ def test_nothing_engaged_gives_a_lower_bound(point: Point) -> None:
     assert result.engaged == 0.0
 
 
-def test_strata_hold_one_angle_each_and_depend_on_the_point() -> None:
-    phases = stratified_phases(8, seed=3, index=2)
-    assert (np.floor(phases * 8) == np.arange(8)).all()
-    assert (phases == stratified_phases(8, seed=3, index=2)).all()
-    assert (phases != stratified_phases(8, seed=3, index=1)).any()
+def test_angles_are_evenly_spaced_and_depend_on_the_point() -> None:
+    phases = even_phases(8, seed=3, index=2)
+    assert np.diff(phases) == pytest.approx(np.full(7, 0.125))
+    assert 0.0 <= phases[0] < 0.125
+    assert (phases == even_phases(8, seed=3, index=2)).all()
+    assert (phases != even_phases(8, seed=3, index=1)).any()
 
 
-def test_standard_error_covers_the_scatter_of_stratified_means(point: Point) -> None:
-    """Over many draws of a saw-tooth with a jump, the error is no smaller than the scatter."""
+def _errors(point: Point, time: Callable[[float], float], n: int) -> tuple[float, float, float]:
+    """Draw 400 starts; return mean, scatter of the mean, root-mean-square standard error."""
+    drawn = [
+        expect_point(point(50, 469.0), _shifts(*[time(p) for p in even_phases(n, s, 0)]), 1.0, 0.2)
+        for s in range(400)
+    ]
+    means = np.array([d.mean for d in drawn])
+    return means.mean(), means.std(), float(np.sqrt(np.mean([d.standard_error**2 for d in drawn])))
 
-    def saw(phase: float) -> float:
-        return 0.05 + (0.1 * phase if phase < 0.6 else 0.02)
 
-    means, errors = [], []
-    for seed in range(300):
-        times = [saw(p) for p in stratified_phases(6, seed, 0)]
-        result = expect_point(point(50, 469.0), _shifts(*times), 1.0, 0.2)
-        means.append(result.mean)
-        errors.append(result.standard_error)
+def test_standard_error_covers_slopes_with_jumps(point: Point) -> None:
+    """A slope, a jump and a level: unbiased, the error at least the scatter, at most twice."""
     exact = 0.05 + 0.1 * 0.6**2 / 2 + 0.02 * 0.4
-    assert np.mean(means) == pytest.approx(exact, abs=4 * np.std(means) / np.sqrt(300))
-    assert np.std(means) <= np.mean(errors) <= 3 * np.std(means)
+    for n in (6, 16):
+        mean, scatter, error = _errors(point, lambda p: 0.05 + (0.1 * p if p < 0.6 else 0.02), n)
+        assert mean == pytest.approx(exact, abs=4 * scatter / 20)
+        assert scatter <= error <= 2.2 * scatter
 
 
-def test_standard_error_of_a_smooth_time_is_unbiased(point: Point) -> None:
-    """Many strata of a triangle wave: root-mean-square error equals the scatter."""
-    means, variances = [], []
-    for seed in range(400):
-        times = [0.05 + 0.1 * abs(p - 0.5) for p in stratified_phases(40, seed, 0)]
-        result = expect_point(point(50, 469.0), _shifts(*times), 1.0, 0.2)
-        means.append(result.mean)
-        variances.append(result.standard_error**2)
-    assert np.sqrt(np.mean(variances)) == pytest.approx(np.std(means), rel=0.12)
+def test_standard_error_of_a_saw_tooth_and_of_scatter(point: Point) -> None:
+    """The two cases that the formula is made of, within their sampling error."""
+    _, scatter, error = _errors(point, lambda p: 0.05 + 0.1 * p, 24)
+    assert scatter == pytest.approx(0.1 / np.sqrt(12) / 24, rel=0.1)
+    assert scatter <= error <= 1.3 * scatter
+    rng = np.random.default_rng(7)
+    _, scatter, error = _errors(point, lambda _: 0.05 + 0.1 * rng.random(), 24)
+    assert error == pytest.approx(scatter, rel=0.2)
 
 
 def test_weights_and_independent_errors(point: Point) -> None:
-    a = expect_point(point(50, 469.0), _shifts(0.04, 0.05, 0.06), 1.0, 0.2, stratified=False)
-    b = expect_point(point(100, 469.0), _shifts(0.10, 0.12, 0.14), 1.0, 0.2, stratified=False)
+    a = expect_point(point(50, 469.0), _shifts(0.04, 0.05, 0.06), 1.0, 0.2, even=False)
+    b = expect_point(point(100, 469.0), _shifts(0.10, 0.12, 0.14), 1.0, 0.2, even=False)
     both = expect([a, b])
     assert both.mean == pytest.approx(0.085)
     assert both.standard_error == pytest.approx(0.5 * np.hypot(0.01, 0.02) / np.sqrt(3))
