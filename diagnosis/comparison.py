@@ -97,7 +97,7 @@ def compare(
 
 def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Difference:
     results = [result_of(row) for row in rows]
-    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even)
+    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
     error = simulated.sd / math.sqrt(max(1, simulated.n))
     if even:
         sampled = simulated.sd / math.sqrt(max(1, cell.n))

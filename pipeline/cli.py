@@ -5,6 +5,7 @@ Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -17,9 +18,10 @@ from pipeline import tables
 from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study, profile_for
 from pipeline.console import emit, verb
-from pipeline.evaluation import expectation_of
+from pipeline.evaluation import CHECKED, expectation_of, numerical_error
 from pipeline.executor import scratch_executor
 from pipeline.folder import StudyFolder
+from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, check_record, expectation_record, fit_study, run_study
@@ -27,8 +29,8 @@ from sim.batch import Block, events_record, loads_record, pitch_angles, versions
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
-from sim.errors import InputError, refusal
-from sim.expectation import even_phases
+from sim.errors import InputError, refusal, require_between
+from sim.expectation import Expectation, even_phases
 from sim.manufacture import require_makeable
 from sim.plant import ClutchPlant
 from sim.strength import strength_checks
@@ -146,6 +148,9 @@ def expect(
         str | None,
         typer.Option(help="how many evenly spaced ones, or relative angles in degrees: A,B,C"),
     ] = None,
+    precision: Annotated[
+        float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
+    ] = None,
     set_: Sets = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -163,16 +168,42 @@ def expect(
     points = given.points
     if mismatch_rpm is not None and force_N is not None:
         points = (_point(given, mismatch_rpm, force_N, force_rise_s),)
+    if precision is not None:
+        if angles is not None:
+            raise InputError("--precision finds the number of angles itself; leave out --angles")
+        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
+        result = _expect_to(given, points, precision, jobs)
+    else:
+        result = _expect_at(given, points, angles, jobs)
+    emit(expectation_record(result), json, lambda: tables.expectation_table(result))
+
+
+def _expect_to(
+    given: Study, points: tuple[OperatingPoint, ...], precision: float, jobs: int
+) -> Expectation:
+    with ShiftProgress(FIRST * len(points)) as progress:
+        executor = scratch_executor(jobs, progress.advance)
+        precise = expect_to(given, points, precision, executor, progress)
+        error = numerical_error(precise.blocks, precise.rows, executor)
+    return replace(precise.expectation, numerical_error=error)
+
+
+def _expect_at(
+    given: Study, points: tuple[OperatingPoint, ...], angles: str | None, jobs: int
+) -> Expectation:
     count, listed = _angles(angles, given.file.expectation.angles)
     seed = given.file.expectation.seed
     blocks = []
     for index, point in enumerate(points):
         chosen = listed or pitch_angles(given.clutch, even_phases(count, seed, index))
         blocks.append(Block(given.clutch, point, chosen))
-    with ShiftProgress(sum(len(b.angles) for b in blocks)) as progress:
-        rows = scratch_executor(jobs, progress.advance).run(blocks)
+    shifts = sum(len(b.angles) for b in blocks)
+    with ShiftProgress(shifts + math.ceil(shifts / CHECKED)) as progress:
+        executor = scratch_executor(jobs, progress.advance)
+        rows = executor.run(blocks)
+        error = numerical_error(blocks, rows, executor)
     result = expectation_of(given, points, rows, even=not listed)
-    emit(expectation_record(result), json, lambda: tables.expectation_table(result))
+    return replace(result, numerical_error=error)
 
 
 def _angles(text: str | None, default: int) -> tuple[int, tuple[float, ...]]:

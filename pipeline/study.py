@@ -144,7 +144,7 @@ def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[st
     angles = study.file.search.confirm_angles
     seed = study.file.expectation.seed + FRESH
     dogs = [study.clutch.dog, study.dog_with(best)]
-    prototype, winner = evaluate(study, dogs, executor, angles, seed)
+    prototype, winner = evaluate(study, dogs, executor, angles, seed, checked=True)
     gain = prototype.mean - winner.mean
     return {
         "angles": angles,
@@ -161,6 +161,7 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
     return {
         "expected_shift_time_s": expectation.mean,
         "standard_error_s": _number(expectation.standard_error),
+        "numerical_error_s": expectation.numerical_error,
         "engaged": expectation.engaged,
         "lower_bound": expectation.is_lower_bound,
         "points": [

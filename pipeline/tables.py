@@ -89,6 +89,8 @@ def expectation_table(result: Expectation) -> RenderableType:
         f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms "
         "(one standard error)"
     )
+    if result.numerical_error is not None:
+        total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
     if result.is_lower_bound:
         total += "\nnone engaged at a point above: its mean and the total are lower bounds"
     return Group(table, total)

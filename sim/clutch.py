@@ -107,6 +107,12 @@ class Clutch:
         """Travel at which a shift counts as finished, m."""
         return self.dog.travel - self.seated_tolerance
 
+    def refined(self) -> Clutch:
+        """Return the same clutch with a tolerance thirty times smaller and half the step."""
+        solver = self.solver
+        fine = replace(solver, accuracy=solver.accuracy / 30.0, max_step=0.5 * solver.max_step)
+        return replace(self, solver=fine)
+
     def with_dog(self, dog: Dog) -> Clutch:
         """Return the same clutch with another dog."""
         return replace(self, dog=dog)

@@ -69,7 +69,7 @@ class ContactSet:
 
 CONTACT_SETS: dict[str, ContactSet] = {
     "adams2019": ContactSet("adams2019", 0.30, 0.16, 0.1, 5e11, 100.0),
-    "lubricated_steel": ContactSet("lubricated_steel", 0.12, 0.10, 5e-4, 5e12, 20.0),
+    "lubricated_steel": ContactSet("lubricated_steel", 0.12, 0.10, 2e-4, 5e12, 20.0),
 }
 
 

@@ -67,11 +67,16 @@ class PointExpectation:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Expected shift time over all operating points, weighted, s."""
+    """Expected shift time over all operating points, weighted, s.
+
+    ``numerical_error`` is that of the mean from repeating some shifts with a far
+    smaller tolerance; None where that was not done.
+    """
 
     points: tuple[PointExpectation, ...]
     mean: float
     standard_error: float
+    numerical_error: float | None = None
 
     @property
     def is_lower_bound(self) -> bool:
@@ -84,14 +89,15 @@ class Expectation:
         return min(p.engaged for p in self.points)
 
 
-def even_phases(count: int, seed: int, index: int) -> Phases:
+def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Phases:
     """Return ``count`` fractions of a pitch in [0, 1), evenly spaced, (count,).
 
     The start is random. ``index`` is that of the operating point: each has angles
-    of its own, so that the errors of the points are independent.
+    of its own, so that the errors of the points are independent. Where ``count`` is a
+    multiple of ``base``, the result holds the ``base`` fractions of the same draw.
     """
-    rng = np.random.default_rng([seed, index])
-    phases: Phases = (np.arange(count) + rng.random()) / count
+    start = np.random.default_rng([seed, index]).random() * (count // (base or count))
+    phases: Phases = (np.arange(count) + start % 1.0) / count
     return phases
 
 
@@ -100,12 +106,15 @@ def expect_point(
     shifts: Sequence[ShiftResult],
     timeout: float,
     retraction: float,
+    *,
     even: bool = True,
+    control: Phases | None = None,
 ) -> PointExpectation:
     """Return the expected shift time of one operating point from its shifts.
 
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
-    Shifts whose integration failed say nothing and are left out.
+    Shifts whose integration failed say nothing and are left out. ``control`` holds what
+    a cheaper model says of each time less its mean, s, (n,); it is used where all engage.
     """
     asked = len(shifts)
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
@@ -114,8 +123,9 @@ def expect_point(
     if times.size == 0:
         return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n)
     share = times.size / n
-    mean = float(times.mean())
-    variance = _variance_of_mean(times, even and share == 1.0)
+    freed = times - control if control is not None and len(control) == times.size else times
+    mean = float(freed.mean())
+    variance = _variance_of_mean(freed, even and share == 1.0)
     retry = (1.0 - share) / share * lost
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
     error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan

@@ -58,7 +58,15 @@ def impact(contact: ContactSet, area: float, mass: float, speed: float) -> Impac
 
     half = 0.5 * math.pi
     times = [quad(slowness, 0.0, half, args=(arriving,))[0] for arriving in (True, False)]
-    return Impact(deepest, _speed(level, False) / d / speed, sum(times))
+    return Impact(deepest, restitution(contact, speed), sum(times))
+
+
+def restitution(contact: ContactSet, speed: float) -> float:
+    """Return the speed of departure over that of arrival, ``speed`` in m/s."""
+    approach = contact.dissipation * speed
+    if approach < 1e-9:
+        return 1.0
+    return _speed(approach - math.log1p(approach), False) / approach
 
 
 def _speed(level: float, arriving: bool) -> float:

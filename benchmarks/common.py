@@ -1,0 +1,81 @@
+"""What the benchmarks share: designs, operating points, and shifts with their cost."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.config import Study, load_study
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import engage
+from sim.expectation import even_phases
+from sim.plant import ClutchPlant
+from sim.units import DEG, MM, RPM
+
+#: Chamfer, traction and braking angle in deg, height in mm, dogs: the prototype, two
+#: shapes far from it, and the neighbourhood of the best design of the default study.
+DESIGNS = {
+    "prototype": (8.0, 12.0, 22.0, 3.7, 15),
+    "steep": (6.0, 20.5, 13.3, 2.54, 11),
+    "blunt": (17.4, 26.6, 16.0, 4.63, 12),
+    "fine": (11.4, 7.2, 22.3, 1.95, 34),
+}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Shift times in s at even angles, NaN where a shift did not engage, and CPU s a shift."""
+
+    times: np.ndarray
+    cpu: float
+    evaluations: float
+
+    @property
+    def mean(self) -> float:
+        """Mean over the shifts that engaged, s."""
+        return float(np.nanmean(self.times))
+
+
+def clutch_of(study: Study, design: str) -> Clutch:
+    """Return the study's clutch with one of the designs."""
+    chamfer, traction, braking, height, count = DESIGNS[design]
+    dog = replace(
+        study.clutch.dog,
+        chamfer=chamfer * DEG,
+        traction=traction * DEG,
+        braking=braking * DEG,
+        height=height * MM,
+        count=int(count),
+    )
+    return study.clutch.with_dog(dog)
+
+
+def point_of(study: Study, mismatch_rpm: float, force: float) -> OperatingPoint:
+    """Return an operating point of the study with another mismatch."""
+    profile = next(p.profile for p in study.points if p.profile.force == force)
+    return OperatingPoint(mismatch_rpm * RPM, profile)
+
+
+def angles_of(clutch: Clutch, count: int, index: int) -> np.ndarray:
+    """Return even relative angles over one pitch, rad, (count,)."""
+    return even_phases(count, 7, index) * clutch.dog.pitch_angle
+
+
+def measure(plant: ClutchPlant, point: OperatingPoint, angles: Iterable[float]) -> Cell:
+    """Simulate shifts in Drake and return their times and cost."""
+    times, evaluations = [], 0
+    start = time.process_time()
+    for angle in angles:
+        result = engage(plant, point, float(angle))
+        times.append(np.nan if result.shift_time is None else result.shift_time)
+        evaluations += result.evaluations
+    cpu = time.process_time() - start
+    return Cell(np.array(times), cpu / len(times), evaluations / len(times))
+
+
+def default_study() -> Study:
+    """Return the default study."""
+    return load_study("mq200")
