@@ -11,7 +11,7 @@ from sim.clutch import Clutch
 from sim.phases import Flags, face_overlap, on_face, touching
 from sim.trace import Series, Trace
 
-LIFT = 1e-4  #: s without touch after which a touch is a new one
+LIFT = 1e-3  #: s without touch after which a touch is a new one; less is chatter
 STILL = 1e-3  #: m/s of slip below which faces count as held
 SLID = 5e-5  #: m of sliding from which faces count as having slid
 

@@ -66,7 +66,7 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert result["best"]["expected_shift_time_s"] == min(
         row["expected_shift_time_s"] for row in result["trials"]
     )
-    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6
+    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6 + 2
     assert result["confirmation"]["gain_s"] == pytest.approx(
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]

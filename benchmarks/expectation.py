@@ -1,0 +1,105 @@
+"""CPU time for one percent of standard error of the expected shift time.
+
+    python -m benchmarks.expectation
+
+The prototype at all operating points of the default study. Random angles: what the
+variance over 96 even angles at each point asks for, times what a shift costs. Even
+angles with and without the planar model: how many give one percent, with the scatter of
+the mean over 400 random starts on the same 96 times; and what the program itself
+reports, run to one percent. MuJoCo: as many random angles at its cost a shift, measured
+interleaved with Drake's. One process; takes about fifteen minutes; needs the extra ``blind``.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from diagnosis.second_engine import SecondEngine
+
+from benchmarks.common import angles_of, default_study
+from pipeline.config import Study
+from pipeline.executor import scratch_executor
+from pipeline.precision import FIRST, FIRST_TRUSTED, expect_to
+from pipeline.progress import ShiftProgress
+from sim.control import trusted
+from sim.engagement import engage
+from sim.planar import planar_times
+from sim.plant import ClutchPlant
+
+DENSE, STARTS, GOAL = 96, 400, 0.01
+
+
+def main() -> None:
+    """Print the comparison."""
+    study = default_study()
+    clutch, points = study.clutch, study.points
+    plant, engine = ClutchPlant(clutch), SecondEngine(clutch)
+    grid = (np.arange(DENSE) + 0.5) / DENSE * clutch.dog.pitch_angle
+    times, cpu, other = np.empty((len(points), DENSE)), np.zeros(len(points)), 0.0
+    for index, point in enumerate(points):
+        start = time.process_time()
+        times[index] = [engage(plant, point, float(a)).shift_time for a in grid]
+        cpu[index] = (time.process_time() - start) / DENSE
+        start = time.process_time()
+        for angle in angles_of(clutch, 3, index):
+            engine.shift(point, float(angle))
+        other += (time.process_time() - start) / 3
+    mean = times.mean()
+    random = times.var(axis=1).mean() / (GOAL * mean) ** 2
+    print(f"expected shift time {mean * 1e3:.2f} ms, {len(points)} operating points")
+    drake = random * cpu.mean()
+    second = random * other / len(points)
+    print(f"random angles: {random:.0f} shifts for 1 %")
+    print(f"  Drake  {cpu.mean() * 1e3:6.1f} ms a shift, {drake:7.1f} s CPU")
+    print(f"  MuJoCo {other / len(points) * 1e3:6.1f} ms a shift, {second:7.1f} s CPU")
+    start = time.process_time()
+    relied = np.array(trusted(clutch, points))
+    planar = planar_times(clutch, points, np.tile(grid, (len(points), 1)))
+    spent = time.process_time() - start
+    gap = times - np.where(relied[:, None], planar - planar.mean(axis=1, keepdims=True), 0.0)
+    print(f"planar model: {spent:.1f} s CPU, used at {relied.sum()} of {len(points)} points")
+    for name, table, base, extra in (
+        ("even angles", times, np.full(len(points), FIRST), 0.0),
+        ("even angles and planar model", gap, np.where(relied, FIRST_TRUSTED, FIRST), spent),
+    ):
+        print(name)
+        for factor in (1.0, 4 / 3, 5 / 3, 2.0):
+            count = np.round(base * factor).astype(int)
+            error = scatter(table, count) / mean
+            cost = float(count @ cpu) + extra
+            # Error falls as one over the angles: cost at one percent.
+            scaled = (cost - extra) * error / GOAL + extra
+            times_less = f"1/{drake / scaled:.1f} of Drake, 1/{second / scaled:.1f} of MuJoCo"
+            line = f"  {count.sum():4d} shifts: {error:.2%} in {cost:6.1f} s; "
+            print(f"{line}1 % in {scaled:6.1f} s CPU, {times_less} at random angles")
+    reported(study)
+
+
+def scatter(table: np.ndarray, count: np.ndarray) -> float:
+    """Return the standard deviation of the mean over random starts, s."""
+    rng = np.random.default_rng(11)
+    means = np.zeros(STARTS)
+    for row, n in zip(table, count, strict=True):
+        phases = (np.arange(n) + rng.random((STARTS, 1))) / n
+        means += row[(phases * DENSE).astype(int) % DENSE].mean(axis=1)
+    return float(means.std() / len(table))
+
+
+def reported(study: Study) -> None:
+    """Run the program to one percent of reported standard error and print what it took."""
+    start = time.process_time()
+    with ShiftProgress(1) as progress:
+        executor = scratch_executor(1, progress.advance)
+        result = expect_to(study, study.points, GOAL, executor, progress)
+    took = time.process_time() - start
+    found = result.expectation
+    shifts = sum(len(b.angles) for b in result.blocks)
+    print(
+        f"expect --precision 0.01: {found.mean * 1e3:.2f} +- {found.standard_error * 1e3:.2f} ms, "
+        f"{shifts} shifts, {took:.1f} s CPU"
+    )
+
+
+if __name__ == "__main__":
+    main()

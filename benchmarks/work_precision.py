@@ -1,0 +1,208 @@
+"""Error of the mean shift time against CPU time: Drake's integrators and MuJoCo.
+
+    python -m benchmarks.work_precision [--html FILE]
+
+All settings run interleaved, shift by shift, on the prototype at the seeds' operating points
+from 25 1/min up, three even angles each. Every setting is judged against accuracy 1e-6
+of the same model; MuJoCo against its own step cut to an eighth, since it models the
+contact differently. Takes about twenty minutes; needs the extra ``blind``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+from diagnosis.second_engine import SecondEngine
+from diagnosis.second_model import EngineSettings
+from pydrake.geometry import HydroelasticContactRepresentation as Representation
+
+import sim.plant
+from benchmarks.common import angles_of, default_study
+from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver
+from sim.engagement import engage
+from sim.plant import ClutchPlant
+from sim.units import RPM
+
+# Schemes that the product does not offer, because this benchmark decided against them.
+for _name in ("bogacki_shampine3", "runge_kutta5", "implicit_euler"):
+    SCHEMES.setdefault(_name, 1e-4)
+
+Shift = Callable[[OperatingPoint, float], float | None]
+
+
+@dataclass
+class Setting:
+    """A way to simulate a shift; ``family`` shares a line and the reference."""
+
+    family: str
+    label: str
+    shift: Shift
+    times: list[float] = field(default_factory=list)
+    cpu: float = 0.0
+
+    def run(self, point: OperatingPoint, angle: float) -> None:
+        """Simulate one shift and keep its time and cost."""
+        start = time.process_time()
+        found = self.shift(point, angle)
+        self.cpu += time.process_time() - start
+        self.times.append(np.nan if found is None else found)
+
+
+def _drake(clutch: Clutch) -> Shift:
+    plant = ClutchPlant(clutch)
+    return lambda point, angle: engage(plant, point, angle).shift_time
+
+
+def _polygons(clutch: Clutch) -> Shift:
+    original: Any = sim.plant.AddMultibodyPlantSceneGraph
+
+    def build(*args: Any, **kwargs: Any) -> Any:
+        made = original(*args, **kwargs)
+        made[0].set_contact_surface_representation(Representation.kPolygon)
+        return made
+
+    sim.plant.AddMultibodyPlantSceneGraph = build
+    try:
+        return _drake(clutch)
+    finally:
+        sim.plant.AddMultibodyPlantSceneGraph = original
+
+
+def _mujoco(clutch: Clutch, settings: EngineSettings) -> Shift:
+    engine = SecondEngine(clutch, settings)
+    return lambda point, angle: engine.shift(point, angle).shift_time
+
+
+def settings_of(clutch: Clutch) -> list[Setting]:
+    """Return all settings, the reference of each family first."""
+
+    def solved(**changes: Any) -> Clutch:
+        return replace(clutch, solver=replace(clutch.solver, **changes))
+
+    # One coefficient for all: cenic alone knows two.
+    one = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
+    stiff = replace(clutch, contact=replace(clutch.contact, stiffness=2e13))
+    fine = {"accuracy": 1e-6, "max_step": 2e-4}
+    made = [Setting("Drake rk3", "1e-6", _drake(solved(**fine)))]
+    for accuracy in (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5):
+        made.append(Setting("Drake rk3", f"{accuracy:.0e}", _drake(solved(accuracy=accuracy))))
+    for scheme, accuracies in (
+        ("bogacki_shampine3", (1e-3, 1e-4)),
+        ("runge_kutta5", (1e-3, 1e-4)),
+        ("implicit_euler", (1e-3,)),
+    ):
+        for accuracy in accuracies:
+            other = solved(scheme=scheme, accuracy=accuracy)
+            made.append(Setting(f"Drake {scheme}", f"{accuracy:.0e}", _drake(other)))
+    for accuracy in (1e-5, 1e-6, 1e-7):
+        solver = Solver("cenic", accuracy)
+        other = replace(clutch, contact=one, solver=solver)
+        made.append(Setting("Drake cenic", f"{accuracy:.0e}", _drake(other)))
+    made.append(Setting("Drake rk3, polygons", "3e-04", _polygons(clutch)))
+    made.append(Setting("Drake rk3, all dogs", "3e-04", _drake(solved(all_dogs=True))))
+    made.append(Setting("Drake rk3, stiff", "1e-6", _drake(replace(stiff, solver=Solver(**fine)))))
+    made.append(Setting("Drake rk3, stiff", "3e-04", _drake(stiff)))
+    return made + second_settings(replace(clutch, contact=one))
+
+
+def second_settings(clutch: Clutch) -> list[Setting]:
+    """Return MuJoCo at its best setting, with steps down to an eighth of it and up."""
+    base = EngineSettings()
+    return [
+        Setting("MuJoCo", f"{step * 1e6:.3g} us", _mujoco(clutch, replace(base, time_step=step)))
+        for step in (
+            base.time_step / 8,
+            base.time_step / 4,
+            base.time_step / 2,
+            base.time_step,
+            2 * base.time_step,
+        )
+    ]
+
+
+def run(angles: int) -> list[Setting]:
+    """Simulate all settings, interleaved."""
+    study = default_study()
+    made = settings_of(study.clutch)
+    points = [p for p in study.points if p.mismatch >= 24.0 * RPM]
+    for index, point in enumerate(points):
+        for angle in angles_of(study.clutch, angles, index):
+            for setting in made:
+                setting.run(point, float(angle))
+    return made
+
+
+def rows_of(made: list[Setting]) -> list[dict[str, Any]]:
+    """Return a row for each setting: cost in ms, errors in percent."""
+    references: dict[str, np.ndarray] = {}
+    for setting in made:
+        references.setdefault(setting.family, np.array(setting.times))
+    rows = []
+    for setting in made:
+        family = setting.family
+        own = family in ("MuJoCo", "Drake rk3, stiff")
+        reference = references[family if own else "Drake rk3"]
+        times = np.array(setting.times)
+        both = np.isfinite(times) & np.isfinite(reference)
+        single = np.abs(times[both] / reference[both] - 1.0)
+        rows.append(
+            {
+                "family": family,
+                "label": setting.label,
+                "cpu_ms": 1e3 * setting.cpu / len(times),
+                "mean": 100 * abs(times[both].mean() / reference[both].mean() - 1.0),
+                "median": 100 * float(np.median(single)),
+                "worst": 100 * float(single.max()),
+                "lost": int((~both).sum()),
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    """Print the table and draw it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--angles", type=int, default=3)
+    parser.add_argument("--html", type=Path)
+    given = parser.parse_args()
+    rows = rows_of(run(given.angles))
+    unit = next(r["cpu_ms"] for r in rows if (r["family"], r["label"]) == ("Drake rk3", "3e-04"))
+    print("CPU of a shift and error against the converged value; ratio to the default")
+    print(f"{'family':<26}{'setting':>9}{'CPU, ms':>9}{'ratio':>7}", end="")
+    print(f"{'mean, %':>9}{'median, %':>11}{'worst, %':>10}{'lost':>6}")
+    for r in rows:
+        print(
+            f"{r['family']:<26}{r['label']:>9}{r['cpu_ms']:9.1f}{r['cpu_ms'] / unit:7.2f}", end=""
+        )
+        print(f"{r['mean']:9.3f}{r['median']:11.4f}{r['worst']:10.2f}{r['lost']:6d}")
+    if given.html:
+        draw(rows).write_html(given.html, include_plotlyjs=True)
+
+
+def draw(rows: list[dict[str, Any]]) -> go.Figure:
+    """Draw error over cost, one line a family."""
+    figure = go.Figure()
+    for family in dict.fromkeys(r["family"] for r in rows):
+        mine = [r for r in rows if r["family"] == family and r["median"] > 0.0]
+        figure.add_scatter(
+            x=[r["cpu_ms"] for r in mine],
+            y=[r["median"] for r in mine],
+            text=[r["label"] for r in mine],
+            mode="lines+markers+text",
+            textposition="top center",
+            name=family,
+        )
+    figure.update_xaxes(type="log", title="CPU of a shift, ms")
+    figure.update_yaxes(type="log", title="median error of a shift, %")
+    return figure
+
+
+if __name__ == "__main__":
+    main()

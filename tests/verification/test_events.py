@@ -1,0 +1,123 @@
+"""Events and loads of a shift against cases in which they are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import Engagement, Outcome, engage
+from sim.loads import energy_lost, torque_peak
+from sim.plant import ClutchPlant
+from sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+
+
+def _shift(plant: ClutchPlant, point: OperatingPoint, angle: float) -> Engagement:
+    return engage(plant, point, angle * DEG)
+
+
+def test_free_entry_has_no_event(plant: ClutchPlant, point: Point) -> None:
+    events = _shift(plant, point(5, 469.0), 12).events
+    assert (events.face_contacts, events.slots_skipped) == (0, 0)
+    assert (events.time_blocked, events.face_slide) == (0.0, 0.0)
+    assert not events.chamfer_slid
+
+
+def test_slow_dog_on_dog_lands_once_and_slides_to_the_edge(
+    plant: ClutchPlant, point: Point
+) -> None:
+    """The way slid is what was left of the face: from where it landed to the far edge."""
+    result = _shift(plant, point(5, 469.0), 0)
+    dog, events = plant.clutch.dog, result.events
+    assert events.face_contacts == 1
+    assert events.slots_skipped == 0
+    assert events.chamfer_slid
+    landed = float(np.interp(result.phases[0].end, result.trace.time, result.trace.relative_angle))
+    width = 2.0 * (dog.tip_width + dog.edge_drop * math.tan(dog.braking))
+    crest = 0.5 * dog.pitch - dog.height * math.tan(dog.traction)
+    left = width - crest - landed * dog.mean_radius
+    assert events.face_slide == pytest.approx(left, rel=0.1)
+
+
+def test_bounces_and_skipped_slots_of_a_fast_shift(plant: ClutchPlant, point: Point) -> None:
+    """Slots skipped are whole pitches that the dogs passed after the crests met."""
+    result = _shift(plant, point(249, 235.2), 2)
+    trace, pitch = result.trace, plant.clutch.dog.pitch_angle
+    met = int(np.argmax(trace.displacement >= plant.clutch.dog.axial_gap))
+    turned = (trace.relative_angle[-1] - trace.relative_angle[met]) / pitch
+    assert result.events.slots_skipped in (math.floor(turned), math.floor(turned) - 1)
+    assert result.events.slots_skipped >= 1
+    assert result.events.face_contacts > 2
+    back = np.maximum.accumulate(trace.displacement) - trace.displacement
+    assert result.events.rebound == pytest.approx(back.max())
+    assert result.events.rebound > 1e-3
+
+
+def test_blocked_dogs_are_held_all_the_time(clutch: Clutch, point: Point) -> None:
+    low = clutch.with_dog(replace(clutch.dog, chamfer=4.5 * DEG))
+    result = _shift(ClutchPlant(low), OperatingPoint(0.0, point(5, 641.5).profile), 0)
+    assert result.outcome is Outcome.BLOCKED
+    on_face = result.trace.time[-1] - result.phases[0].end
+    assert result.events.time_blocked == pytest.approx(on_face, rel=0.02)
+    assert not result.events.chamfer_slid
+
+
+def test_mirrored_mismatch_of_flat_dogs_has_the_same_events(clutch: Clutch, point: Point) -> None:
+    flat = replace(clutch.dog, chamfer=0.0, traction=17 * DEG, braking=17 * DEG)
+    plant = ClutchPlant(clutch.with_dog(flat))
+    for angle in (3, 10):
+        ahead, back = (_shift(plant, point(s * 149, 469.0), s * angle) for s in (1, -1))
+        assert ahead.events.face_contacts == back.events.face_contacts
+        assert ahead.events.slots_skipped == back.events.slots_skipped
+        assert ahead.loads.impact_impulse == pytest.approx(back.loads.impact_impulse, rel=0.02)
+
+
+@pytest.mark.parametrize("mismatch", [50.0, -149.0])
+def test_momentum_that_the_contact_takes_up(
+    plant: ClutchPlant, point: Point, mismatch: float
+) -> None:
+    """Tangential force over time is what the sliding ring gained; along the shaft likewise."""
+    result = _shift(plant, point(mismatch, 469.0), 3)
+    trace, rings = result.trace, plant.clutch.rings
+    steps = np.diff(trace.time, prepend=0.0)
+    gained = rings.sliding_inertia * (trace.sliding_speed[-1] - trace.sliding_speed[0])
+    turned = float((trace.tangential_force * steps).sum()) * plant.clutch.dog.mean_radius
+    assert turned == pytest.approx(gained, rel=1e-9)
+    free = result.point.profile.free_speed(float(trace.time[-1]), rings.mass)
+    taken = rings.mass * (free - trace.axial_speed[-1])
+    assert float((trace.contact_force * steps).sum()) == pytest.approx(taken, rel=1e-9)
+    assert 0.0 < result.loads.impact_impulse < 2.0 * math.hypot(gained / 0.024, taken)
+
+
+def test_energy_of_the_mismatch_is_dissipated(plant: ClutchPlant, point: Point) -> None:
+    """Over a shift that ends at one speed the contact takes J dw2/2 and the work of the force."""
+    result = _shift(plant, point(249, 641.5), 3)
+    trace, rings = result.trace, plant.clutch.rings
+    left = trace.relative_speed[-1]
+    turning = 0.5 * rings.reduced_inertia * ((249 * RPM) ** 2 - left**2)
+    work = float(np.trapezoid(trace.shift_force, trace.displacement))
+    pushing = work - 0.5 * rings.mass * trace.axial_speed[-1] ** 2
+    assert result.loads.energy_dissipated == pytest.approx(turning + pushing, rel=1e-3)
+    assert 0.5 * rings.reduced_inertia * (249 * RPM) ** 2 == pytest.approx(3.34, abs=0.01)
+    lost = energy_lost(plant.clutch, trace)
+    assert lost.min() > -0.02 * lost[-1]
+
+
+def test_torque_peak_is_that_of_two_inertias_on_a_spring() -> None:
+    """Against the motion itself, integrated in small steps."""
+    one, two, stiffness, mismatch = 0.01, 0.6, 320.0, 5.0
+    speeds, twist, peak, step = np.array([0.0, mismatch]), 0.0, 0.0, 1e-6
+    for _ in range(20_000):
+        torque = stiffness * twist
+        speeds += step * torque * np.array([1.0 / one, -1.0 / two])
+        twist += step * (speeds[1] - speeds[0])
+        peak = max(peak, torque)
+    assert torque_peak(mismatch, stiffness, one * two / (one + two)) == pytest.approx(
+        peak, rel=1e-3
+    )
