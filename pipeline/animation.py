@@ -17,7 +17,9 @@ from pipeline.figures import BLUE, GREEN, GREY, INK, ORANGE
 from pipeline.report import figure_html, render
 from pipeline.scene import solids, viewer_code
 from pipeline.story import facts, why
-from sim.engagement import Engagement, Trace
+from sim.engagement import Engagement
+from sim.phases import touching
+from sim.trace import Trace
 from sim.units import DEG, MM, MS, RPM
 
 SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
@@ -30,7 +32,7 @@ TONES = {
     "seating": ("#9fd0b0", "#e8f4ec"),
 }
 #: Height of the curves, px, and of the line over each panel that names its curves.
-HEIGHT, HEADLINE, FOOT = 356, 23, 26
+HEIGHT, HEADLINE, FOOT = 350, 23, 26
 PANELS = (0.36, 0.3, 0.34)  #: shares of displacement, speed and force
 
 
@@ -51,8 +53,11 @@ def write_trace(result: Engagement, path: Path) -> None:
     table.to_csv(path, index=False, float_format="%.9g")
 
 
-def write_animation(result: Engagement, path: Path) -> None:
-    """Write the shift as one HTML page that opens without a network."""
+def write_animation(result: Engagement, path: Path, torque_peak: float | None = None) -> None:
+    """Write the shift as one HTML page that opens without a network.
+
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness.
+    """
     series = _series(result.trace)
     page = render(
         "shift.html.j2",
@@ -61,7 +66,7 @@ def write_animation(result: Engagement, path: Path) -> None:
         angle=result.relative_angle / DEG,
         end=float(result.trace.time[-1]) / MS,
         why=why(result),
-        facts=facts(result),
+        facts=facts(result, torque_peak),
         panels=[round(top) for top, _ in _panels()],
         # A script ends at the first "</", wherever it stands.
         data=json.dumps(_content(result, series)).replace("<", "\\u003c"),
@@ -79,8 +84,6 @@ def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
     """
     first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
     angle = _output_angle(trace)
-    # The same measure as for the phases: more than rounding and the inertia of a step.
-    touching = trace.contact_force > 0.5 + 0.01 * trace.shift_force
     return {
         "time": trace.time[first] / MS,
         "displacement": trace.displacement[first] / MM,
@@ -90,7 +93,7 @@ def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
         "sliding_speed": trace.sliding_speed[first] / RPM,
         "shift_force": trace.shift_force[first],
         "contact_force": np.maximum.reduceat(trace.contact_force, first),
-        "touching": np.maximum.reduceat(touching.astype(float), first),
+        "touching": np.maximum.reduceat(touching(trace).astype(float), first),
     }
 
 
@@ -121,7 +124,7 @@ def _content(result: Engagement, series: dict[str, NDArray[np.float64]]) -> dict
             {"name": p.name, "start": p.start / MS, "end": p.end / MS, "tone": _tone(p.name)[0]}
             for p in result.phases
         ],
-        "force_ranges": [_ceiling(result), 1.05 * result.peak_axial_force],
+        "force_ranges": [_ceiling(result), 1.05 * result.loads.peak_axial_force],
     }
 
 

@@ -3,35 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from sim.engagement import Engagement, Outcome, Phase
+from pipeline.tables import event_facts, load_facts
+from sim.engagement import Engagement, Outcome
+from sim.phases import Phase
 from sim.units import MM, MS, RPM
 
 MINUS = "\N{MINUS SIGN}"
 
 
-@dataclass(frozen=True)
-class Fact:
-    """One line of the list: what it is, and its value with the unit."""
-
-    label: str
-    value: str
-
-
-def facts(result: Engagement) -> list[Fact]:
-    """Return what is worth knowing of a shift beside its phases, most telling first."""
-    end = float(result.trace.time[-1])
-    return [
-        Fact("peak axial contact force", f"{result.peak_axial_force:.0f} N"),
-        *_meeting(result),
-        Fact("mismatch at the end", f"{_signed(_mismatch(result, end))} 1/min"),
-        Fact("shift force at the end", _force(result, end)),
-        Fact("dogs", str(result.clutch.dog.count)),
-        Fact("contact", result.clutch.contact.name),
-    ]
+def facts(result: Engagement, torque_peak: float | None) -> list[str]:
+    """Return what is worth knowing of a shift beside its phases; ``torque_peak`` in N m."""
+    return [*_meeting(result), *event_facts(result), *load_facts(result, torque_peak)]
 
 
 def why(result: Engagement) -> str:
@@ -59,11 +44,10 @@ def _why_blocked(result: Engagement) -> str:
 def _on_faces(result: Engagement, phase: Phase) -> str:
     """Say how far the faces slid to a slot, and how slowly or with what loss."""
     slip = _slip(result, phase)
-    pitch = result.clutch.dog.pitch / MM
     before, after = (_mismatch(result, time) for time in (phase.start, phase.end))
     rate = slip / ((phase.end - phase.start) / MS)
     text = f"dog met dog, and the rings turned {slip:.1f} mm "
-    missed = int(slip // pitch)
+    missed = result.events.slots_skipped
     if missed:
         text += f"past {missed} slot{'s' if missed > 1 else ''} that did not let them in"
     else:
@@ -103,14 +87,14 @@ _REASONS: dict[str, Callable[[Engagement, Phase], str]] = {
 }
 
 
-def _meeting(result: Engagement) -> list[Fact]:
+def _meeting(result: Engagement) -> list[str]:
     """Return when and how fast the rings met; without a face it is their crests that pass."""
     flight, face = result.phases[:2]
     if flight.end >= result.trace.time[-1]:
         return []
     speed = np.interp(flight.end, result.trace.time, result.trace.axial_speed)
-    label = "first touch" if face.end > face.start else "crests meet"
-    return [Fact(label, f"{_ms(flight.end)} ms at {abs(speed):.2f} m/s")]
+    what = "first touch" if face.end > face.start else "crests meet"
+    return [f"{what} with {abs(speed):.2f} m/s"]
 
 
 def _slip(result: Engagement, phase: Phase) -> float:
@@ -122,11 +106,7 @@ def _slip(result: Engagement, phase: Phase) -> float:
 
 def _mismatch(result: Engagement, time: float) -> float:
     trace = result.trace
-    return float(np.interp(time, trace.time, trace.output_speed - trace.sliding_speed)) / RPM
-
-
-def _signed(value: float) -> str:
-    return f"{value:.1f}".replace("-", MINUS)
+    return float(np.interp(time, trace.time, trace.relative_speed)) / RPM
 
 
 def _force(result: Engagement, time: float) -> str:
