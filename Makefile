@@ -1,16 +1,18 @@
 # Two targets do everything on a fresh Debian 12 with Python 3.11:
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests
+# make picture draws docs/shift.png again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
+CHROMIUM ?= chromium
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint constraints system clean
+.PHONY: study test lint picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -22,6 +24,16 @@ lint: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
+
+# The picture of the README: one shift at 45 ms, drawn without a screen.
+picture: $(VENV)/ready
+	mkdir -p build docs
+	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
+	  --html build/shift.html
+	$(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
+	  --no-first-run --user-data-dir=build/chromium --hide-scrollbars \
+	  --window-size=1280,880 --force-device-scale-factor=0.9375 \
+	  --virtual-time-budget=8000 --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)

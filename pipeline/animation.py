@@ -9,17 +9,31 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
+from numpy.typing import NDArray
 from plotly.subplots import make_subplots
 
 from pipeline.drawing import outline
 from pipeline.figures import BLUE, GREEN, GREY, INK, ORANGE
 from pipeline.report import figure_html, render
+from pipeline.scene import solids, viewer_code
+from pipeline.story import facts, why
 from sim.engagement import Engagement
+from sim.phases import touching
+from sim.trace import Trace
 from sim.units import DEG, MM, MS, RPM
 
-FRAMES = 600  #: positions of the animation, evenly spaced in time
+SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
 FORCE_CEILING = 4.0  #: end of the force axis over the largest shift force
-SHADES = ("#ffffff", "#f6e3d5", "#e4eef8", "#e3f1e8")
+#: Colours of a phase: in the bar, and behind the curves.
+TONES = {
+    "free fly": ("#c3ccd5", "#f1f4f6"),
+    "face contact": ("#eba394", "#fdeeea"),
+    "entry": ("#ecd06f", "#fdf5d6"),
+    "seating": ("#9fd0b0", "#e8f4ec"),
+}
+#: Height of the curves, px, and of the line over each panel that names its curves.
+HEIGHT, HEADLINE, FOOT = 350, 23, 26
+PANELS = (0.36, 0.3, 0.34)  #: shares of displacement, speed and force
 
 
 def write_trace(result: Engagement, path: Path) -> None:
@@ -39,75 +53,156 @@ def write_trace(result: Engagement, path: Path) -> None:
     table.to_csv(path, index=False, float_format="%.9g")
 
 
-def write_animation(result: Engagement, path: Path) -> None:
-    """Write the shift as one HTML page that opens without a network."""
+def write_animation(result: Engagement, path: Path, torque_peak: float | None = None) -> None:
+    """Write the shift as one HTML page that opens without a network.
+
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness.
+    """
+    series = _series(result.trace)
     page = render(
         "shift.html.j2",
         result=result,
-        dog=result.clutch.dog,
         mismatch=result.point.mismatch / RPM,
         angle=result.relative_angle / DEG,
-        ceiling=FORCE_CEILING * float(result.trace.shift_force.max()),
         end=float(result.trace.time[-1]) / MS,
-        shades=SHADES,
-        data=json.dumps(_frames(result)),
-        curves=figure_html(_curves(result), "curves"),
+        why=why(result),
+        facts=facts(result, torque_peak),
+        panels=[round(top) for top, _ in _panels()],
+        # A script ends at the first "</", wherever it stands.
+        data=json.dumps(_content(result, series)).replace("<", "\\u003c"),
+        curves=figure_html(_curves(result, series), "curves"),
+        meshcat=viewer_code(),
     )
     path.write_text(page, encoding="utf-8")
 
 
-def _frames(result: Engagement) -> dict[str, Any]:
-    """Return positions over time and the profile of the rings, mm and ms."""
-    dog, trace = result.clutch.dog, result.trace
-    times = np.linspace(0.0, trace.time[-1], FRAMES)
-    way = np.interp(times, trace.time, trace.displacement) / MM
-    slip = np.interp(times, trace.time, trace.relative_angle) * dog.mean_radius / MM
+def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
+    """Return what the page draws over time, in its units, thinned to ``SAMPLES``.
+
+    Impacts last a step or two: of the contact force the largest value of every
+    interval is kept.
+    """
+    first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
+    angle = _output_angle(trace)
     return {
-        "t": np.round(times / MS, 4).tolist(),
-        "x": np.round(way, 5).tolist(),
-        "s": np.round(slip, 5).tolist(),
-        "pitch": dog.pitch / MM,
-        "height": dog.height / MM,
-        "gap": dog.axial_gap / MM,
-        "profile": outline(dog, 1),
-        "phases": [
-            {"name": p.name, "start": p.start / MS, "end": p.end / MS, "shade": shade}
-            for p, shade in zip(result.phases, SHADES, strict=True)
-        ],
+        "time": trace.time[first] / MS,
+        "displacement": trace.displacement[first] / MM,
+        "output_angle": angle[first],
+        "sliding_angle": (angle - trace.relative_angle)[first],
+        "output_speed": trace.output_speed[first] / RPM,
+        "sliding_speed": trace.sliding_speed[first] / RPM,
+        "shift_force": trace.shift_force[first],
+        "contact_force": np.maximum.reduceat(trace.contact_force, first),
+        "touching": np.maximum.reduceat(touching(trace).astype(float), first),
     }
 
 
-def _curves(result: Engagement) -> go.Figure:
+def _output_angle(trace: Trace) -> NDArray[np.float64]:
+    """Return the output ring's angle over time, rad: the sliding ring starts at zero."""
+    mean = 0.5 * (trace.output_speed[1:] + trace.output_speed[:-1])
+    way = np.concatenate([[0.0], np.cumsum(mean * np.diff(trace.time))])
+    return np.asarray(trace.relative_angle[0] + way)
+
+
+def _content(result: Engagement, series: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+    """Return all that the scripts of the page need."""
+    dog = result.clutch.dog
+    return {
+        "series": {
+            # Steps can be far below a microsecond; six digits of a ms keep them apart.
+            name: np.round(values, 6 if name in ("time", "displacement") else 7).tolist()
+            for name, values in series.items()
+        },
+        "pitch": dog.pitch / MM,
+        "height": dog.height / MM,
+        "gap": dog.axial_gap / MM,
+        "mean_radius": dog.mean_radius / MM,
+        "seated": result.clutch.shift_travel / MM,
+        "profile": outline(dog, 1),
+        "solids": solids(dog),
+        "phases": [
+            {"name": p.name, "start": p.start / MS, "end": p.end / MS, "tone": _tone(p.name)[0]}
+            for p in result.phases
+        ],
+        "force_ranges": [_ceiling(result), 1.05 * result.loads.peak_axial_force],
+    }
+
+
+def _tone(phase: str) -> tuple[str, str]:
+    return TONES.get(phase, ("#d7dde3", "#f7f8f9"))
+
+
+def _ceiling(result: Engagement) -> float:
+    """Return the end of the force axis, N: impacts are far above the shift force."""
+    return FORCE_CEILING * max(1.0, float(result.trace.shift_force.max()))
+
+
+def _panels() -> list[tuple[float, float]]:
+    """Return top and bottom of each panel, px from the top of the curves."""
+    room = HEIGHT - FOOT - len(PANELS) * HEADLINE
+    panels, top = [], 0.0
+    for share in PANELS:
+        bottom = top + HEADLINE + share * room
+        panels.append((top, bottom))
+        top = bottom
+    return panels
+
+
+def _curves(result: Engagement, series: dict[str, NDArray[np.float64]]) -> go.Figure:
     """Draw displacement, speeds and forces over time with the phases behind them."""
-    t = result.trace
-    time = t.time / MS
-    figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
-    rows: list[tuple[int, str, Any, str, str]] = [
-        (1, "displacement", t.displacement / MM, BLUE, "solid"),
-        (2, "sliding ring", t.sliding_speed / RPM, BLUE, "solid"),
-        (2, "output ring", t.output_speed / RPM, ORANGE, "dash"),
-        (3, "contact force, axial", t.contact_force, GREY, "solid"),
-        (3, "shift force", t.shift_force, GREEN, "dash"),
+    figure = make_subplots(len(PANELS), 1, shared_xaxes=True)
+    mismatch = series["output_speed"] - series["sliding_speed"]
+    rows: list[tuple[int, Any, dict[str, Any]]] = [
+        (1, series["displacement"], {"color": BLUE}),
+        (2, mismatch, {"color": INK, "dash": "dot", "width": 1.5}),
+        (2, series["sliding_speed"], {"color": BLUE}),
+        (2, series["output_speed"], {"color": ORANGE, "dash": "dash"}),
+        # A contact force is the mean of the step that ends at its time.
+        (3, series["contact_force"], {"color": "#8a2c3a", "width": 1, "shape": "vh"}),
+        (3, series["shift_force"], {"color": GREEN, "width": 2.5}),
     ]
-    for row, name, values, colour, dash in rows:
-        line = {"color": colour, "dash": dash, "width": 2}
-        figure.add_trace(go.Scatter(x=time, y=values, name=name, mode="lines", line=line), row, 1)
-    for phase, shade in zip(result.phases, SHADES, strict=True):
+    for row, values, line in rows:
+        look = {"mode": "lines", "line": {"width": 2, **line}, "hoverinfo": "skip"}
+        figure.add_trace(go.Scatter(x=series["time"], y=values, **look), row, 1)
+    for phase in result.phases:
         if phase.end > phase.start:
             span = {"x0": phase.start / MS, "x1": phase.end / MS}
-            figure.add_vrect(**span, fillcolor=shade, line_width=0, layer="below")
-    figure.update_yaxes(title="displacement, mm", row=1)
-    figure.update_yaxes(title="speed, 1/min", row=2)
-    # Impacts are far above the shift force; the axis keeps both in sight.
-    ceiling = FORCE_CEILING * float(t.shift_force.max())
-    figure.update_yaxes(title="force, N", range=[0.0, ceiling], row=3)
-    figure.update_xaxes(title="time, ms", row=3)
+            colour = _tone(phase.name)[1]
+            figure.add_vrect(**span, fillcolor=colour, opacity=1, line_width=0, layer="below")
+    marks = (
+        ("crests meet", result.clutch.dog.axial_gap, "top left"),
+        ("engaged", result.clutch.shift_travel, "bottom left"),
+    )
+    for text, level, where in marks:
+        line = {"color": GREY, "width": 1, "dash": "dot"}
+        note = {"text": text, "font": {"size": 11, "color": "#55626f"}}
+        figure.add_hline(
+            level / MM, row=1, opacity=1, line=line, annotation=note, annotation_position=where
+        )
+    return _laid_out(figure, _ceiling(result))
+
+
+def _small(title: str) -> dict[str, Any]:
+    return {"text": title, "font": {"size": 13}, "standoff": 12}
+
+
+def _laid_out(figure: go.Figure, ceiling: float) -> go.Figure:
+    room = HEIGHT - FOOT
+    for row, ((top, bottom), unit) in enumerate(
+        zip(_panels(), ("mm", "1/min", "N"), strict=True), start=1
+    ):
+        domain = [1.0 - bottom / room, 1.0 - (top + HEADLINE) / room]
+        figure.update_yaxes(domain=domain, title=_small(unit), nticks=5, row=row)
+    figure.update_xaxes(range=[0.0, float(figure.data[0].x[-1])])
+    figure.update_xaxes(ticksuffix=" ms", row=len(PANELS))
+    figure.update_yaxes(range=[0.0, ceiling], row=len(PANELS))
     figure.update_layout(
         template="simple_white",
-        height=620,
-        font={"family": "system-ui, sans-serif", "size": 14, "color": INK},
-        margin={"l": 70, "r": 20, "t": 40, "b": 50},
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
-        hovermode="x unified",
+        height=HEIGHT,
+        font={"family": "system-ui, sans-serif", "size": 12.5, "color": INK},
+        # The page lays its cursor and its phases over the same margins.
+        margin={"l": 72, "r": 24, "t": 0, "b": FOOT, "autoexpand": False},
+        paper_bgcolor="rgba(0,0,0,0)",
+        showlegend=False,
     )
     return figure

@@ -109,7 +109,7 @@ def shift(
     result = engage(ClutchPlant(clutch), point, relative_angle_deg * DEG)
     peak = given.torque_peak(result.loads.residual_mismatch)
     if html is not None:
-        write_animation(result, html)
+        write_animation(result, html, peak)
     if trace is not None:
         write_trace(result, trace)
     data = {

@@ -18,7 +18,7 @@ ALLOWED = {
 }
 #: Outside packages that only some modules may import.
 GUARDED = {
-    "pydrake": {"sim/plant.py", "sim/engagement.py"},
+    "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {"pipeline/search.py", "pipeline/sampler.py", "pipeline/study.py"},
     "sklearn": {"surrogate/model.py"},
     "plotly": {"pipeline/figures.py", "pipeline/report.py", "pipeline/animation.py"},

@@ -3,52 +3,105 @@
 from __future__ import annotations
 
 import html
+import json
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.animation import write_animation
-from pipeline.config import Study, load_study
+from pipeline.config import load_study
 from pipeline.folder import StudyFolder
 from pipeline.report import write_report
 from pipeline.study import Run, run_study
-from sim.clutch import OperatingPoint
-from sim.engagement import engage
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import Engagement, engage
 from sim.plant import ClutchPlant
-from sim.units import DEG
+from sim.units import DEG, MM, MS
 from tests.conftest import SMALL, needed
 
 CHROMIUM = shutil.which("chromium")
 
-#: Put into a page: its errors, its overflow and what its figures drew.
+#: Put into a page: its errors, its loads, its overflow and what its figures drew.
 PROBE = """
 <script>
-window.addEventListener("error", e => document.body.dataset.error = e.message);
+const said = document.body.dataset;
+window.addEventListener("error", e => said.error = e.message);
+console.error = (...words) => said.error = words.join(" ");
 window.addEventListener("load", () => setTimeout(() => {
   const figures = [...document.querySelectorAll(".js-plotly-plot")];
-  document.body.dataset.figures = figures.length;
-  document.body.dataset.drawn = figures.filter(f => f.querySelector(".trace")).length;
-  document.body.dataset.wide = document.documentElement.scrollWidth > window.innerWidth;
+  said.figures = figures.length;
+  said.drawn = figures.filter(f => f.querySelector(".trace")).length;
+  said.wide = document.documentElement.scrollWidth > window.innerWidth;
+  said.high = document.documentElement.scrollHeight > window.innerHeight;
+  const loads = performance.getEntriesByType("resource").map(r => r.name);
+  said.loads = loads.filter(name => name.startsWith("http")).length;
+  if (window.probe) probe(said);
 }, 800));
 </script>
 """
 
+#: Put into the page of a shift: what a scrub, a click and a choice of phase change.
+SHIFT_PROBE = """
+<script>
+function seen() {
+  const solid = document.getElementById("solid"), pictures = [document.getElementById("section")];
+  if (Solid.viewer) { Solid.viewer.render(); pictures.push(Solid.viewer.renderer.domElement); }
+  const hash = text => [...text].reduce((h, c) => (31 * h + c.charCodeAt()) | 0, 0);
+  const shot = pictures.map(picture => hash(picture.toDataURL()));
+  return {now: document.getElementById("now").textContent, shot, pose: solid.dataset.pose,
+          left: parseFloat(document.getElementById("cursor").style.left)};
+}
+function probe(said) {
+  const scrub = document.getElementById("scrub"), reach = document.getElementById("reach");
+  said.state = document.getElementById("solid").dataset.state;
+  const steps = [seen()];
+  scrub.value = 0.5 * scrub.max; scrub.dispatchEvent(new Event("input")); steps.push(seen());
+  const box = document.getElementById("rail").getBoundingClientRect();
+  const there = {clientX: box.left + 0.75 * box.width, clientY: box.top + 200, bubbles: true};
+  document.elementFromPoint(there.clientX, there.clientY).dispatchEvent(
+    new PointerEvent("pointerdown", there));
+  steps.push(seen());
+  const phase = [...document.getElementById("phases").children].filter(b => !b.disabled)[2];
+  phase.click(); steps.push(seen());
+  said.range = JSON.stringify(document.getElementById("curves").layout.xaxis.range);
+  said.steps = JSON.stringify(steps);
+  // Without a screen there are no pictures to wait for: let a timer ask for them.
+  let at = 0;
+  window.requestAnimationFrame = draw => setTimeout(() => draw(at += 16), 16);
+  document.getElementById("play").click();
+  setTimeout(() => said.played = JSON.stringify(seen()), 1000);
+}
+</script>
+"""
 
-def _look(page: Path, tmp_path: Path) -> dict[str, str]:
+#: Drawn in software with and without WebGL.
+WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WITHOUT_WEBGL = ("--disable-3d-apis",)
+
+
+def _look(
+    page: Path,
+    tmp_path: Path,
+    probe: str = PROBE,
+    graphics: tuple[str, ...] = WITHOUT_WEBGL,
+    window: str = "1150,900",
+) -> dict[str, str]:
     """Open a page without a network and return what the probe found."""
     needed(CHROMIUM is not None, "chromium")
     assert CHROMIUM is not None
     probed = tmp_path / "probed.html"
-    probed.write_text(page.read_text().replace("<body>", f"<body>{PROBE}", 1))
+    probed.write_text(page.read_text().replace("<body>", f"<body>{probe}", 1))
     command = [
-        CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic",
+        CHROMIUM, "--headless", "--no-sandbox", *graphics, "--disable-quic",
         "--no-first-run", "--disable-background-networking", "--disable-component-update",
-        "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1150,900",
-        "--virtual-time-budget=6000", "--dump-dom", probed.as_uri(),
+        "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={window}",
+        "--hide-scrollbars", "--virtual-time-budget=6000", "--dump-dom", probed.as_uri(),
     ]  # fmt: skip
     dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
     body = re.search(r"<body([^>]*)>", dom)
@@ -91,16 +144,76 @@ def test_report_before_the_first_design_passes(tmp_path: Path) -> None:
     assert "No design of this search passes every check" in page
 
 
-def test_animation_in_a_browser(
-    plant: ClutchPlant,
+@dataclass(frozen=True)
+class Asked:
+    """A shift in 1/min, N and degrees, and whether the browser has WebGL."""
+
+    mismatch: float
+    force: float
+    angle: float
+    chamfer: float
+    webgl: bool
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        pytest.param(Asked(50.0, 469.0, 10.0, 8.0, True), id="engaged"),
+        pytest.param(Asked(-50.0, 315.5, 8.0, 8.0, False), id="negative mismatch, no WebGL"),
+        pytest.param(Asked(0.0, 641.5, 0.0, 4.5, True), id="blocked"),
+    ],
+)
+def test_shift_in_a_browser(
+    clutch: Clutch,
     point: Callable[[float, float], OperatingPoint],
-    small_study: Study,
     tmp_path: Path,
+    asked: Asked,
+) -> None:
+    page = tmp_path / "shift.html"
+    plant = ClutchPlant(clutch.with_dog(replace(clutch.dog, chamfer=asked.chamfer * DEG)))
+    result = engage(plant, point(asked.mismatch, asked.force), asked.angle * DEG)
+    write_animation(result, page)
+    graphics = WITH_WEBGL if asked.webgl else WITHOUT_WEBGL
+    # What a screen of 1400 by 900 shows below the browser's own bars: all of the page.
+    seen = _look(page, tmp_path, PROBE + SHIFT_PROBE, graphics, "1400,900")
+    assert "error" not in seen
+    assert seen["figures"] == seen["drawn"] == "1"
+    assert seen["loads"] == "0"
+    assert (seen["wide"], seen["high"]) == ("false", "false")
+    assert seen["state"] == ("drawn" if asked.webgl else "missing")
+    _assert_follows(result, seen)
+
+
+def _assert_follows(result: Engagement, seen: dict[str, str]) -> None:
+    """Scrubber, click and phase each move the cursor, the views and the angles shown."""
+    start, middle, clicked, phase = json.loads(seen["steps"])
+    end, trace = result.trace.time[-1], result.trace
+    assert [round(step["left"]) for step in (start, middle, clicked)] == [0, 50, 75]
+    for before, after in ((start, middle), (middle, clicked)):
+        # The section and, where there is one, the view of the solids.
+        assert all(a != b for a, b in zip(before["shot"], after["shot"], strict=True))
+    assert f"{500 * end:.1f} ms" in middle["now"]
+    if seen["state"] == "drawn":
+        for step, share in ((start, 0.0), (middle, 0.5), (clicked, 0.75)):
+            output, sliding, height = (float(value) for value in step["pose"].split())
+            at = np.interp(share * end, trace.time, trace.relative_angle)
+            way = np.interp(share * end, trace.time, trace.displacement)
+            assert output == 0.0
+            assert sliding == pytest.approx(-at, abs=1e-3)
+            assert height == pytest.approx((result.clutch.dog.travel - way) / MM, abs=1e-2)
+    # The second phase that took any time now fills the width, and holds the cursor.
+    shown = [p for p in result.phases if p.end > p.start][1]
+    assert json.loads(seen["range"]) == pytest.approx([shown.start / MS, shown.end / MS])
+    assert shown.name in phase["now"]
+    assert json.loads(seen["played"])["left"] > phase["left"]
+
+
+def test_shift_needs_no_network(
+    plant: ClutchPlant, point: Callable[[float, float], OperatingPoint], tmp_path: Path
 ) -> None:
     page = tmp_path / "shift.html"
     write_animation(engage(plant, point(50, 235.2), 6 * DEG), page)
-    seen = _look(page, tmp_path)
-    assert "error" not in seen
-    assert seen["figures"] == seen["drawn"] == "1"
-    assert seen["wide"] == "false"
-    assert "0.0 ms, 0.00 mm, free fly" in seen["dom"]
+    text = page.read_text()
+    assert not re.search(r'<(script|link|img|iframe)[^>]*(src|href)="?(http|//)', text)
+    assert text.count("</script>") == text.count("<script")
+    assert page.stat().st_size < 10_000_000

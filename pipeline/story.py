@@ -1,0 +1,118 @@
+"""What a shift did, in words: why it took its time, and a list of facts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.tables import event_facts, load_facts
+from sim.engagement import Engagement, Outcome
+from sim.phases import Phase
+from sim.units import MM, MS, RPM
+
+MINUS = "\N{MINUS SIGN}"
+
+
+def facts(result: Engagement, torque_peak: float | None) -> list[str]:
+    """Return what is worth knowing of a shift beside its phases; ``torque_peak`` in N m."""
+    return [*_meeting(result), *event_facts(result), *load_facts(result, torque_peak)]
+
+
+def why(result: Engagement) -> str:
+    """Return one sentence: which phase took longest, and what held the ring in it."""
+    end = result.phases[-1].end
+    longest = max(result.phases, key=lambda p: p.end - p.start)
+    length = _ms(longest.end - longest.start)
+    if result.outcome is Outcome.BLOCKED:
+        return _why_blocked(result)
+    name = "free flight" if longest.name == "free fly" else longest.name
+    share = f"{name} took {length} of {_ms(end)} ms"
+    if result.outcome is not Outcome.ENGAGED:
+        return f"Not engaged: {result.detail}; until then {share}."
+    return f"{share[0].upper()}{share[1:]}: {_REASONS[longest.name](result, longest)}."
+
+
+def _why_blocked(result: Engagement) -> str:
+    face = next(p for p in result.phases if p.name == "face contact")
+    return (
+        f"Friction holds dog on dog: the faces slid only {_slip(result, face):.2f} mm in "
+        f"{_ms(face.end - face.start)} ms and would not reach a slot before the time-out."
+    )
+
+
+def _on_faces(result: Engagement, phase: Phase) -> str:
+    """Say how far the faces slid to a slot, and how slowly or with what loss."""
+    slip = _slip(result, phase)
+    before, after = (_mismatch(result, time) for time in (phase.start, phase.end))
+    rate = slip / ((phase.end - phase.start) / MS)
+    text = f"dog met dog, and the rings turned {slip:.1f} mm "
+    missed = result.events.slots_skipped
+    if missed:
+        text += f"past {missed} slot{'s' if missed > 1 else ''} that did not let them in"
+    else:
+        text += "to the next slot"
+    text += f", at {rate:.2g} mm/ms"
+    if abs(after) < 0.8 * abs(before):
+        text += f"; the mismatch fell from {before:.0f} to {after:.0f} 1/min".replace("-", MINUS)
+    return text
+
+
+def _in_flight(result: Engagement, phase: Phase) -> str:
+    gap = result.clutch.dog.axial_gap / MM
+    return (
+        f"the shift force had to bring the ring over the gap of {gap:.2f} mm and had only "
+        f"reached {_force(result, phase.end)}"
+    )
+
+
+def _on_flanks(result: Engagement, phase: Phase) -> str:
+    way = np.interp(phase.start, result.trace.time, result.trace.displacement) / MM
+    travel = result.clutch.shift_travel / MM
+    return (
+        f"flanks met at {way:.2f} of {travel:.2f} mm, and the ring made the rest along them "
+        f"while the shift force rose only to {_force(result, phase.end)}"
+    )
+
+
+def _in_slots(result: Engagement, phase: Phase) -> str:
+    return f"the dogs were in the slots and free, under {_force(result, phase.end)}"
+
+
+_REASONS: dict[str, Callable[[Engagement, Phase], str]] = {
+    "free fly": _in_flight,
+    "face contact": _on_faces,
+    "entry": _in_slots,
+    "seating": _on_flanks,
+}
+
+
+def _meeting(result: Engagement) -> list[str]:
+    """Return when and how fast the rings met; without a face it is their crests that pass."""
+    flight, face = result.phases[:2]
+    if flight.end >= result.trace.time[-1]:
+        return []
+    speed = np.interp(flight.end, result.trace.time, result.trace.axial_speed)
+    what = "first touch" if face.end > face.start else "crests meet"
+    return [f"{what} with {abs(speed):.2f} m/s"]
+
+
+def _slip(result: Engagement, phase: Phase) -> float:
+    """Return how far the rings turned against each other in a phase, mm at the mean radius."""
+    trace = result.trace
+    start, end = np.interp([phase.start, phase.end], trace.time, trace.relative_angle)
+    return float(abs(end - start) * result.clutch.dog.mean_radius / MM)
+
+
+def _mismatch(result: Engagement, time: float) -> float:
+    trace = result.trace
+    return float(np.interp(time, trace.time, trace.relative_speed)) / RPM
+
+
+def _force(result: Engagement, time: float) -> str:
+    now = np.interp(time, result.trace.time, result.trace.shift_force)
+    return f"{now:.0f} of {result.point.profile.force:.0f} N"
+
+
+def _ms(seconds: float) -> str:
+    return f"{seconds / MS:.1f}"

@@ -1,0 +1,73 @@
+"""What the page of a shift says in words, and the solids it shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.scene import ring_body, solids
+from pipeline.story import facts, why
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import Outcome, engage
+from sim.geometry import Dog
+from sim.mesh import dog_planes, dog_solid
+from sim.plant import ClutchPlant
+from sim.units import DEG
+
+Point = Callable[[float, float], OperatingPoint]
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ((50.0, 469.0, 10.0), ("Face contact took", "to the next slot", "mm/ms")),
+        ((249.0, 641.5, 3.0), ("Face contact took", "past 1 slot", "mismatch fell from 249 to")),
+        ((5.0, 235.2, 13.0), ("Seating took", "flanks met at")),
+        ((0.0, 641.5, 12.0), ("Free flight took", "gap of 1.00 mm")),
+    ],
+)
+def test_sentence_names_the_longest_phase(
+    plant: ClutchPlant,
+    point: Point,
+    asked: tuple[float, float, float],
+    words: tuple[str, ...],
+) -> None:
+    mismatch, force, angle = asked
+    result = engage(plant, point(mismatch, force), angle * DEG)
+    sentence = why(result)
+    assert all(word in sentence for word in words), sentence
+    assert sentence.endswith(".")
+    listed = facts(result, 12.3)
+    assert listed[0].startswith("first touch" if "Face contact" in sentence else "crests meet")
+    assert any("slots skipped" in fact for fact in listed)
+    assert listed[-1].endswith("12.3 N m")
+
+
+def test_sentence_of_a_blocked_shift_and_of_a_time_out(clutch: Clutch, point: Point) -> None:
+    flat = clutch.with_dog(replace(clutch.dog, chamfer=4.5 * DEG))
+    blocked = engage(ClutchPlant(flat), point(0.0, 641.5), 0.0)
+    assert blocked.outcome is Outcome.BLOCKED
+    assert "Friction holds dog on dog" in why(blocked)
+    late = engage(ClutchPlant(replace(clutch, timeout=0.03)), point(50.0, 469.0), 10 * DEG)
+    assert late.outcome is Outcome.TIMED_OUT
+    assert "Not engaged" in why(late)
+
+
+def test_body_of_a_ring_is_closed_and_behind_the_dogs(prototype: Dog) -> None:
+    body = ring_body(prototype, 3e-3)
+    area = math.pi * (prototype.outer_radius**2 - prototype.inner_radius**2)
+    assert body.volume == pytest.approx(3e-3 * area, rel=1e-3)
+    assert body.vertices[:, 2].max() == pytest.approx(-0.5 * prototype.height)
+
+
+def test_touching_surfaces_come_first_in_the_order_the_page_names(prototype: Dog) -> None:
+    dog, planes = dog_solid(prototype), dog_planes(prototype)
+    assert solids(prototype)["dog"]["cells"] == dog.cells.ravel().tolist()
+    for index, name in enumerate(("traction", "face", "braking")):
+        for a, b, c in dog.vertices[dog.cells[2 * index : 2 * index + 2]]:
+            normal = np.cross(b - a, c - a)
+            assert normal / np.linalg.norm(normal) == pytest.approx(planes[name].normal, abs=1e-9)
