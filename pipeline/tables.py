@@ -40,8 +40,9 @@ def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType
         table.add_row(phase.name, _ms(phase.start), _ms(phase.end), _ms(length))
     outcome = result.outcome.value.replace("_", " ")
     time = f" in {_ms(result.shift_time)} ms" if result.shift_time is not None else ""
-    facts = "; ".join([*event_facts(result), *load_facts(result, torque_peak)])
-    return Group(f"{outcome}{time}: {result.detail}", table, facts)
+    happened = "; ".join(event_facts(result))
+    loads = "\n".join(load_facts(result, torque_peak))
+    return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
 
 
 def event_facts(result: Engagement) -> list[str]:
@@ -49,12 +50,16 @@ def event_facts(result: Engagement) -> list[str]:
     events = result.events
     slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
     return [
-        f"{events.face_contacts} face contacts",
-        f"{events.slots_skipped} slots skipped",
+        _counted(events.face_contacts, "face contact"),
+        f"{_counted(events.slots_skipped, 'slot')} skipped",
         f"thrown back {events.rebound / MM:.2f} mm",
         f"held dog on dog {_ms(events.time_blocked)} ms",
         slid,
     ]
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number or 'no'} {thing}{'' if number == 1 else 's'}"
 
 
 def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:

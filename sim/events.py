@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.clutch import Clutch
-from sim.phases import Flags, face_overlap, on_face, touching
-from sim.trace import Series, Trace
+from sim.phases import face_overlap, on_face, touching
+from sim.trace import Trace
 
-LIFT = 1e-3  #: s without touch after which a touch is a new one; less is chatter
+LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
 STILL = 1e-3  #: m/s of slip below which faces count as held
 SLID = 5e-5  #: m of sliding from which faces count as having slid
 
@@ -51,7 +51,7 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
     held = slip < max(STILL, 2.0 * clutch.contact.stiction_velocity)
     deepest = np.maximum.accumulate(trace.displacement)
     return Events(
-        face_contacts=_landings(trace.time, touching(trace), faces),
+        face_contacts=_landings(clutch, trace),
         slots_skipped=_skipped(clutch, trace),
         rebound=float((deepest - trace.displacement).max()),
         time_blocked=float(steps[faces & held].sum()),
@@ -59,16 +59,21 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
     )
 
 
-def _landings(time: Series, touches: Flags, faces: Flags) -> int:
-    """Count touches of a face that begin after a flight."""
+def _landings(clutch: Clutch, trace: Trace) -> int:
+    """Count touches of a face after a flight that parted it from that face."""
+    touches, faces = touching(trace), on_face(clutch, trace)
+    overlap, most = face_overlap(clutch, trace.relative_angle)
+    level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
+    apart = np.where(
+        (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
+    )
     started = np.flatnonzero(touches & ~np.concatenate([[False], touches[:-1]]))
     ended = np.flatnonzero(touches & ~np.concatenate([touches[1:], [False]]))
-    count, lifted = 0, -math.inf
+    count, left = 0, 0
     for first, last in zip(started.tolist(), ended.tolist(), strict=True):
-        begin = time[max(first - 1, 0)]
-        new = begin - lifted > LIFT
-        count += bool(new and faces[first : last + 1].any())
-        lifted = time[last]
+        flown = apart[left : first + 1].max() - apart[left] if count else math.inf
+        count += bool(flown > LIFT and faces[first : last + 1].any())
+        left = last
     return count
 
 
