@@ -1,6 +1,7 @@
 # Two targets do everything on a fresh Debian 12 with Python 3.11:
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests
+# make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
 # make picture draws docs/shift.png again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
@@ -12,7 +13,7 @@ CHROMIUM ?= chromium
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint picture constraints system clean
+.PHONY: study test lint evidence picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -24,6 +25,13 @@ lint: $(VENV)/ready
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
+
+EVIDENCE := convergence stiction floor work_precision expectation second_engine adams
+
+evidence: $(VENV)/ready
+	$(BIN)/python -m pytest -m slow
+	for name in $(EVIDENCE); do \
+	  echo "$$name"; $(BIN)/python -m benchmarks.$$name > docs/evidence/$$name.txt || exit 1; done
 
 # The picture of the README: one shift at 45 ms, drawn without a screen.
 picture: $(VENV)/ready

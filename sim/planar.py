@@ -9,8 +9,9 @@ where the turn of one against the other leaves them closest.
 
 Time stepping after Moreau (1988): in each step the free velocity is corrected by an
 impulse of the line that is crossed deepest, with Coulomb friction (stick or slip) and
-the restitution of the contact set. It follows face contact and sliding to about a
-percent; what flanks do to each other at speed, the compliance of the contact decides,
+the restitution of the contact set. It follows face contact and sliding within three
+percent (a ring's motion turns from the steepest line of a face, the model's does not);
+what flanks do to each other at speed, the compliance of the contact decides,
 and there it is no more than a guess. ``sim.control`` uses it only where its
 answer does not hang on its restitution.
 """

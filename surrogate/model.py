@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern
+from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sim.errors import InputError
 from surrogate.dataset import Array, Dataset
@@ -54,12 +54,22 @@ class Surrogate:
 
     @property
     def theta(self) -> list[float]:
-        """Logarithms of the signal variance and of the d length scales."""
+        """Logarithms of signal variance, d length scales and roughness."""
         return [float(v) for v in self._process.kernel_.theta]
+
+    @property
+    def roughness(self) -> float:
+        """Variance of the logarithm that neither the shape nor the standard error explains.
+
+        A few angles see the jumps of the shift time here or there as the dogs change, which
+        makes the simulated mean rough; it belongs to the sample and not to the design.
+        """
+        return float(self._process.kernel_.k2.noise_level)
 
     def predict(self, x: Array) -> Prediction:
         """Predict the expected shift time of designs (m, d) in edge units."""
         mean, sd = self._process.predict(self.data.scaled(x), return_std=True)
+        sd = np.sqrt(np.maximum(sd**2 - self.roughness, 0.0))
         centre = mean + self._mean
         return Prediction(
             time=np.exp(centre),
@@ -71,7 +81,8 @@ class Surrogate:
     def sample(self, x: Array, rng: np.random.Generator) -> Array:
         """Draw the expected shift times of designs (m, d) from the posterior, (m,), s."""
         mean, covariance = self._process.predict(self.data.scaled(x), return_cov=True)
-        jitter = 1e-8 * float(self._process.kernel_.diag(self.data.scaled(x[:1]))[0])
+        covariance -= self.roughness * np.eye(len(covariance))
+        jitter = 1e-7 * float(self._process.kernel_.diag(self.data.scaled(x[:1]))[0])
         root = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
         draw: Array = np.exp(mean + root @ rng.standard_normal(len(mean)) + self._mean)
         return draw
@@ -80,7 +91,8 @@ class Surrogate:
 def _kernel(dimensions: int) -> Kernel:
     scales = np.full(dimensions, 0.5)
     matern = Matern(scales, length_scale_bounds=(0.05, 20.0), nu=2.5)
-    return ConstantKernel(0.02, constant_value_bounds=(1e-4, 10.0)) * matern
+    smooth = ConstantKernel(0.02, constant_value_bounds=(1e-4, 10.0)) * matern
+    return smooth + WhiteKernel(1e-4, noise_level_bounds=(1e-7, 1e-2))
 
 
 def fit(data: Dataset, seed: int = 0) -> Surrogate:

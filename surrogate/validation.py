@@ -47,9 +47,11 @@ def held_out(data: Dataset, folds: int = 8, seed: int = 0) -> tuple[Array, Array
     for fold in range(folds):
         out = order[fold::folds]
         keep = np.setdiff1d(order, out)
-        prediction = fit(data.subset(keep), seed).predict(data.x[out])
+        model = fit(data.subset(keep), seed)
+        prediction = model.predict(data.x[out])
         time[out] = prediction.time
-        sd[out] = np.hypot(prediction.log_sd, data.error[out] / data.time[out])
+        sample = (data.error[out] / data.time[out]) ** 2 + model.roughness
+        sd[out] = np.sqrt(prediction.log_sd**2 + sample)
     return time, sd
 
 

@@ -154,8 +154,8 @@ def test_stopped_and_resumed_equals_uninterrupted(
     )
     assert journal.read_bytes().startswith(whole)
     rows = _rows(tmp_path)
-    assert len({row["key"] for row in rows}) == len(rows) == 84
-    assert json.loads(resumed.stdout)["n_simulated_shifts"] == 84
+    assert len({row["key"] for row in rows}) == len(rows) == 86
+    assert json.loads(resumed.stdout)["n_simulated_shifts"] == 86
     stored = json.loads((tmp_path / "result.json").read_text())
     assert _designs(stored) == _designs(finished[1])
 
