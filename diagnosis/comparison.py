@@ -9,15 +9,14 @@ of the bench's mean (spread from the simulation) and of the simulated mean.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from diagnosis.bench import Bench, Cell
 from sim.batch import Block, Record, pitch_angles, result_of
 from sim.expectation import PointExpectation, even_phases, expect_point
+from sim.numerical import Runner, numerical_error
 
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
-Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
 
 @dataclass(frozen=True)
@@ -43,10 +42,14 @@ class Difference:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All operating points of a data set."""
+    """All operating points of a data set.
+
+    ``numerical_error`` in s is that of the mean over all of them, None if not asked for.
+    """
 
     bench: Bench
     differences: tuple[Difference, ...]
+    numerical_error: float | None = None
 
     @property
     def rmse(self) -> float:
@@ -69,7 +72,12 @@ def _rms(values: list[float]) -> float:
 
 
 def compare(
-    bench: Bench, run: Runner, angles: int | tuple[float, ...] | None = None, seed: int = 1
+    bench: Bench,
+    run: Runner,
+    angles: int | tuple[float, ...] | None = None,
+    seed: int = 1,
+    *,
+    checked: bool = False,
 ) -> Comparison:
     """Simulate every operating point of a data set.
 
@@ -79,6 +87,7 @@ def compare(
     angles : relative angles in rad, or how many evenly spaced ones, at least three;
         by default those of the data set, or sixteen.
     seed : of where the angles begin.
+    checked : whether to repeat an eighth of the shifts for the numerical error.
     """
     given = angles if isinstance(angles, tuple) else None
     if angles is None:
@@ -92,7 +101,9 @@ def compare(
         blocks.append(Block(bench.clutch, cell.point, chosen))
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
-    return Comparison(bench, tuple(_difference(bench, c, r, given is None) for c, r in pairs))
+    differences = tuple(_difference(bench, c, r, given is None) for c, r in pairs)
+    error = numerical_error(blocks, rows, run) if checked else None
+    return Comparison(bench, differences, error)
 
 
 def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Difference:

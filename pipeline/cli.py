@@ -18,7 +18,7 @@ from pipeline import tables
 from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study, profile_for
 from pipeline.console import emit, verb
-from pipeline.evaluation import CHECKED, expectation_of, numerical_error
+from pipeline.evaluation import expectation_of
 from pipeline.executor import scratch_executor
 from pipeline.folder import StudyFolder
 from pipeline.precision import FIRST, expect_to
@@ -32,6 +32,7 @@ from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between
 from sim.expectation import Expectation, even_phases
 from sim.manufacture import require_makeable
+from sim.numerical import CHECKED, numerical_error
 from sim.plant import ClutchPlant
 from sim.strength import strength_checks
 from sim.units import DEG, RPM
@@ -184,7 +185,7 @@ def _expect_to(
     with ShiftProgress(FIRST * len(points)) as progress:
         executor = scratch_executor(jobs, progress.advance)
         precise = expect_to(given, points, precision, executor, progress)
-        error = numerical_error(precise.blocks, precise.rows, executor)
+        error = numerical_error(precise.blocks, precise.rows, executor.run)
     return replace(precise.expectation, numerical_error=error)
 
 
@@ -201,7 +202,7 @@ def _expect_at(
     with ShiftProgress(shifts + math.ceil(shifts / CHECKED)) as progress:
         executor = scratch_executor(jobs, progress.advance)
         rows = executor.run(blocks)
-        error = numerical_error(blocks, rows, executor)
+        error = numerical_error(blocks, rows, executor.run)
     result = expectation_of(given, points, rows, even=not listed)
     return replace(result, numerical_error=error)
 
@@ -375,12 +376,15 @@ def validate(
         )
     chosen = None if angles is None else listed or count
     own = given.relative_angles if angles is None else None
-    with ShiftProgress(len(given.cells) * len(listed or own or range(count))) as progress:
-        result = compare(given, scratch_executor(jobs, progress.advance).run, chosen)
+    shifts = len(given.cells) * len(listed or own or range(count))
+    with ShiftProgress(shifts + math.ceil(shifts / CHECKED)) as progress:
+        run = scratch_executor(jobs, progress.advance).run
+        result = compare(given, run, chosen, checked=True)
     data = {
         "name": given.name,
         "points": [tables.difference_record(d) for d in result.differences],
         "rmse_s": result.rmse,
         "relative_rms": result.relative_rms,
+        "numerical_error_s": result.numerical_error,
     }
     emit(data, json, lambda: tables.comparison_table(result))

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from pipeline.config import Study
 from pipeline.executor import Executor
 from sim.batch import Block, Record, pitch_angles, result_of
@@ -14,8 +12,7 @@ from sim.clutch import Clutch, OperatingPoint
 from sim.expectation import Expectation, even_phases, expect, expect_point
 from sim.geometry import Dog
 from sim.manufacture import require_makeable
-
-CHECKED = 8  #: one shift in so many is repeated for the numerical error
+from sim.numerical import numerical_error
 
 
 def blocks_of(study: Study, clutch: Clutch, angles: int, seed: int) -> list[Block]:
@@ -50,35 +47,9 @@ def evaluate(
         mine, rows = rows[: len(group)], rows[len(group) :]
         result = expectation_of(study, [b.point for b in group], mine)
         if checked:
-            result = replace(result, numerical_error=numerical_error(group, mine, executor))
+            result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
         results.append(result)
     return results
-
-
-def numerical_error(
-    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], executor: Executor
-) -> float:
-    """Return the numerical error of a mean shift time, s.
-
-    Every eighth shift is repeated with a tolerance thirty times smaller. The mean
-    difference and its own standard error are added as squares.
-    """
-    shifts = [
-        (b, a, row)
-        for b, r in zip(blocks, rows, strict=True)
-        for a, row in zip(b.angles, r, strict=True)
-    ]
-    chosen = shifts[:: min(CHECKED, len(shifts))]
-    fine = executor.run([Block(b.clutch.refined(), b.point, (a,)) for b, a, _ in chosen])
-    late = blocks[0].clutch.timeout
-    pairs = zip(chosen, fine, strict=True)
-    apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
-    return float(np.sqrt(apart.mean() ** 2 + apart.var() / apart.size))
-
-
-def _time(row: Record, late: float) -> float:
-    time = result_of(row).shift_time
-    return late if time is None else time
 
 
 def expectation_of(

@@ -132,7 +132,8 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
             f"{_ms(best['expected_shift_time_s'])} +- {_ms(best['standard_error_s'])} ms, "
             "prototype "
             f"{_ms(proto['expected_shift_time_s'])} +- {_ms(proto['standard_error_s'])} ms, "
-            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms (one standard error)"
+            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms (one standard error; "
+            f"numerical error {best['numerical_error_s'] * 1e3:.2g} ms)"
         )
         if not is_clear(c):
             lines.append("the best design is not distinguishable from the prototype")
@@ -194,4 +195,6 @@ def comparison_table(result: Comparison) -> RenderableType:
         f"{result.bench.name}: root-mean-square gap {_ms(result.rmse)} ms, "
         f"relative {result.relative_rms:.1%}"
     )
+    if result.numerical_error is not None:
+        total += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"
     return Group(table, total)

@@ -1,0 +1,83 @@
+"""Expectation to a wanted precision, and the numerical error beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.batch import Block, Record
+from sim.clutch import Clutch, OperatingPoint
+from sim.expectation import even_phases
+from sim.numerical import CHECKED, numerical_error
+from tests.conftest import Said
+
+Point = Callable[[float, float], OperatingPoint]
+Dogshape = Callable[..., Said]
+
+SMALL = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force_N=[469.0, 641.5]")
+
+
+def _row(time: float | None) -> Record:
+    return {"outcome": "engaged" if time else "timed_out", "shift_time_s": time}
+
+
+def test_numerical_error_is_mean_and_scatter_of_the_repeated_shifts(
+    clutch: Clutch, point: Point
+) -> None:
+    """Every eighth shift, told from its angle; times off by 1 ms and by 3 ms in turn."""
+    angles = tuple(0.01 * k for k in range(32))
+    blocks = [Block(clutch, point(50, 469.0), angles)]
+    rows = [[_row(0.1 + angle) for angle in angles]]
+    asked: list[float] = []
+
+    def fine(again: Sequence[Block]) -> list[list[Record]]:
+        assert all(b.clutch.solver.accuracy < clutch.solver.accuracy / 20 for b in again)
+        asked.extend(b.angles[0] for b in again)
+        off = [1e-3 if k % 2 else 3e-3 for k in range(len(again))]
+        return [[_row(0.1 + b.angles[0] + o)] for b, o in zip(again, off, strict=True)]
+
+    error = numerical_error(blocks, rows, fine)
+    assert asked == list(angles[::CHECKED])
+    assert error == pytest.approx(np.hypot(2e-3, 1e-3 / np.sqrt(4)))
+    lost = numerical_error(blocks, rows, lambda again: [[_row(None)] for _ in again])
+    assert lost > 0.7 * clutch.timeout
+
+
+def test_rounds_of_angles_hold_the_rounds_before() -> None:
+    first = even_phases(6, seed=4, index=1)
+    for factor in (2, 3, 5):
+        more = even_phases(6 * factor, seed=4, index=1, base=6)
+        assert np.diff(more) == pytest.approx(np.full(6 * factor - 1, 1 / (6 * factor)))
+        assert all(np.abs(more - phase).min() < 1e-12 for phase in first)
+
+
+def test_expect_to_a_precision(dogshape: Dogshape) -> None:
+    wide = dogshape("expect", "mq200", *SMALL, "--precision", 0.2, "--json", "--jobs", 1)
+    fine = dogshape("expect", "mq200", *SMALL, "--precision", 0.02, "--json", "--jobs", 1)
+    assert wide.status == fine.status == 0
+    for said, goal in ((wide, 0.2), (fine, 0.02)):
+        found: Any = said.json
+        assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
+        assert 0.0 <= found["numerical_error_s"] < 1e-3
+    shifts = [sum(p["n"] for p in said.json["points"]) for said in (wide, fine)]
+    assert shifts[0] < shifts[1]
+    assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--precision", 0.0), ("--precision is 0", "0.001")),
+        (("--precision", "nan"), ("--precision is nan",)),
+        (("--precision", 0.1, "--angles", 6), ("leave out --angles",)),
+    ],
+)
+def test_bad_precision_is_a_sentence(
+    dogshape: Dogshape, options: tuple[Any, ...], words: tuple[str, ...]
+) -> None:
+    said = dogshape("expect", "mq200", *options)
+    assert said.status == 2
+    assert all(word in said.sentence for word in words)
