@@ -45,7 +45,7 @@ picture: $(VENV)/ready
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,blind]"
 	touch $@
 
 # Install what is missing where that is possible, and say what to do where it is not.
@@ -59,7 +59,7 @@ system:
 constraints: system
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev,blind]"
 	$(BIN)/python -m pip freeze --all --exclude-editable --exclude pip > constraints.txt
 	touch $(VENV)/ready
 

@@ -15,9 +15,9 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from diagnosis.second_engine import SecondEngine
 
 from benchmarks.common import angles_of, default_study
+from diagnosis.second_engine import SecondEngine
 from pipeline.config import Study
 from pipeline.executor import scratch_executor
 from pipeline.precision import FIRST, FIRST_TRUSTED, expect_to

@@ -19,12 +19,12 @@ from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
-from diagnosis.second_engine import SecondEngine
-from diagnosis.second_model import EngineSettings
 from pydrake.geometry import HydroelasticContactRepresentation as Representation
 
 import sim.plant
 from benchmarks.common import angles_of, default_study
+from diagnosis.second_engine import SecondEngine
+from diagnosis.second_model import EngineSettings
 from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver
 from sim.engagement import engage
 from sim.plant import ClutchPlant

@@ -1,0 +1,241 @@
+"""Drake and MuJoCo at the same shifts, and what explains where they differ.
+
+    python -m benchmarks.second_engine [--angles N]
+
+The first table has the mean shift time of either engine over even angles, the median
+difference of single shifts, the share of angles that flip (differ by more than a tenth:
+another slot, or another bounce) and the CPU time a shift; once at MuJoCo's default and
+once at its fine settings. The second changes one thing at a time in the cells that
+differ most. Takes about three minutes; needs the extra ``blind``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
+from diagnosis import second_model
+from diagnosis.second_engine import SecondEngine
+from diagnosis.second_model import FINE, EngineSettings
+from sim.clutch import Clutch, OperatingPoint
+from sim.plant import ClutchPlant
+from sim.units import MM
+
+#: Mismatch in 1/min and force in N.
+POINTS = (
+    (10.0, 235.2),
+    (25.0, 641.5),
+    (50.0, 469.0),
+    (100.0, 315.5),
+    (249.0, 469.0),
+    (-50.0, 469.0),
+)
+FLIP = 0.1  #: relative difference from which a shift counts as another one
+
+Change = Callable[[Clutch], Clutch]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How two cells of the same angles agree; relative numbers, second over first."""
+
+    first: Cell
+    second: Cell
+
+    @property
+    def single(self) -> np.ndarray:
+        """Relative difference of each shift, (n,); NaN where either did not engage."""
+        return self.second.times / self.first.times - 1.0
+
+    @property
+    def mean(self) -> float:
+        """Relative difference of the means."""
+        return self.second.mean / self.first.mean - 1.0
+
+    @property
+    def median(self) -> float:
+        """Median size of the difference of single shifts."""
+        return float(np.nanmedian(np.abs(self.single)))
+
+    @property
+    def flipped(self) -> float:
+        """Share of shifts that differ by more than a tenth, or in their outcome."""
+        one, two = np.isfinite(self.first.times), np.isfinite(self.second.times)
+        return float(np.mean((one != two) | (np.abs(self.single) > FLIP)))
+
+
+def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarray) -> Cell:
+    """Simulate shifts in MuJoCo and return their times and cost; a step is an evaluation."""
+    times, steps = [], 0
+    start = time.process_time()
+    for angle in angles:
+        result = engine.shift(point, float(angle))
+        times.append(np.nan if result.shift_time is None else result.shift_time)
+        steps += len(result.times)
+    cpu = time.process_time() - start
+    return Cell(np.array(times), cpu / len(times), steps / len(times))
+
+
+def table(count: int, settings: EngineSettings) -> None:
+    """Print the agreement of every design and operating point."""
+    print(
+        f"\nMuJoCo at {settings.time_step * 1e6:g} us, damping {settings.damping:g} 1/s; ", end=""
+    )
+    print(f"{count} angles")
+    for head in (
+        ("design", "point", "Drake", "MuJoCo", "mean", "median", "flipped", "Drake", "MuJoCo"),
+        ("", "1/min, N", "ms", "ms", "%", "%", "%", "CPU ms", "CPU ms"),
+    ):
+        widths = (14, 9, 9, 8, 8, 9, 9, 9)
+        cells = [f"{text:>{width}}" for text, width in zip(head[1:], widths, strict=True)]
+        print(f"{head[0]:<10}" + "".join(cells))
+    study = default_study()
+    rows = []
+    for design in DESIGNS:
+        clutch = clutch_of(study, design)
+        plant, engine = ClutchPlant(clutch), SecondEngine(clutch, settings)
+        for index, (mismatch, force) in enumerate(POINTS):
+            point, angles = point_of(study, mismatch, force), angles_of(clutch, count, index)
+            row = Agreement(measure(plant, point, angles), measure_second(engine, point, angles))
+            rows.append(row)
+            print(
+                f"{design:<10}{mismatch:>7.0f}{force:>7.1f}{row.first.mean * 1e3:>9.2f}"
+                f"{row.second.mean * 1e3:>9.2f}{row.mean * 100:>+8.2f}{row.median * 100:>8.2f}"
+                f"{row.flipped * 100:>9.0f}{row.first.cpu * 1e3:>9.1f}{row.second.cpu * 1e3:>9.1f}",
+                flush=True,
+            )
+    singles = np.abs(np.concatenate([row.single for row in rows]))
+    print(
+        f"all: means {np.mean([r.mean for r in rows]) * 100:+.2f} % on average, median of "
+        f"single shifts {np.nanmedian(singles) * 100:.2f} %, "
+        f"{np.mean([r.flipped for r in rows]) * 100:.0f} % flipped"
+    )
+
+
+def same(clutch: Clutch) -> Clutch:
+    """Change nothing."""
+    return clutch
+
+
+def narrow(clutch: Clutch) -> Clutch:
+    """Make the rings so narrow that the radius of every contact is known."""
+    dog = replace(clutch.dog, inner_diameter=47.8 * MM, outer_diameter=48.2 * MM)
+    return clutch.with_dog(dog)
+
+
+def with_contact(**changes: float) -> Change:
+    """Return a change of contact parameters."""
+    return lambda clutch: replace(clutch, contact=replace(clutch.contact, **changes))
+
+
+def narrow_stiff(clutch: Clutch) -> Clutch:
+    """Narrow rings with a layer that makes up for their small faces, and twenty times over."""
+    return with_contact(stiffness=400.0 * clutch.contact.stiffness)(narrow(clutch))
+
+
+#: What is changed: for both engines, then for Drake alone, and MuJoCo's settings.
+Case = tuple[str, Change, Change, EngineSettings]
+CASES: tuple[tuple[str, int, tuple[Case, ...]], ...] = (
+    (
+        "prototype",
+        1,
+        (
+            ("as it is", same, same, FINE),
+            ("Drake: tolerance 30 times tighter", same, Clutch.refined, FINE),
+            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
+            ("Drake: stiffness times 20", same, with_contact(stiffness=1e14), FINE),
+            ("both: rings 0.2 mm wide", narrow, same, FINE),
+            ("both: narrow, Drake 400 times as stiff", narrow, narrow_stiff, FINE),
+        ),
+    ),
+    (
+        "steep",
+        5,
+        (
+            ("as it is", same, same, FINE),
+            ("Drake: stiction velocity a tenth", same, with_contact(stiction_velocity=2e-5), FINE),
+        ),
+    ),
+    (
+        "fine",
+        2,
+        (
+            ("as it is", same, same, FINE),
+            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
+            ("both: dissipation halved", with_contact(dissipation=10.0), same, FINE),
+            ("Drake: dissipation halved", same, with_contact(dissipation=10.0), FINE),
+        ),
+    ),
+    (
+        "prototype",
+        4,
+        (
+            ("as it is", same, same, FINE),
+            ("Drake: tolerance 30 times tighter", same, Clutch.refined, FINE),
+            ("MuJoCo: half the step", same, same, replace(FINE, time_step=2e-6)),
+            ("MuJoCo: a fifth of the damping", same, same, replace(FINE, damping=5e3)),
+            ("both: dissipation doubled", with_contact(dissipation=40.0), same, FINE),
+            ("Drake: dissipation doubled", same, with_contact(dissipation=40.0), FINE),
+        ),
+    ),
+)
+
+
+def causes(count: int) -> None:
+    """Print the cells that differ most, with one thing changed at a time."""
+    study = default_study()
+    for design, index, cases in CASES:
+        mismatch, force = POINTS[index]
+        point = point_of(study, mismatch, force)
+        print(
+            f"\n{design} at {mismatch:g} 1/min, {force:g} N{'Drake ms':>24}{'MuJoCo ms':>11}",
+            end="",
+        )
+        print(f"{'mean %':>9}{'median %':>10}{'flipped %':>11}")
+        angles = angles_of(clutch_of(study, design), count, index)
+        for label, both, first, settings in cases:
+            clutch = both(clutch_of(study, design))
+            row = Agreement(
+                measure(ClutchPlant(first(clutch)), point, angles),
+                measure_second(SecondEngine(clutch, settings), point, angles),
+            )
+            print(
+                f"  {label:<40}{row.first.mean * 1e3:>9.2f}{row.second.mean * 1e3:>11.2f}"
+                f"{row.mean * 100:>+9.2f}{row.median * 100:>10.2f}{row.flipped * 100:>11.0f}",
+                flush=True,
+            )
+    print("\nMuJoCo's own choices, prototype at 249 1/min, 469 N: mean over the angles, ms")
+    point = point_of(study, 249.0, 469.0)
+    angles = angles_of(study.clutch, count, 4)
+    for label, name, value in (
+        ("as chosen", "IMPEDANCE", 1e-3),
+        ("impedance 1e-2", "IMPEDANCE", 1e-2),
+        ("impedance 1e-4", "IMPEDANCE", 1e-4),
+        ("impedance 0.99", "IMPEDANCE", 0.99),
+        ("friction softer, 1 over A", "HOLD", 1.0),
+        ("friction of the last slip", "SLIP_DAMPING", 1.0),
+    ):
+        kept = getattr(second_model, name)
+        setattr(second_model, name, value)
+        times = measure_second(SecondEngine(study.clutch, FINE), point, angles).times
+        setattr(second_model, name, kept)
+        print(f"  {label:<40}{np.nanmean(times) * 1e3:>9.2f}")
+
+
+def main() -> None:
+    """Print both tables and the causes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--angles", type=int, default=8)
+    count = parser.parse_args().angles
+    table(count, EngineSettings())
+    table(count, FINE)
+    causes(count)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,207 @@
+"""The same shift in another physics engine, MuJoCo, as a check on the first.
+
+Geometry, masses and the force are the project's; collision, contact, friction and
+integration are MuJoCo's (``diagnosis.second_model``). It stands for a contact set with
+one friction coefficient and little creep, as ``lubricated_steel``; the stiffness of the
+set is not used, contact is as stiff as the step allows.
+
+The free flight before the crests meet is taken from its closed form. From there
+MuJoCo's semi-implicit Euler steps, all in compiled code, run with speeds half a
+step behind the positions: so started it is the leapfrog rule, of second order.
+
+How far both engines agree, and why not farther, is printed by
+``python -m benchmarks.second_engine``. In short: single shifts agree within a percent
+or two (median) everywhere, and within 0.1 % where rings are so narrow that the radius
+of a contact is known. What remains is contact at edges. Faces and flanks of two rings
+turned against each other are not parallel and touch at their ends; where edges cross,
+MuJoCo pushes along the common normal of the edges, as rigid bodies do, and Drake's
+contact surface along the normal of the rigid side, which makes the entry a
+millisecond slower, and lets no crest stand on a crest. At high speeds the smallest
+difference decides which slot a dog enters, for a tenth of the angles.
+
+MuJoCo is an optional extra, ``pip install -c constraints.txt '.[blind]'``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from diagnosis.second_model import (
+    EngineSettings,
+    damping_ratio,
+    model_text,
+    require_one_coefficient,
+    solver_reference,
+)
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import STILL_WINDOW, Outcome
+from sim.errors import InputError
+from sim.phases import face_left
+from sim.trace import Series, Trace, trace_of
+
+CHUNK = 0.004  #: s of motion between two looks at it
+FREE = 0.999  #: part of the axial gap that is flown in closed form
+
+
+def engine_available() -> bool:
+    """Tell whether MuJoCo can be imported."""
+    try:
+        _mujoco()
+    except InputError:
+        return False
+    return True
+
+
+def _mujoco() -> Any:
+    try:
+        import_module("mujoco.rollout")
+        return import_module("mujoco")
+    except ImportError as error:
+        raise InputError(
+            f"the second physics engine cannot be loaded ({error}), but this comparison needs it; "
+            "install it with: pip install -c constraints.txt '.[blind]'."
+        ) from error
+
+
+@dataclass(frozen=True)
+class SecondShift:
+    """Result of one shift in the second engine, with its problem.
+
+    ``shift_time`` is in s, None unless engaged. ``times`` (n,) in s and ``states``
+    (n, 6) are those of every step from the end of the free flight on: output angle,
+    displacement, sliding angle and, half a step behind, their rates.
+    """
+
+    clutch: Clutch
+    point: OperatingPoint
+    relative_angle: float
+    outcome: Outcome
+    shift_time: float | None
+    times: Series
+    states: Series
+
+    @cached_property
+    def trace(self) -> Trace:
+        """The same time series that the first engine gives, free flight included."""
+        times = np.linspace(0.0, self.times[0], 20, endpoint=False)
+        flight = _flight(self, self.relative_angle, times, times)
+        return trace_of(
+            self.clutch,
+            self.point,
+            np.concatenate([times, self.times]).tolist(),
+            list(np.concatenate([flight, self.states])),
+        )
+
+
+class SecondEngine:
+    """A clutch built in MuJoCo that can be shifted again and again.
+
+    Raises InputError where MuJoCo is missing or cannot stand for the contact set.
+    """
+
+    def __init__(self, clutch: Clutch, settings: EngineSettings | None = None) -> None:
+        require_one_coefficient(clutch)
+        mujoco = _mujoco()
+        self.clutch = clutch
+        self.settings = settings or EngineSettings()
+        self._model = mujoco.MjModel.from_xml_string(model_text(clutch, self.settings))
+        self._data = mujoco.MjData(self._model)
+        self._rollout = mujoco.rollout.Rollout(nthread=0)
+
+    def shift(self, point: OperatingPoint, relative_angle: float) -> SecondShift:
+        """Simulate one shift; ``relative_angle`` in rad as for ``sim.engagement.engage``."""
+        clutch, step = self.clutch, self.settings.time_step
+        ratio = damping_ratio(clutch, point)
+        self._model.pair_solref[:] = solver_reference(self.settings, ratio)
+        mass = clutch.rings.mass
+        start = point.profile.free_flight_time(FREE * clutch.dog.axial_gap, mass)
+        watch = _Watch(clutch, point)
+        times = [np.array([start])]
+        states = [_flight(watch, relative_angle, times[0], times[0] - 0.5 * step)]
+        while watch.outcome is None:
+            now, motion = self._advance(point, float(times[-1][-1]), states[-1][-1])
+            times.append(now)
+            states.append(motion)
+            watch.look(now, motion)
+        return _conclude(watch, relative_angle, np.concatenate(times), np.concatenate(states))
+
+    def _advance(self, point: OperatingPoint, start: float, state: Series) -> tuple[Series, Series]:
+        """Step on for a chunk and return the new times (n,) and states (n, 6)."""
+        step = self.settings.time_step
+        now: Series = start + step * np.arange(1 + round(CHUNK / step), dtype=np.float64)
+        force = point.profile.at(now[:-1]) / self.clutch.dog.count
+        begin = np.concatenate([[start], state])
+        motion, _ = self._rollout.rollout(
+            self._model, self._data, begin[None, :], force[None, :, None]
+        )
+        return now[1:], np.array(motion[0, :, 1:7])
+
+
+class _Watch:
+    """Decides after each chunk whether the shift has ended, and how."""
+
+    def __init__(self, clutch: Clutch, point: OperatingPoint) -> None:
+        self.clutch = clutch
+        self.point = point
+        self.outcome: Outcome | None = None
+        self._still_since = 0.0
+
+    def look(self, times: Series, states: Series) -> None:
+        """Set the outcome if the shift ended within a chunk."""
+        end = float(times[-1])
+        if not self._still(end, states):
+            self._still_since = end
+        if not np.isfinite(states).all():
+            self.outcome = Outcome.DIVERGED
+        elif (states[times <= self.clutch.timeout, 1] >= self.clutch.shift_travel).any():
+            self.outcome = Outcome.ENGAGED
+        elif end - self._still_since >= STILL_WINDOW:
+            self.outcome = Outcome.BLOCKED
+        elif end >= self.clutch.timeout:
+            self.outcome = Outcome.TIMED_OUT
+
+    def _still(self, end: float, states: Series) -> bool:
+        """Tell whether no speed of the chunk, nor its growth, would free the rings in time."""
+        clutch, last = self.clutch, states[-1]
+        if self.point.profile.at(end) < 0.5 * self.point.profile.force:
+            return False
+        left = clutch.timeout - end
+
+        def reach(rates: Series) -> float:
+            growth = abs(float(rates[-1] - rates[0])) / CHUNK
+            return float(np.abs(rates).max()) * left + 0.5 * growth * left**2
+
+        turn = clutch.dog.mean_radius * reach(states[:, 3] - states[:, 5])
+        free = face_left(clutch, float(last[0] - last[2]), float(last[1]))
+        room = 0.5 * (clutch.shift_travel - float(last[1]))
+        return turn < 0.5 * free and reach(states[:, 4]) < room
+
+
+def _flight(problem: _Watch | SecondShift, angle: float, times: Series, before: Series) -> Series:
+    """Return the states (n, 6) of the free flight, rates at the times ``before``, s."""
+    rings, profile = problem.clutch.rings, problem.point.profile
+    turning = np.full_like(times, rings.initial_speed)
+    ahead = turning + problem.point.mismatch
+    way = profile.free_flight(times, rings.mass)
+    speed = profile.free_speed(before, rings.mass)
+    return np.stack([angle + ahead * times, way, turning * times, ahead, speed, turning], axis=1)
+
+
+def _conclude(watch: _Watch, angle: float, times: Series, states: Series) -> SecondShift:
+    clutch, shift_time = watch.clutch, None
+    if watch.outcome is Outcome.ENGAGED:
+        last = 1 + int(np.argmax(states[:, 1] >= clutch.shift_travel))
+        times, states = times[:last], states[:last]
+        shift_time = float(np.interp(clutch.shift_travel, states[-2:, 1], times[-2:]))
+    outcome = watch.outcome or Outcome.DIVERGED
+    return SecondShift(clutch, watch.point, angle, outcome, shift_time, times, states)
+
+
+def second_shift(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> SecondShift:
+    """Build a clutch in the second engine and simulate one shift; angle in rad."""
+    return SecondEngine(clutch).shift(point, relative_angle)

@@ -1,0 +1,325 @@
+"""Drake against MuJoCo, and MuJoCo against closed forms.
+
+Both engines get the same geometry, masses, force and angles; nothing else is shared.
+Shifts of one angle are compared as well as means, since a mean hides which shifts
+took another slot. Numbers behind the tolerances: ``python -m benchmarks.second_engine``.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from diagnosis.second_engine import SecondEngine, engine_available, second_shift
+from diagnosis.second_model import (
+    FINE,
+    EngineSettings,
+    damping_ratio,
+    restitution_of,
+)
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint, solver_for
+from sim.contact import contact_set
+from sim.engagement import Outcome, engage
+from sim.errors import InputError
+from sim.expectation import even_phases
+from sim.plant import ClutchPlant
+from sim.trace import Trace
+from sim.units import DEG, MM, RPM
+from tests.conftest import RISE, needed
+from tests.verification.test_motion import DESIGNS
+
+Point = Callable[[float, float], OperatingPoint]
+Times = np.ndarray
+
+#: Mismatch in 1/min and force in N: slow and fast, and one that bounces back.
+POINTS = [
+    (10.0, 235.2),
+    (25.0, 641.5),
+    (50.0, 469.0),
+    (100.0, 315.5),
+    (249.0, 469.0),
+    (-50.0, 469.0),
+]
+ANGLES = 6
+FLIP = 0.1  #: relative difference from which an angle took another slot or bounce
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _mujoco() -> None:
+    needed(engine_available(), "mujoco")
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Shift times of both engines at the same angles, s, NaN where one did not engage."""
+
+    drake: Times
+    mujoco: Times
+
+    @property
+    def single(self) -> Times:
+        """Size of the relative difference of each angle."""
+        difference = np.abs(self.mujoco / self.drake - 1.0)
+        both_failed = np.isnan(self.drake) & np.isnan(self.mujoco)
+        return np.where(both_failed, 0.0, np.nan_to_num(difference, nan=1.0))
+
+    @property
+    def kept(self) -> float:
+        """Relative difference of the means over the angles that did not flip."""
+        same = self.single <= FLIP
+        return float(self.mujoco[same].sum() / self.drake[same].sum() - 1.0)
+
+
+def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Pair:
+    plant, engine = ClutchPlant(clutch), SecondEngine(clutch, FINE)
+    drake, mujoco = [], []
+    for phase in even_phases(ANGLES, 1, index):
+        angle = float(phase * clutch.dog.pitch_angle)
+        for times, found in (
+            (drake, engage(plant, point, angle).shift_time),
+            (mujoco, engine.shift(point, angle).shift_time),
+        ):
+            times.append(math.nan if found is None else found)
+    return Pair(np.array(drake), np.array(mujoco))
+
+
+def _dog_of(clutch: Clutch, design: tuple[float, float, float, float, int]) -> Clutch:
+    chamfer, traction, braking, height, count = design
+    dog = replace(
+        clutch.dog,
+        chamfer=chamfer * DEG,
+        traction=traction * DEG,
+        braking=braking * DEG,
+        height=height * MM,
+        count=count,
+    )
+    return clutch.with_dog(dog)
+
+
+@pytest.fixture(scope="module")
+def pairs(clutch: Clutch) -> dict[tuple[int, int], Pair]:
+    """Both engines for every design and operating point."""
+    found = {}
+    for row, design in enumerate(DESIGNS):
+        for index, (mismatch, force) in enumerate(POINTS):
+            point = _point(mismatch, force)
+            found[row, index] = _pair(_dog_of(clutch, design), point, index)
+    return found
+
+
+def _point(mismatch_rpm: float, force: float) -> OperatingPoint:
+    return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
+
+
+def test_single_shifts_agree(pairs: dict[tuple[int, int], Pair]) -> None:
+    """The median angle of a cell within 8 %, of all cells within 1.5 %; at most a seventh flips.
+
+    Found: cells 0.1 to 3 %, and 6 % for the design whose chamfer of 6 deg and friction are
+    nearly in balance, where the creep of Drake's friction counts; 0.8 % over all. 8 % of
+    the angles flip, where a dog is thrown back or a crest glances off a crest.
+    """
+    medians = {cell: float(np.median(pair.single)) for cell, pair in pairs.items()}
+    assert max(medians.values()) < 0.08, medians
+    singles = np.concatenate([pair.single for pair in pairs.values()])
+    assert np.median(singles) < 0.015
+    assert np.mean(singles > FLIP) < 1 / 7
+
+
+@pytest.mark.parametrize("row", range(len(DESIGNS)))
+def test_slow_means_agree(pairs: dict[tuple[int, int], Pair], row: int) -> None:
+    """Means at 10 and 25 1/min within 2 %; no more than one angle of six flips.
+
+    What is there, up to 1.6 %, is contact at edges: see ``test_narrow_rings_agree``.
+    """
+    for index in (0, 1):
+        pair = pairs[row, index]
+        assert pair.kept == pytest.approx(0.0, abs=0.02)
+        assert (pair.single > FLIP).sum() <= 1
+
+
+def test_means_agree(pairs: dict[tuple[int, int], Pair]) -> None:
+    """Means over the angles that do not flip within 5 %, all cells within 1.5 % on average.
+
+    With the angles that flip the cells' means add up to the same within 4 %; found 2.7 % at
+    the worst, -0.5 % and 0.9 %.
+    """
+    kept = {cell: pair.kept for cell, pair in pairs.items()}
+    assert max(abs(d) for d in kept.values()) < 0.05, kept
+    assert np.mean(list(kept.values())) == pytest.approx(0.0, abs=0.015)
+    drake, mujoco = (
+        sum(float(np.nanmean(getattr(pair, name))) for pair in pairs.values())
+        for name in ("drake", "mujoco")
+    )
+    assert mujoco == pytest.approx(drake, rel=0.04)
+
+
+def _narrow(clutch: Clutch) -> Clutch:
+    """Return rings so narrow that the radius of every contact is known."""
+    dog = replace(clutch.dog, inner_diameter=47.8 * MM, outer_diameter=48.2 * MM)
+    stiff = replace(clutch.contact, stiffness=400.0 * clutch.contact.stiffness)
+    return replace(clutch, dog=dog, contact=stiff)
+
+
+@pytest.mark.parametrize(("mismatch", "force"), [(25.0, 641.5), (50.0, 469.0)])
+def test_narrow_rings_agree(clutch: Clutch, point: Point, mismatch: float, force: float) -> None:
+    """Without contact at ends of edges, and Drake's layer stiff: single shifts within 0.3 %.
+
+    So what is left on wide rings is where and along which normal edges touch.
+    """
+    pair = _pair(_narrow(clutch), point(mismatch, force), 1)
+    assert np.median(pair.single) < 0.003
+    assert pair.kept == pytest.approx(0.0, abs=0.005)
+
+
+def _struck(clutch: Clutch, u: float, v: float, restitution: float) -> tuple[float, float]:
+    """Return the speeds after a flank is hit by rigid bodies (Routh 1877), m/s.
+
+    *u* is the mismatch along the circumference, *v* the axial speed. The dog first slips
+    inwards, then, thrown back, outwards; friction acts against either.
+    """
+    dog, rings, mu = clutch.dog, clutch.rings, clutch.contact.dynamic_friction
+    turning = dog.mean_radius**2 / rings.reduced_inertia
+    c, s = math.cos(dog.traction), math.sin(dog.traction)
+
+    def rates(sign: float) -> tuple[float, float]:
+        return (c - sign * mu * s) * turning, (s + sign * mu * c) / rings.mass
+
+    du, dv = rates(+1.0)
+    arriving, slip = u * c + v * s, v * c - u * s
+    inwards = slip / (dv * c - du * s)
+    u, v = u - inwards * du, v - inwards * dv
+    du, dv = rates(-1.0)
+    outwards = (u * c + v * s + restitution * arriving) / (du * c + dv * s)
+    return u - outwards * du, v - outwards * dv
+
+
+def _first_hit(clutch: Clutch, trace: Trace) -> tuple[float, float, float, float]:
+    """Return mismatch along the circumference and axial speed before and after, m/s."""
+    u, v = trace.relative_speed * clutch.dog.mean_radius, trace.axial_speed
+    before = int(np.argmax(np.abs(u - u[0]) > 1e-3 * u[0])) - 1
+    soon = int(np.searchsorted(trace.time, trace.time[before] + 1e-3))
+    after = before + int(np.argmin(v[before:soon]))
+    return float(u[before]), float(v[before]), float(u[after]), float(v[after])
+
+
+@pytest.mark.parametrize("engine", ["drake", "mujoco"])
+@pytest.mark.parametrize("angle", [8.0, 10.0])
+def test_a_struck_flank_throws_back_as_rigid_bodies_do(
+    clutch: Clutch, point: Point, engine: str, angle: float
+) -> None:
+    """At 249 1/min: speeds after the impact within 3 %, restitution near Hunt and Crossley's."""
+    narrow, fast = _narrow(clutch), point(249.0, 469.0)
+    if engine == "drake":
+        trace = engage(ClutchPlant(narrow), fast, angle * DEG).trace
+    else:
+        trace = SecondEngine(narrow, FINE).shift(fast, angle * DEG).trace
+    u0, v0, u1, v1 = _first_hit(narrow, trace)
+    c, s = math.cos(narrow.dog.traction), math.sin(narrow.dog.traction)
+    restitution = -(u1 * c + v1 * s) / (u0 * c + v0 * s)
+    assert restitution == pytest.approx(0.065, abs=0.02)
+    u2, v2 = _struck(narrow, u0, v0, restitution)
+    assert u1 == pytest.approx(u2, rel=0.03)
+    assert v1 == pytest.approx(v2, rel=0.03)
+    assert v1 < -1.5
+
+
+def test_flight_and_momentum_are_exact(clutch: Clutch, point: Point) -> None:
+    """An untouched flight to 1e-5 of its closed form; angular momentum to 1e-9."""
+    engine, fast = SecondEngine(clutch), point(100.0, 469.0)
+    shift = engine.shift(fast, 15.0 * DEG)
+    trace, rings = shift.trace, clutch.rings
+    momentum = (
+        rings.sliding_inertia * trace.sliding_speed + rings.output_inertia * trace.output_speed
+    )
+    assert momentum == pytest.approx(np.full_like(momentum, momentum[0]), rel=1e-9)
+    free = trace.relative_speed == trace.relative_speed[0]
+    free &= np.logical_and.accumulate(free)
+    assert (free & (trace.time > shift.times[0])).sum() > 50
+    exact = fast.profile.free_flight(trace.time[free], rings.mass)
+    assert trace.displacement[free] == pytest.approx(exact, rel=1e-5, abs=1e-9)
+
+
+def test_a_smaller_step_changes_little(clutch: Clutch, point: Point) -> None:
+    """The default against the fine settings where nothing bounces: means within 0.5 %."""
+    slow = point(25.0, 641.5)
+    angles = even_phases(ANGLES, 1, 1) * clutch.dog.pitch_angle
+    means = []
+    for settings in (EngineSettings(), FINE):
+        engine = SecondEngine(clutch, settings)
+        times = [engine.shift(slow, float(angle)).shift_time for angle in angles]
+        assert None not in times
+        means.append(np.mean(np.array(times, dtype=float)))
+    assert means[0] == pytest.approx(means[1], rel=5e-3)
+
+
+@pytest.mark.parametrize(("chamfer", "outcome"), [(4.5, Outcome.BLOCKED), (7.5, Outcome.ENGAGED)])
+def test_chamfer_releases_above_the_friction_angle(
+    clutch: Clutch, point: Point, chamfer: float, outcome: Outcome
+) -> None:
+    """Native Coulomb friction: dog on dog at rest, 0.10 is 5.7 deg, as in Drake."""
+    flat = clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG))
+    still = OperatingPoint(0.0, point(5.0, 641.5).profile)
+    shift = second_shift(flat, still, 0.0)
+    assert shift.outcome is outcome
+    assert (shift.shift_time is None) is (outcome is Outcome.BLOCKED)
+
+
+def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
+    shift = second_shift(replace(clutch, timeout=0.03), point(5.0, 235.2), 0.0)
+    assert shift.outcome is Outcome.TIMED_OUT
+    assert shift.shift_time is None
+
+
+def test_a_rebound_ends_at_the_stop(clutch: Clutch, point: Point) -> None:
+    trace = second_shift(clutch, point(249.0, 235.2), 0.0).trace
+    assert trace.displacement.min() == pytest.approx(-clutch.rebound, abs=1e-4)
+
+
+def test_engine_repeats_bit_by_bit(clutch: Clutch, point: Point) -> None:
+    engine = SecondEngine(clutch)
+    first = engine.shift(point(50.0, 469.0), 5.0 * DEG).shift_time
+    engine.shift(point(249.0, 641.5), 5.0 * DEG)
+    assert engine.shift(point(50.0, 469.0), 5.0 * DEG).shift_time == first
+
+
+@pytest.mark.parametrize("ratio", [0.2, 0.6, 1.0 / math.sqrt(2.0), 1.0, 1.5])
+def test_restitution_of_a_spring_and_damper(ratio: float) -> None:
+    """The closed form against the motion, in steps of 1e-4 of the period over two pi."""
+    position, speed, step = 0.0, 1.0, 1e-4
+    while position + 2.0 * ratio * speed > 0.0 or position == 0.0:
+        speed -= step * (position + 2.0 * ratio * speed)
+        position += step * speed
+    assert restitution_of(ratio) == pytest.approx(-speed, abs=2e-4)
+
+
+def test_faster_hits_are_damped_more(clutch: Clutch, point: Point) -> None:
+    ratios = [damping_ratio(clutch, point(rpm, 469.0)) for rpm in (5.0, 50.0, 249.0)]
+    assert ratios == sorted(ratios)
+    lively = replace(clutch, contact=replace(clutch.contact, dissipation=0.0))
+    assert damping_ratio(lively, point(50.0, 469.0)) == pytest.approx(0.15)
+
+
+def test_a_contact_set_that_it_cannot_stand_for_is_refused(clutch: Clutch) -> None:
+    published = contact_set("adams2019")
+    other = replace(clutch, contact=published, solver=solver_for(published))
+    with pytest.raises(InputError, match=r"falls from 0\.3 to 0\.16.*use a set such as"):
+        SecondEngine(other)
+    creeping = replace(clutch, contact=replace(clutch.contact, stiction_velocity=0.1))
+    with pytest.raises(InputError, match="stiction_velocity"):
+        SecondEngine(creeping)
+
+
+def test_missing_engine_is_said_in_a_sentence(
+    clutch: Clutch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    monkeypatch.delitem(sys.modules, "mujoco.rollout", raising=False)
+    assert not engine_available()
+    with pytest.raises(InputError, match=r"install it with: pip install .*\[blind\]"):
+        SecondEngine(clutch)
