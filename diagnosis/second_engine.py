@@ -25,7 +25,7 @@ MuJoCo is an optional extra, ``pip install -c constraints.txt '.[blind]'``.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from importlib import import_module
 from typing import Any
 
@@ -115,14 +115,12 @@ class SecondEngine:
 
     def shift(self, point: OperatingPoint, relative_angle: float) -> SecondShift:
         """Simulate one shift; ``relative_angle`` in rad as for ``sim.engagement.engage``."""
-        clutch, step = self.clutch, self.settings.time_step
-        ratio = damping_ratio(clutch, point)
-        self._model.pair_solref[:] = solver_reference(self.settings, ratio)
-        mass = clutch.rings.mass
-        start = point.profile.free_flight_time(FREE * clutch.dog.axial_gap, mass)
-        watch = _Watch(clutch, point)
+        start, reference = _start(self.clutch, point, self.settings)
+        self._model.pair_solref[:] = reference
+        watch = _Watch(self.clutch, point)
         times = [np.array([start])]
-        states = [_flight(watch, relative_angle, times[0], times[0] - 0.5 * step)]
+        before = times[0] - 0.5 * self.settings.time_step
+        states = [_flight(watch, relative_angle, times[0], before)]
         while watch.outcome is None:
             now, motion = self._advance(point, float(times[-1][-1]), states[-1][-1])
             times.append(now)
@@ -132,14 +130,31 @@ class SecondEngine:
 
     def _advance(self, point: OperatingPoint, start: float, state: Series) -> tuple[Series, Series]:
         """Step on for a chunk and return the new times (n,) and states (n, 6)."""
-        step = self.settings.time_step
-        now: Series = start + step * np.arange(1 + round(CHUNK / step), dtype=np.float64)
+        step, count = self.settings.time_step, round(CHUNK / self.settings.time_step)
+        now: Series = start + step * np.arange(1 + count, dtype=np.float64)
         force = point.profile.at(now[:-1]) / self.clutch.dog.count
         begin = np.concatenate([[start], state])
-        motion, _ = self._rollout.rollout(
-            self._model, self._data, begin[None, :], force[None, :, None]
+        motion = np.empty((1, count, 7))
+        # Without its checks, which take as long as ten steps, it wants lists and a length.
+        self._rollout.rollout(
+            [self._model],
+            [self._data],
+            begin[None, :],
+            force[None, :, None],
+            skip_checks=True,
+            nstep=count,
+            state=motion,
         )
-        return now[1:], np.array(motion[0, :, 1:7])
+        return now[1:], motion[0, :, 1:]
+
+
+@lru_cache(maxsize=256)
+def _start(
+    clutch: Clutch, point: OperatingPoint, settings: EngineSettings
+) -> tuple[float, tuple[float, float]]:
+    """Return when the free flight ends, s, and the contact's ``solref``: for all angles."""
+    start = point.profile.free_flight_time(FREE * clutch.dog.axial_gap, clutch.rings.mass)
+    return start, solver_reference(settings, damping_ratio(clutch, point))
 
 
 class _Watch:
@@ -153,24 +168,27 @@ class _Watch:
 
     def look(self, times: Series, states: Series) -> None:
         """Set the outcome if the shift ended within a chunk."""
-        end = float(times[-1])
-        if not self._still(end, states):
-            self._still_since = end
+        clutch, end = self.clutch, float(times[-1])
         if not np.isfinite(states).all():
             self.outcome = Outcome.DIVERGED
-        elif (states[times <= self.clutch.timeout, 1] >= self.clutch.shift_travel).any():
+        elif (states[times <= clutch.timeout, 1] >= clutch.shift_travel).any():
             self.outcome = Outcome.ENGAGED
-        elif end - self._still_since >= STILL_WINDOW:
-            self.outcome = Outcome.BLOCKED
-        elif end >= self.clutch.timeout:
+        elif end >= clutch.timeout:
             self.outcome = Outcome.TIMED_OUT
+        elif not self._still(clutch.timeout - end, states):
+            self._still_since = end
+        elif end - self._still_since >= STILL_WINDOW and self._half_up(end - STILL_WINDOW):
+            self.outcome = Outcome.BLOCKED
 
-    def _still(self, end: float, states: Series) -> bool:
+    def _half_up(self, time: float) -> bool:
+        """Tell whether the force was half up: then a ring that nothing holds would move."""
+        return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.force)
+
+    def _still(self, left: float, states: Series) -> bool:
         """Tell whether no speed of the chunk, nor its growth, would free the rings in time."""
         clutch, last = self.clutch, states[-1]
-        if self.point.profile.at(end) < 0.5 * self.point.profile.force:
-            return False
-        left = clutch.timeout - end
+        if abs(last[3] - last[5]) * left > clutch.dog.pitch_angle:
+            return False  # most chunks, and at once
 
         def reach(rates: Series) -> float:
             growth = abs(float(rates[-1] - rates[0])) / CHUNK
