@@ -5,7 +5,6 @@ Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -32,7 +31,7 @@ from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between
 from sim.expectation import Expectation, even_phases
 from sim.manufacture import require_makeable
-from sim.numerical import CHECKED, numerical_error
+from sim.numerical import CHECKED, LEAST, numerical_error
 from sim.plant import ClutchPlant
 from sim.strength import strength_checks
 from sim.units import DEG, RPM
@@ -199,7 +198,7 @@ def _expect_at(
         chosen = listed or pitch_angles(given.clutch, even_phases(count, seed, index))
         blocks.append(Block(given.clutch, point, chosen))
     shifts = sum(len(b.angles) for b in blocks)
-    with ShiftProgress(shifts + math.ceil(shifts / CHECKED)) as progress:
+    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
         executor = scratch_executor(jobs, progress.advance)
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)
@@ -377,7 +376,7 @@ def validate(
     chosen = None if angles is None else listed or count
     own = given.relative_angles if angles is None else None
     shifts = len(given.cells) * len(listed or own or range(count))
-    with ShiftProgress(shifts + math.ceil(shifts / CHECKED)) as progress:
+    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
         run = scratch_executor(jobs, progress.advance).run
         result = compare(given, run, chosen, checked=True)
     data = {

@@ -60,13 +60,13 @@ class Study:
         """
         return replace(self.clutch.dog, **dog_fields(params))
 
-    def torque_peak(self, mismatch: float) -> float | None:
+    def torque_peak(self, mismatch: float | None) -> float | None:
         """Return the driveline's torque peak in N m for a residual mismatch in rad/s.
 
-        None where the study gives no driveline stiffness.
+        None where no flank closed or the study gives no driveline stiffness.
         """
         stiffness = self.file.driveline.stiffness_Nm_rad
-        if stiffness is None:
+        if stiffness is None or mismatch is None:
             return None
         return torque_peak(mismatch, stiffness, self.clutch.rings.reduced_inertia)
 

@@ -1,12 +1,12 @@
 """An expected shift time to a wanted standard error, with as few shifts as that needs.
 
 Even angles at every operating point, fewer where the planar model takes over most of the
-spread; a first round says how many it needs, later rounds go on from it.
+spread; each round has twice the angles of the one before and holds them. A standard error
+from few shifts may be small by luck, so none is believed before there are 24.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,11 +15,12 @@ from pipeline.executor import Executor
 from pipeline.progress import ShiftProgress
 from sim.batch import Block, Record, pitch_angles, result_of
 from sim.clutch import OperatingPoint
-from sim.control import deviations, trusted
+from sim.control import control_of, trusted
 from sim.expectation import Expectation, even_phases, expect, expect_point
 
-FIRST, FIRST_TRUSTED = 6, 3  #: angles of the first round
-MOST = 32  #: times as many angles as in the first round, at the most
+FIRST, FIRST_TRUSTED = 6, 4  #: angles of the first round
+ENOUGH = 24  #: shifts from which a standard error is believed
+MOST = 16  #: times as many angles as in the first round, at the most
 
 
 @dataclass(frozen=True)
@@ -47,13 +48,19 @@ def expect_to(
     while True:
         blocks = _blocks(study, points, relied, factor)
         result = _round(study, blocks, relied, executor)
-        share = result.expectation.standard_error / result.expectation.mean
-        if share <= precision or factor >= MOST:
+        found = result.expectation
+        share = found.standard_error / found.mean
+        shifts = sum(len(block.angles) for block in blocks)
+        if found.is_lower_bound:
+            progress.say("nothing engages at some operating point: no precision can be reached")
             return result
-        # The error falls about as one over the number of angles.
-        more = max(2, math.ceil(0.9 * share / precision))
-        factor = min(MOST, factor * more)
-        progress.say(f"standard error {share:.1%} so far; going on with {factor} times the angles")
+        if share <= precision and shifts >= ENOUGH:
+            return result
+        if factor >= MOST:
+            progress.say(f"{share:.1%} after {shifts} shifts is what {MOST} rounds of angles give")
+            return result
+        factor *= 2
+        progress.say(f"standard error {share:.1%} so far; twice the angles")
 
 
 def _blocks(
@@ -72,8 +79,8 @@ def _round(study: Study, blocks: list[Block], relied: list[bool], executor: Exec
     rows = executor.run(blocks)
     results = []
     for index, (block, mine, rely) in enumerate(zip(blocks, rows, relied, strict=True)):
-        seed = study.file.expectation.seed + index
-        control = deviations(study.clutch, block.point, block.angles, seed) if rely else None
+        seed = (study.file.expectation.seed, index)
+        control = control_of(study.clutch, block.point, block.angles, seed) if rely else None
         shifts = [result_of(row) for row in mine]
         timeout, retraction = study.clutch.timeout, study.retraction
         results.append(expect_point(block.point, shifts, timeout, retraction, control=control))

@@ -34,10 +34,9 @@ def why(result: Engagement) -> str:
 
 
 def _why_blocked(result: Engagement) -> str:
-    face = next(p for p in result.phases if p.name == "face contact")
     return (
-        f"Friction holds dog on dog: the faces slid only {_slip(result, face):.2f} mm in "
-        f"{_ms(face.end - face.start)} ms and would not reach a slot before the time-out."
+        f"Friction holds dog on dog: the faces have stood still for "
+        f"{_ms(result.events.time_blocked)} ms and would not reach a slot before the time-out."
     )
 
 

@@ -161,7 +161,7 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
     return {
         "expected_shift_time_s": expectation.mean,
         "standard_error_s": _number(expectation.standard_error),
-        "numerical_error_s": expectation.numerical_error,
+        "numerical_error_s": _number(expectation.numerical_error),
         "engaged": expectation.engaged,
         "lower_bound": expectation.is_lower_bound,
         "points": [
@@ -180,9 +180,9 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
     }
 
 
-def _number(value: float) -> float | None:
+def _number(value: float | None) -> float | None:
     """Return a number that JSON can hold: None where there is none."""
-    return value if math.isfinite(value) else None
+    return value if value is not None and math.isfinite(value) else None
 
 
 def check_record(check: Check) -> dict[str, Any]:

@@ -70,8 +70,9 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
         f"tangential {loads.peak_tangential_force:.0f} N",
         f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
         f"energy dissipated {loads.energy_dissipated:.3g} J",
-        f"mismatch left at the flanks {loads.residual_mismatch / RPM:.3g} 1/min",
     ]
+    if loads.residual_mismatch is not None:
+        facts.append(f"mismatch left at the flanks {loads.residual_mismatch / RPM:.3g} 1/min")
     if torque_peak is not None:
         facts.append(f"torque peak in the driveline {torque_peak:.3g} N m")
     return facts
@@ -94,10 +95,10 @@ def expectation_table(result: Expectation) -> RenderableType:
         f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms "
         "(one standard error)"
     )
-    if result.numerical_error is not None:
+    if result.numerical_error is not None and not math.isnan(result.numerical_error):
         total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
     if result.is_lower_bound:
-        total += "\nnone engaged at a point above: its mean and the total are lower bounds"
+        total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
     return Group(table, total)
 
 

@@ -33,6 +33,8 @@ class Rings:
         require_between("sliding.mass_kg", self.mass, 1e-3, 50.0, remedy)
         require_between("sliding.inertia_kgm2", self.sliding_inertia, 1e-6, 100.0, remedy)
         require_between("output.inertia_kgm2", self.output_inertia, 1e-6, 1e4, remedy)
+        speed = self.initial_speed / RPM
+        require_between("sliding.initial_speed_rpm", speed, -20_000.0, 20_000.0, remedy)
 
     @property
     def reduced_inertia(self) -> float:
@@ -110,7 +112,8 @@ class Clutch:
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""
         solver = self.solver
-        fine = replace(solver, accuracy=solver.accuracy / 30.0, max_step=0.5 * solver.max_step)
+        accuracy, step = max(solver.accuracy / 30.0, 1e-10), max(0.5 * solver.max_step, 1e-6)
+        fine = replace(solver, accuracy=accuracy, max_step=step)
         return replace(self, solver=fine)
 
     def with_dog(self, dog: Dog) -> Clutch:

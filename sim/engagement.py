@@ -14,7 +14,7 @@ from enum import Enum
 from pydrake.systems.framework import Context, EventStatus
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.events import Events, events_of
+from sim.events import STILL, Events, events_of
 from sim.loads import Loads, loads_of
 from sim.phases import Phase, face_left, phases_of
 from sim.plant import ClutchPlant
@@ -119,6 +119,9 @@ class _Record:
 
         turn = self.radius * reach(state[3] - state[5], last[3] - last[5])
         slide = reach(float(state[4]), float(last[4]))
+        slip = self.radius * max(abs(s[3] - s[5]) for s in (last, state))
+        if max(slip, abs(float(state[4]))) > STILL:
+            return False
         free = face_left(self.clutch, float(state[0] - state[2]), float(state[1]))
         return turn < 0.5 * free and slide < 0.5 * (self.travel - float(state[1]))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.clutch import Clutch
-from sim.phases import face_overlap, on_face, touching
+from sim.phases import face_overlap, on_face
 from sim.trace import Trace
 
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
@@ -26,8 +26,7 @@ class Events:
     slots_skipped : slots that the dogs could have reached and were carried past.
     rebound : farthest way back from a depth once reached, m.
     time_blocked : time with face on face held by friction, s: slip below a
-        millimetre a second or below twice the stiction velocity, where
-        regularised friction creeps and real friction holds.
+        millimetre a second.
     face_slide : way that faces slid on each other, m.
     """
 
@@ -48,7 +47,7 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
     faces = on_face(clutch, trace)
     steps = np.diff(trace.time, prepend=trace.time[0])
     slip = np.abs(trace.relative_speed) * clutch.dog.mean_radius
-    held = slip < max(STILL, 2.0 * clutch.contact.stiction_velocity)
+    held = slip < STILL
     deepest = np.maximum.accumulate(trace.displacement)
     return Events(
         face_contacts=_landings(clutch, trace),
@@ -61,19 +60,18 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
 
 def _landings(clutch: Clutch, trace: Trace) -> int:
     """Count touches of a face after a flight that parted it from that face."""
-    touches, faces = touching(trace), on_face(clutch, trace)
     overlap, most = face_overlap(clutch, trace.relative_angle)
     level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
     apart = np.where(
         (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
     )
-    started = np.flatnonzero(touches & ~np.concatenate([[False], touches[:-1]]))
-    ended = np.flatnonzero(touches & ~np.concatenate([touches[1:], [False]]))
-    count, left = 0, 0
-    for first, last in zip(started.tolist(), ended.tolist(), strict=True):
-        flown = apart[left : first + 1].max() - apart[left] if count else math.inf
-        count += bool(flown > LIFT and faces[first : last + 1].any())
-        left = last
+    count, left = 0, None
+    for here in np.flatnonzero(on_face(clutch, trace)).tolist():
+        flown = math.inf
+        if left is not None:
+            flown = 0.0 if here == left + 1 else apart[left : here + 1].max() - apart[left]
+        count += bool(flown > LIFT)
+        left = here
     return count
 
 
@@ -87,13 +85,17 @@ def _skipped(clutch: Clutch, trace: Trace) -> int:
     if not met.any():
         return 0
     start = int(np.argmax(met))
-    pitch = clutch.dog.pitch_angle
     angle = float(trace.relative_angle[start])
     forward = trace.relative_speed[0] >= 0.0
-    overlap, most = face_overlap(clutch, np.array([angle]))
-    if 0.0 < overlap[0] < most:
-        first = round(angle / pitch) - (0 if forward else 1)
-    else:
-        first = math.floor(angle / pitch)
-    last = math.floor(float(trace.relative_angle[-1]) / pitch)
+    first = _slot(clutch, angle, forward)
+    last = _slot(clutch, float(trace.relative_angle[-1]), forward)
     return max(0, last - first if forward else first - last)
+
+
+def _slot(clutch: Clutch, angle: float, forward: bool) -> int:
+    """Return the slot at an angle, or on a face the next one in the direction of motion."""
+    overlap, most = face_overlap(clutch, np.array([angle]))
+    place = angle / clutch.dog.pitch_angle
+    if 0.0 < overlap[0] < most:
+        return round(place) - (0 if forward else 1)
+    return math.floor(place)

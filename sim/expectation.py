@@ -20,8 +20,8 @@ differences, of which it makes the mean :math:`-\sigma^2`:
 .. math:: s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \qquad
    \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}).
 
-Both cases come out right; on the prototype's times it errs on the safe side, by
-1.3 to 1.8 times at 6 to 24 angles (Wolter 2007, ch. 8, for such estimators).
+Both cases come out right; on the prototype's times it is 1.0 to 1.8 times the
+scatter at 6 to 24 angles (Wolter 2007, ch. 8, for such estimators).
 """
 
 from __future__ import annotations
@@ -48,11 +48,19 @@ class ShiftResult:
 
 
 @dataclass(frozen=True)
+class Control:
+    """What a cheaper model says of each time less its mean, s, (n,), and that mean's variance."""
+
+    deviations: Phases
+    variance: float
+
+
+@dataclass(frozen=True)
 class PointExpectation:
     """Expected shift time at one operating point, s.
 
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
-    engaged, ``mean`` is a lower bound with p = 1/(n + 1) and ``mean_engaged`` None.
+    engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
     ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
     """
 
@@ -108,13 +116,13 @@ def expect_point(
     retraction: float,
     *,
     even: bool = True,
-    control: Phases | None = None,
+    control: Control | None = None,
 ) -> PointExpectation:
     """Return the expected shift time of one operating point from its shifts.
 
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
-    Shifts whose integration failed say nothing and are left out. ``control`` holds what
-    a cheaper model says of each time less its mean, s, (n,); it is used where all engage.
+    Shifts whose integration failed say nothing and are left out. ``control`` is used where all
+    engage; where one does not, its time is unknown.
     """
     asked = len(shifts)
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
@@ -123,9 +131,11 @@ def expect_point(
     if times.size == 0:
         return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n)
     share = times.size / n
-    freed = times - control if control is not None and len(control) == times.size else times
+    used = control is not None and len(control.deviations) == times.size
+    freed = times - control.deviations if control is not None and used else times
     mean = float(freed.mean())
-    variance = _variance_of_mean(freed, even and share == 1.0)
+    variance = variance_of_mean(freed, even=even and share == 1.0)
+    variance += control.variance if control is not None and used else 0.0
     retry = (1.0 - share) / share * lost
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
     error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan
@@ -133,7 +143,8 @@ def expect_point(
     return PointExpectation(point, mean + retry, mean, error, sd, share, n)
 
 
-def _variance_of_mean(times: Phases, even: bool) -> float:
+def variance_of_mean(times: Phases, *, even: bool = True) -> float:
+    """Return the variance of the mean of times (n,) in the order of their angles, s2."""
     n = times.size
     if n < 3:
         return float(times.mean() ** 2 / n)  # two times that agree by luck would look exact

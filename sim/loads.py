@@ -1,10 +1,12 @@
 r"""Loads of a shift that a designer needs.
 
 The rings are rigid behind the stiffness of the dogs, so peak forces are upper
-bounds; impulses and energies follow from the momenta and are not.
+bounds; impulses and energies follow from the momenta and are not. A blow against the
+stop behind the sliding ring is in the energy, not in forces and impulse.
 
-A driveline of torsional stiffness *c* between clutch and vehicle takes up what
-mismatch is left when the flanks close: the rings swing against each other as two
+A driveline of torsional stiffness *c* takes up what mismatch is left when the flanks
+close: the output ring's inertia is taken as the vehicle's side behind that spring, so
+both swing against each other as two
 inertias on a spring, and with :math:`J = J_1 J_2/(J_1 + J_2)` the torque peaks at
 
 .. math:: T = \Delta\omega \sqrt{c J}.
@@ -32,32 +34,33 @@ class Loads:
     ----------
     peak_axial_force : largest axial contact force, N.
     peak_tangential_force : largest tangential contact force at the mean radius, N.
-    impact_impulse : largest contact impulse (axial and tangential as a vector)
-        within any millisecond, N s.
+    impact_impulse : largest impulse (axial and tangential as a vector) within any
+        millisecond that the contact gives beyond holding the shift force, N s.
     energy_dissipated : energy that the contact took, by balance, J: what is left
         in the compressed dogs at the end included.
     residual_mismatch : relative speed with which the flanks close for good, at the
-        start of seating, rad/s, signed; flanks that struck and flew off before
-        show in the impulse.
+        start of seating, rad/s, signed; None where none closed. Flanks that struck and
+        flew off before show in the impulse.
     """
 
     peak_axial_force: float
     peak_tangential_force: float
     impact_impulse: float
     energy_dissipated: float
-    residual_mismatch: float
+    residual_mismatch: float | None
 
 
 def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
     """Return the loads of a shift."""
-    closing = int(np.searchsorted(trace.time, phases[-1].start))
-    before = max(0, min(closing, len(trace.time) - 1) - 1)
+    seating = phases[-1]
+    before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
+    closed = seating.end > seating.start
     return Loads(
         peak_axial_force=float(trace.contact_force.max()),
         peak_tangential_force=float(np.abs(trace.tangential_force).max()),
         impact_impulse=_hardest(trace),
         energy_dissipated=float(energy_lost(clutch, trace)[-1]),
-        residual_mismatch=float(trace.relative_speed[before]),
+        residual_mismatch=float(trace.relative_speed[before]) if closed else None,
     )
 
 
@@ -66,7 +69,8 @@ def _hardest(trace: Trace) -> float:
     steps = np.diff(trace.time, prepend=trace.time[0])
     ends = trace.time + IMPACT
     gained = []
-    for force in (trace.contact_force, trace.tangential_force):
+    pressed = np.maximum(trace.contact_force - trace.shift_force, 0.0)
+    for force in (pressed, trace.tangential_force):
         impulse = np.cumsum(force * steps)
         gained.append(np.interp(ends, trace.time, impulse) - impulse)
     return float(np.hypot(*gained).max())

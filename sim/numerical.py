@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from sim.batch import Block, Record, result_of
 
-CHECKED = 8  #: one shift in so many is repeated
+CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
 
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
@@ -16,23 +17,32 @@ Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, i
 def numerical_error(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> float:
-    """Return the numerical error of a mean shift time, s.
+    """Return the numerical error of a mean shift time over operating points, s.
 
-    Every eighth shift is repeated with a tolerance thirty times smaller. The mean
-    difference and its own standard error are added as squares. A shift that does not
-    engage counts with the time-out.
+    An eighth of the shifts, at least four, drawn at random, is repeated with a
+    tolerance thirty times smaller. The mean difference (weighted as the mean is) and its
+    standard error are added as squares. A shift that does not engage counts with the
+    time-out. NaN for a single shift.
     """
     shifts = [
         (block, angle, row)
         for block, mine in zip(blocks, rows, strict=True)
         for angle, row in zip(block.angles, mine, strict=True)
     ]
-    chosen = shifts[:: min(CHECKED, len(shifts))]
+    number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
+    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
+    chosen = [shifts[k] for k in sorted(drawn.tolist())]
     fine = run([Block(b.clutch.refined(), b.point, (angle,)) for b, angle, _ in chosen])
+    if number < 2:
+        return math.nan
     late = blocks[0].clutch.timeout
     pairs = zip(chosen, fine, strict=True)
     apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
-    return float(np.sqrt(apart.mean() ** 2 + apart.var() / apart.size))
+    weights = np.array([b.point.weight / len(b.angles) for b, _, _ in chosen])
+    weights /= weights.sum()
+    mean = float(weights @ apart)
+    scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
+    return math.sqrt(mean**2 + scatter)
 
 
 def _time(row: Record, late: float) -> float:

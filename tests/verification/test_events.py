@@ -53,10 +53,40 @@ def test_bounces_and_skipped_slots_of_a_fast_shift(plant: ClutchPlant, point: Po
     turned = (trace.relative_angle[-1] - trace.relative_angle[met]) / pitch
     assert result.events.slots_skipped in (math.floor(turned), math.floor(turned) - 1)
     assert result.events.slots_skipped >= 1
-    assert result.events.face_contacts > 2
+    assert result.events.face_contacts >= result.events.slots_skipped + 1
     back = np.maximum.accumulate(trace.displacement) - trace.displacement
     assert result.events.rebound == pytest.approx(back.max())
     assert result.events.rebound > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("asked", "phase", "least"),
+    [((249, 641.5), 0.05, 2), ((249, 235.2), 0.45, 3), ((-149, 469.0), 0.05, 2)],
+)
+def test_a_flank_that_throws_a_dog_onto_the_next_face_makes_a_new_contact(
+    plant: ClutchPlant, point: Point, asked: tuple[float, float], phase: float, least: int
+) -> None:
+    result = engage(plant, point(*asked), phase * plant.clutch.dog.pitch_angle)
+    assert result.events.face_contacts >= least
+    assert result.events.face_contacts > result.events.slots_skipped
+
+
+def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) -> None:
+    """A chamfer hardly steeper than friction: the faces slide at 30 mm/s when time is up."""
+    dog = replace(
+        clutch.dog,
+        chamfer=6.007 * DEG,
+        traction=20.525 * DEG,
+        braking=13.26 * DEG,
+        height=2.5423e-3,
+        count=11,
+    )
+    hasty = replace(clutch.with_dog(dog), timeout=0.2)
+    result = _shift(ClutchPlant(hasty), point(10, 235.2), 18)
+    assert result.outcome is Outcome.TIMED_OUT
+    assert abs(result.trace.relative_speed[-1]) * dog.mean_radius > 1e-3
+    assert result.loads.residual_mismatch is None
+    assert result.loads.impact_impulse < 0.5
 
 
 def test_blocked_dogs_are_held_all_the_time(clutch: Clutch, point: Point) -> None:

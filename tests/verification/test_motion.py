@@ -147,7 +147,7 @@ def test_default_accuracy_is_converged(
     mismatch: float,
     force: float,
 ) -> None:
-    """Every single shift against a hundred times tighter, within 0.3 %; all engage."""
+    """Every single shift against three hundred times tighter, within 0.3 %; all engage."""
     chamfer, traction, braking, height, count = design
     dog = replace(
         clutch.dog,

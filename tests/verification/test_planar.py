@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.control import deviations, trusted
+from sim.control import control_of, trusted
 from sim.engagement import Outcome, engage
-from sim.expectation import ShiftResult, even_phases, expect_point
+from sim.expectation import Control, ShiftResult, even_phases, expect_point
 from sim.planar import STEP, planar_times
 from sim.plant import ClutchPlant
 from sim.units import DEG
+from tests.conftest import RISE
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -52,8 +53,23 @@ def test_blocked_dogs_have_no_time(clutch: Clutch, point: Point) -> None:
 def test_model_is_trusted_where_dogs_slide_and_not_where_they_bounce(
     clutch: Clutch, point: Point
 ) -> None:
-    points = [point(5, 235.2), point(10, 469.0), point(249, 315.5), point(249, 469.0)]
-    assert trusted(clutch, points) == [True, True, False, False]
+    slow = [point(m, f) for m in (5, 10) for f in RISE]
+    fast = [point(m, f) for m in (50, 100, 149, 249, -249) for f in RISE]
+    assert sum(trusted(clutch, slow)) >= 6
+    assert not any(trusted(clutch, fast))
+
+
+def test_trusted_times_follow_the_simulation(
+    clutch: Clutch, plant: ClutchPlant, point: Point
+) -> None:
+    """At every trusted point: at most angles little is left, but for those next to a jump."""
+    angles = (np.arange(6) + 0.3) / 6 * clutch.dog.pitch_angle
+    points = [point(m, f) for m in (5, 10) for f in RISE]
+    for here, rely in zip(points, trusted(clutch, points), strict=True):
+        if rely:
+            drake = np.array([engage(plant, here, float(a)).shift_time for a in angles], float)
+            left = drake - planar_times(clutch, [here], angles[None, :])[0]
+            assert np.median(np.abs(left)) < 0.2 * drake.std()
 
 
 @pytest.mark.parametrize("mismatch", [10, 100])
@@ -68,13 +84,13 @@ def test_control_leaves_the_mean_unbiased(clutch: Clutch, point: Point, mismatch
     truth = planar_times(clutch, [here], dense[None, :], bounce=1.5)[0].mean()
     angles = np.concatenate([even_phases(4, seed, 0) for seed in range(draws)]) * pitch
     times = planar_times(clutch, [here], angles[None, :], bounce=1.5)[0].reshape(draws, 4)
-    control = deviations(clutch, here, list(angles), seed=3)
+    control = control_of(clutch, here, list(angles), seed=(3,))
     assert control is not None
     plain, freed = [], []
-    for row, aside in zip(times, control.reshape(draws, 4), strict=True):
+    for row, aside in zip(times, control.deviations.reshape(draws, 4), strict=True):
         shifts = [ShiftResult(Outcome.ENGAGED, float(t)) for t in row]
         plain.append(expect_point(here, shifts, 1.0, 0.2).mean)
-        freed.append(expect_point(here, shifts, 1.0, 0.2, control=aside).mean)
+        freed.append(expect_point(here, shifts, 1.0, 0.2, control=Control(aside, 0.0)).mean)
     assert np.mean(freed) == pytest.approx(
         truth, abs=4 * np.std(freed) / np.sqrt(draws) + 0.005 * truth
     )
