@@ -1,8 +1,8 @@
 """An expected shift time to a wanted standard error, with as few shifts as that needs.
 
-Even angles at every operating point, fewer where the planar model takes over most of the
-spread; each round has twice the angles of the one before and holds them. A standard error
-from few shifts may be small by luck, so none is believed before there are 24.
+Evenly spaced angles at every operating point; each round has twice the angles of the one
+before and holds them. A standard error from few shifts may be small by luck, so none is
+believed before there are 24.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.config import Study
+from pipeline.evaluation import expectation_of
 from pipeline.executor import Executor
 from pipeline.progress import ShiftProgress
-from sim.batch import Block, Record, pitch_angles, result_of
+from sim.batch import Block, Record, pitch_angles
 from sim.clutch import OperatingPoint
-from sim.control import control_of, trusted
-from sim.expectation import Expectation, even_phases, expect, expect_point
+from sim.expectation import Expectation, even_phases
 
-FIRST, FIRST_TRUSTED = 6, 4  #: angles of the first round
+FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed
-MOST = 16  #: times as many angles as in the first round, at the most
+MOST = 96  #: angles of the last round
 
 
 @dataclass(frozen=True)
@@ -41,47 +41,35 @@ def expect_to(
 ) -> Precise:
     """Return the expectation over ``points`` to a relative standard error ``precision``.
 
-    The angles of a round contain those of the round before, so no shift is lost.
+    Where that cannot be reached, the last round is returned and progress says why.
     """
-    relied = trusted(study.clutch, points)
-    factor = 1
+    count = FIRST
     while True:
-        blocks = _blocks(study, points, relied, factor)
-        result = _round(study, blocks, relied, executor)
-        found = result.expectation
+        blocks = _blocks(study, points, count)
+        rows = executor.run(blocks)
+        found = expectation_of(study, points, rows)
         share = found.standard_error / found.mean
-        shifts = sum(len(block.angles) for block in blocks)
+        shifts = len(points) * count
         if found.is_lower_bound:
             progress.say("nothing engages at some operating point: no precision can be reached")
-            return result
-        if share <= precision and shifts >= ENOUGH:
-            return result
-        if factor >= MOST:
-            progress.say(f"{share:.1%} after {shifts} shifts is what {MOST} rounds of angles give")
-            return result
-        factor *= 2
-        progress.say(f"standard error {share:.1%} so far; twice the angles")
+        elif share > precision and count >= MOST:
+            progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
+        elif share > precision or shifts < ENOUGH:
+            few = ", from too few to trust" if share <= precision else ""
+            progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
+            count *= 2
+            progress.extend(shifts)
+            continue
+        return Precise(found, blocks, rows)
 
 
-def _blocks(
-    study: Study, points: Sequence[OperatingPoint], relied: list[bool], factor: int
-) -> list[Block]:
+def _blocks(study: Study, points: Sequence[OperatingPoint], count: int) -> list[Block]:
     seed = study.file.expectation.seed
-    blocks = []
-    for index, (point, rely) in enumerate(zip(points, relied, strict=True)):
-        base = FIRST_TRUSTED if rely else FIRST
-        phases = even_phases(base * factor, seed, index, base)
-        blocks.append(Block(study.clutch, point, pitch_angles(study.clutch, phases)))
-    return blocks
-
-
-def _round(study: Study, blocks: list[Block], relied: list[bool], executor: Executor) -> Precise:
-    rows = executor.run(blocks)
-    results = []
-    for index, (block, mine, rely) in enumerate(zip(blocks, rows, relied, strict=True)):
-        seed = (study.file.expectation.seed, index)
-        control = control_of(study.clutch, block.point, block.angles, seed) if rely else None
-        shifts = [result_of(row) for row in mine]
-        timeout, retraction = study.clutch.timeout, study.retraction
-        results.append(expect_point(block.point, shifts, timeout, retraction, control=control))
-    return Precise(expect(results), blocks, rows)
+    return [
+        Block(
+            study.clutch,
+            point,
+            pitch_angles(study.clutch, even_phases(count, seed, index, FIRST)),
+        )
+        for index, point in enumerate(points)
+    ]

@@ -58,9 +58,12 @@ class ShiftProgress:
             self._said = now
             left = (now - self._start) / self._done * max(0, self._total - self._done)
             line = f"{self._done} of at most {self._total} shifts, about {left:.0f} s left"
-            if self._done > self._total:
-                line = f"{self._done} shifts"
             self._console.print(line, highlight=False)
+
+    def extend(self, count: int) -> None:
+        """Expect ``count`` more shifts than was said at first."""
+        self._total += count
+        self._bar.update(self._task, total=self._total)
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""

@@ -66,15 +66,15 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
     """Return the loads of a shift, in words; ``torque_peak`` in N m."""
     loads = result.loads
     facts = [
-        f"peak force axial {loads.peak_axial_force:.0f} N",
+        f"peak force axial {loads.peak_axial_force:.0f} N, "
         f"tangential {loads.peak_tangential_force:.0f} N",
         f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
         f"energy dissipated {loads.energy_dissipated:.3g} J",
     ]
     if loads.residual_mismatch is not None:
-        facts.append(f"mismatch left at the flanks {loads.residual_mismatch / RPM:.3g} 1/min")
+        facts.append(f"mismatch as the flanks close {loads.residual_mismatch / RPM:.3g} 1/min")
     if torque_peak is not None:
-        facts.append(f"torque peak in the driveline {torque_peak:.3g} N m")
+        facts.append(f"driveline torque peak from that mismatch {torque_peak:.3g} N m")
     return facts
 
 

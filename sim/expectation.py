@@ -48,14 +48,6 @@ class ShiftResult:
 
 
 @dataclass(frozen=True)
-class Control:
-    """What a cheaper model says of each time less its mean, s, (n,), and that mean's variance."""
-
-    deviations: Phases
-    variance: float
-
-
-@dataclass(frozen=True)
 class PointExpectation:
     """Expected shift time at one operating point, s.
 
@@ -116,13 +108,11 @@ def expect_point(
     retraction: float,
     *,
     even: bool = True,
-    control: Control | None = None,
 ) -> PointExpectation:
     """Return the expected shift time of one operating point from its shifts.
 
     ``shifts`` are in the order of their angles; ``timeout`` and ``retraction`` in s.
-    Shifts whose integration failed say nothing and are left out. ``control`` is used where all
-    engage; where one does not, its time is unknown.
+    Shifts whose integration failed say nothing and are left out.
     """
     asked = len(shifts)
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
@@ -131,11 +121,8 @@ def expect_point(
     if times.size == 0:
         return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n)
     share = times.size / n
-    used = control is not None and len(control.deviations) == times.size
-    freed = times - control.deviations if control is not None and used else times
-    mean = float(freed.mean())
-    variance = variance_of_mean(freed, even=even and share == 1.0)
-    variance += control.variance if control is not None and used else 0.0
+    mean = float(times.mean())
+    variance = variance_of_mean(times, even=even and share == 1.0)
     retry = (1.0 - share) / share * lost
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
     error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan

@@ -12,8 +12,9 @@ impulse of the line that is crossed deepest, with Coulomb friction (stick or sli
 the restitution of the contact set. It follows face contact and sliding within three
 percent (a ring's motion turns from the steepest line of a face, the model's does not);
 what flanks do to each other at speed, the compliance of the contact decides,
-and there it is no more than a guess. ``sim.control`` uses it only where its
-answer does not hang on its restitution.
+and there it is no more than a guess. It is a check on the simulation of its own, and
+was tried as a control variate of the expected shift time, which did not pay
+(``benchmarks/expectation.py``).
 """
 
 from __future__ import annotations

@@ -58,9 +58,9 @@ def test_rounds_of_angles_hold_the_rounds_before() -> None:
 
 def test_expect_to_a_precision(dogshape: Dogshape) -> None:
     wide = dogshape("expect", "mq200", *SMALL, "--precision", 0.2, "--json", "--jobs", 1)
-    fine = dogshape("expect", "mq200", *SMALL, "--precision", 0.004, "--json", "--jobs", 1)
+    fine = dogshape("expect", "mq200", *SMALL, "--precision", 0.01, "--json", "--jobs", 1)
     assert wide.status == fine.status == 0
-    for said, goal in ((wide, 0.2), (fine, 0.004)):
+    for said, goal in ((wide, 0.2), (fine, 0.01)):
         found: Any = said.json
         assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
         assert 0.0 <= found["numerical_error_s"] < 1e-3
