@@ -3,7 +3,7 @@
     python -m benchmarks.adams
 
 Root-mean-square deviation over the 25 cells that have a time, at the same ten angles, with
-the published contact as it is and with one choice changed. Takes about ten minutes.
+the published contact as it is and with one choice changed. Takes about three minutes.
 """
 
 from __future__ import annotations
@@ -22,16 +22,12 @@ def choices(clutch: Clutch) -> dict[str, Clutch]:
     contact = clutch.contact
     made = {
         "stiffness 1e11 Pa/m": replace(contact, stiffness=1e11),
-        "stiffness 2e12 Pa/m": replace(contact, stiffness=2e12),
-        "dissipation 30 s/m": replace(contact, dissipation=30.0),
-        "dissipation 300 s/m": replace(contact, dissipation=300.0),
         "stiction velocity 0.08 m/s": replace(contact, stiction_velocity=0.08),
         "stiction velocity 0.12 m/s": replace(contact, stiction_velocity=0.12),
         "dynamic friction 0.20": replace(contact, dynamic_friction=0.20),
     }
     changed = {name: replace(clutch, contact=value) for name, value in made.items()}
-    solver = replace(clutch.solver, accuracy=1e-8)
-    return {"as published": clutch, **changed, "accuracy 1e-8": replace(clutch, solver=solver)}
+    return {"as published": clutch, **changed}
 
 
 def main() -> None:

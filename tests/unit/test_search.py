@@ -66,7 +66,7 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert result["best"]["expected_shift_time_s"] == min(
         row["expected_shift_time_s"] for row in result["trials"]
     )
-    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6 + 2
+    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6 + 2 * 4
     assert result["confirmation"]["gain_s"] == pytest.approx(
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]
@@ -154,8 +154,8 @@ def test_stopped_and_resumed_equals_uninterrupted(
     )
     assert journal.read_bytes().startswith(whole)
     rows = _rows(tmp_path)
-    assert len({row["key"] for row in rows}) == len(rows) == 86
-    assert json.loads(resumed.stdout)["n_simulated_shifts"] == 86
+    assert len({row["key"] for row in rows}) == len(rows) == 92
+    assert json.loads(resumed.stdout)["n_simulated_shifts"] == 92
     stored = json.loads((tmp_path / "result.json").read_text())
     assert _designs(stored) == _designs(finished[1])
 
