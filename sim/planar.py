@@ -13,7 +13,7 @@ the restitution of the contact set. It follows face contact and sliding within t
 percent (a ring's motion turns from the steepest line of a face, the model's does not);
 what flanks do to each other at speed, the compliance of the contact decides,
 and there it is no more than a guess. It is a check on the simulation of its own, and
-was tried as a control variate of the expected shift time, which did not pay
+was tried as a control variate of the expected shift time, which hardly paid
 (``benchmarks/expectation.py``).
 """
 
