@@ -20,6 +20,13 @@ from sim.errors import InputError, refusal
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
 
 
+def cubic_step(share: Times, full: Times | float) -> Times:
+    """Return ``full`` (3 s^2 - 2 s^3) with s the ``share``, held at 0 and 1; numbers or (n,)."""
+    s = np.clip(share, 0.0, 1.0)
+    step: Times = full * s * s * (3.0 - 2.0 * s)
+    return step
+
+
 @dataclass(frozen=True)
 class ForceProfile:
     """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s)."""
@@ -38,9 +45,7 @@ class ForceProfile:
 
     def at(self, time: Times) -> Times:
         """Return the force in N at ``time`` in s after the start."""
-        s = np.clip(time / self.rise, 0.0, 1.0)
-        force: Times = self.force * s * s * (3.0 - 2.0 * s)
-        return force
+        return cubic_step(time / self.rise, self.force)
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from scipy.integrate import quad, solve_ivp
 from scipy.special import lambertw
 
+from sim.actuation import cubic_step
 from sim.contact import ContactSet
 
 #: Damping of the published contact, N s/m, and the depth in m at which it is full.
@@ -84,8 +85,7 @@ def published_impact(stiffness: float, mass: float, speed: float) -> Impact:
 
     def motion(_: float, state: NDArray[np.float64]) -> list[float]:
         x, v = state
-        step = min(max(x / IMPACT_DEPTH, 0.0), 1.0)
-        damping = IMPACT_DAMPING * step * step * (3.0 - 2.0 * step)
+        damping = cubic_step(x / IMPACT_DEPTH, IMPACT_DAMPING)
         return [v, -max(0.0, stiffness * max(x, 0.0) ** 1.5 + damping * v) / mass]
 
     def parted(_: float, state: NDArray[np.float64]) -> float:

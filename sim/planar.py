@@ -27,6 +27,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.actuation import cubic_step
 from sim.clutch import Clutch, OperatingPoint
 from sim.contact import ContactSet
 from sim.geometry import Dog
@@ -151,8 +152,8 @@ class _Run:
     def step(self) -> None:
         """Make one step in all lanes."""
         s, x, along, axial = self.state
-        part = np.clip((self.time + 0.5 * STEP) / self.rise, 0.0, 1.0)
-        push = self.force * part**2 * (3.0 - 2.0 * part) / self.masses[1]
+        part = (self.time + 0.5 * STEP) / self.rise
+        push = cubic_step(part, self.force) / self.masses[1]
         before, speed = np.array([along, axial]), np.array([along, axial + push * STEP])
         at_stop = (x + speed[1] * STEP < self.stop) & (speed[1] < 0.0)
         speed[1, at_stop] = 0.0
