@@ -155,6 +155,16 @@ class Dog:
         return self.chamfer_drop / (1.0 - math.tan(self.chamfer) * math.tan(self.braking))
 
     @property
+    def face_width(self) -> float:
+        """Width of the face, crest to braking edge, along the circumference at mean radius, m."""
+        return self.tip_width + self.edge_drop * math.tan(self.braking)
+
+    @property
+    def crest_overlap(self) -> float:
+        """Overlap of two faces at dogs facing dogs, crest to crest at the mean radius, m."""
+        return 0.5 * self.pitch - self.height * math.tan(self.traction)
+
+    @property
     def traction_flank_height(self) -> float:
         """Axial height of the traction flank, m."""
         return self.height

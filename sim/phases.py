@@ -41,16 +41,14 @@ class Phase:
 def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:
     """Return how far two faces overlap along the circumference, (n,), and the most, m.
 
-    At the mean radius ``L = 2 c + a r``: *c* is the crest's distance from the
-    middle of the dog, *a* the angle from dogs facing dogs. Faces part at L = 0,
-    crest on crest, and at twice the width of a face.
+    At the mean radius ``L = c + a r``: *c* is the overlap of the crests at dogs
+    facing dogs, *a* the angle from there. Faces part at L = 0, crest on crest, and
+    at twice the width of a face.
     """
     dog = clutch.dog
     radius, pitch = dog.mean_radius, dog.pitch_angle
     offset = (relative_angle + 0.5 * pitch) % pitch - 0.5 * pitch
-    crest = 0.25 * pitch * radius - 0.5 * dog.height * math.tan(dog.traction)
-    face = dog.tip_width + dog.edge_drop * math.tan(dog.braking)
-    return 2.0 * crest + offset * radius, 2.0 * face
+    return dog.crest_overlap + offset * radius, 2.0 * dog.face_width
 
 
 def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:

@@ -55,15 +55,14 @@ class _Outline:
 
     @classmethod
     def of(cls, dog: Dog) -> _Outline:
-        traction, braking = math.tan(dog.traction), math.tan(dog.braking)
         return cls(
             pitch=dog.pitch,
             height=dog.height,
-            face=2.0 * (dog.tip_width + dog.edge_drop * braking),
+            face=2.0 * dog.face_width,
             drop=2.0 * dog.edge_drop,
-            crest=0.5 * dog.pitch - dog.height * traction,
-            traction=traction,
-            braking=braking,
+            crest=dog.crest_overlap,
+            traction=math.tan(dog.traction),
+            braking=math.tan(dog.braking),
             chamfer=math.tan(dog.chamfer),
             inner=dog.inner_radius / dog.mean_radius,
         )

@@ -30,6 +30,8 @@ from sim.units import DEG
         ("root_width", 6.167),
         ("entry_play", 2.281),
         ("chamfer_drop", 0.546),
+        ("face_width", 4.120),
+        ("crest_overlap", 4.240),
         ("working_height", 3.154),
         ("traction_flank_height", 3.7),
         ("travel", 4.7),
