@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.clutch import Clutch
-from sim.phases import face_overlap, on_face
+from sim.phases import Flags, face_overlap, on_face
 from sim.trace import Trace
 
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
@@ -50,7 +50,7 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
     held = slip < STILL
     deepest = np.maximum.accumulate(trace.displacement)
     return Events(
-        face_contacts=_landings(clutch, trace),
+        face_contacts=_landings(clutch, trace, faces),
         slots_skipped=_skipped(clutch, trace),
         rebound=float((deepest - trace.displacement).max()),
         time_blocked=float(steps[faces & held].sum()),
@@ -58,15 +58,15 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
     )
 
 
-def _landings(clutch: Clutch, trace: Trace) -> int:
-    """Count touches of a face after a flight that parted it from that face."""
+def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
+    """Count touches of a face after a flight that parted it; ``faces`` (n,) as ``on_face``."""
     overlap, most = face_overlap(clutch, trace.relative_angle)
     level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
     apart = np.where(
         (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
     )
     count, left = 0, None
-    for here in np.flatnonzero(on_face(clutch, trace)).tolist():
+    for here in np.flatnonzero(faces).tolist():
         flown = math.inf
         if left is not None:
             flown = 0.0 if here == left + 1 else apart[left : here + 1].max() - apart[left]
