@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 from diagnosis.bench import Bench, Cell
-from sim.batch import Block, Record, pitch_angles, result_of
-from sim.expectation import PointExpectation, even_phases, expect_point
+from sim.batch import Block, Record, even_blocks, result_of
+from sim.expectation import PointExpectation, expect_point
 from sim.numerical import Runner, numerical_error
 
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
@@ -93,12 +93,11 @@ def compare(
     if angles is None:
         given = bench.relative_angles
     count = angles if isinstance(angles, int) else ANGLES
-    blocks = []
-    for index, cell in enumerate(bench.cells):
-        chosen = given
-        if chosen is None:
-            chosen = pitch_angles(bench.clutch, even_phases(count, seed, index))
-        blocks.append(Block(bench.clutch, cell.point, chosen))
+    points = [cell.point for cell in bench.cells]
+    if given is None:
+        blocks = even_blocks(bench.clutch, points, count, seed)
+    else:
+        blocks = [Block(bench.clutch, point, given) for point in points]
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
     differences = tuple(_difference(bench, c, r, given is None) for c, r in pairs)

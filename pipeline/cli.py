@@ -24,12 +24,12 @@ from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, check_record, expectation_record, fit_study, run_study
-from sim.batch import Block, events_record, loads_record, pitch_angles, versions
+from sim.batch import Block, even_blocks, events_record, loads_record, versions
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between
-from sim.expectation import Expectation, even_phases
+from sim.expectation import Expectation
 from sim.manufacture import require_makeable
 from sim.numerical import CHECKED, LEAST, numerical_error
 from sim.plant import ClutchPlant
@@ -192,11 +192,10 @@ def _expect_at(
     given: Study, points: tuple[OperatingPoint, ...], angles: str | None, jobs: int
 ) -> Expectation:
     count, listed = _angles(angles, given.file.expectation.angles)
-    seed = given.file.expectation.seed
-    blocks = []
-    for index, point in enumerate(points):
-        chosen = listed or pitch_angles(given.clutch, even_phases(count, seed, index))
-        blocks.append(Block(given.clutch, point, chosen))
+    if listed:
+        blocks = [Block(given.clutch, point, listed) for point in points]
+    else:
+        blocks = even_blocks(given.clutch, points, count, given.file.expectation.seed)
     shifts = sum(len(b.angles) for b in blocks)
     with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
         executor = scratch_executor(jobs, progress.advance)

@@ -7,20 +7,12 @@ from dataclasses import replace
 
 from pipeline.config import Study
 from pipeline.executor import Executor
-from sim.batch import Block, Record, pitch_angles, result_of
-from sim.clutch import Clutch, OperatingPoint
-from sim.expectation import Expectation, even_phases, expect, expect_point
+from sim.batch import Record, even_blocks, result_of
+from sim.clutch import OperatingPoint
+from sim.expectation import Expectation, expect, expect_point
 from sim.geometry import Dog
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
-
-
-def blocks_of(study: Study, clutch: Clutch, angles: int, seed: int) -> list[Block]:
-    """Return one block for each operating point, at evenly spaced angles of its own."""
-    return [
-        Block(clutch, point, pitch_angles(clutch, even_phases(angles, seed, index)))
-        for index, point in enumerate(study.points)
-    ]
 
 
 def evaluate(
@@ -40,7 +32,7 @@ def evaluate(
     for dog in dogs:
         require_makeable(dog, study.limits.manufacturing)
     clutches = [study.clutch.with_dog(dog) for dog in dogs]
-    blocks = [blocks_of(study, clutch, angles, seed) for clutch in clutches]
+    blocks = [even_blocks(clutch, study.points, angles, seed) for clutch in clutches]
     rows = executor.run([block for group in blocks for block in group])
     results = []
     for group in blocks:

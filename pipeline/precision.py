@@ -14,9 +14,9 @@ from pipeline.config import Study
 from pipeline.evaluation import expectation_of
 from pipeline.executor import Executor
 from pipeline.progress import ShiftProgress
-from sim.batch import Block, Record, pitch_angles
+from sim.batch import Block, Record, even_blocks
 from sim.clutch import OperatingPoint
-from sim.expectation import Expectation, even_phases
+from sim.expectation import Expectation
 
 FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed
@@ -43,9 +43,9 @@ def expect_to(
 
     Where that cannot be reached, the last round is returned and progress says why.
     """
-    count = FIRST
+    count, seed = FIRST, study.file.expectation.seed
     while True:
-        blocks = _blocks(study, points, count)
+        blocks = even_blocks(study.clutch, points, count, seed, FIRST)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
         share = found.standard_error / found.mean
@@ -61,15 +61,3 @@ def expect_to(
             progress.extend(shifts)
             continue
         return Precise(found, blocks, rows)
-
-
-def _blocks(study: Study, points: Sequence[OperatingPoint], count: int) -> list[Block]:
-    seed = study.file.expectation.seed
-    return [
-        Block(
-            study.clutch,
-            point,
-            pitch_angles(study.clutch, even_phases(count, seed, index, FIRST)),
-        )
-        for index, point in enumerate(points)
-    ]

@@ -10,18 +10,15 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import metadata
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, Outcome, engage
-from sim.expectation import ShiftResult
+from sim.expectation import ShiftResult, even_phases
 from sim.plant import ClutchPlant
 from sim.units import DEG, MM, RPM
 
@@ -42,9 +39,22 @@ class Block:
         return [content_key(inputs(self.clutch, self.point, angle)) for angle in self.angles]
 
 
-def pitch_angles(clutch: Clutch, phases: NDArray[np.float64]) -> tuple[float, ...]:
-    """Turn fractions of a pitch (n,) into relative angles in rad."""
-    return tuple(float(phase * clutch.dog.pitch_angle) for phase in phases)
+def even_blocks(
+    clutch: Clutch,
+    points: Sequence[OperatingPoint],
+    count: int,
+    seed: int,
+    base: int | None = None,
+) -> list[Block]:
+    """Return a block for each operating point, at ``count`` evenly spaced angles of its own.
+
+    ``seed`` and ``base`` as for ``sim.expectation.even_phases``.
+    """
+    blocks = []
+    for index, point in enumerate(points):
+        angles = even_phases(count, seed, index, base) * clutch.dog.pitch_angle
+        blocks.append(Block(clutch, point, tuple(angles.tolist())))
+    return blocks
 
 
 def clutch_record(clutch: Clutch) -> Record:
