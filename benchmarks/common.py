@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config import Study, load_study
+from pipeline.config import VARIABLES, Study, load_study
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import engage
 from sim.expectation import even_phases
 from sim.plant import ClutchPlant
-from sim.units import DEG, MM, RPM
+from sim.units import RPM
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs: the prototype, two
 #: shapes far from it, and the neighbourhood of the best design of the default study.
@@ -41,16 +41,8 @@ class Cell:
 
 def clutch_of(study: Study, design: str) -> Clutch:
     """Return the study's clutch with one of the designs."""
-    chamfer, traction, braking, height, count = DESIGNS[design]
-    dog = replace(
-        study.clutch.dog,
-        chamfer=chamfer * DEG,
-        traction=traction * DEG,
-        braking=braking * DEG,
-        height=height * MM,
-        count=int(count),
-    )
-    return study.clutch.with_dog(dog)
+    values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
+    return study.clutch.with_dog(study.dog_with(values))
 
 
 def point_of(study: Study, mismatch_rpm: float, force: float) -> OperatingPoint:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from pipeline.cli import app
-from pipeline.config import Study, load_study
+from pipeline.config import VARIABLES, Study, load_study
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint, Rings, solver_for
 from sim.contact import contact_set
+from sim.edge import dog_fields
 from sim.geometry import Dog
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
@@ -111,6 +112,11 @@ def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Sa
         return Said(result.exit_code, result.stdout, result.stderr)
 
     return call
+
+
+def dog_of(dog: Dog, design: Sequence[float]) -> Dog:
+    """Return a dog with another chamfer, traction and braking in deg, height in mm and count."""
+    return replace(dog, **dog_fields(dict(zip(VARIABLES, design, strict=True))))
 
 
 def needed(available: bool, what: str) -> None:

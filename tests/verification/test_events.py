@@ -14,6 +14,7 @@ from sim.engagement import Engagement, Outcome, engage
 from sim.loads import energy_lost, torque_peak
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
+from tests.conftest import dog_of
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -73,14 +74,7 @@ def test_a_flank_that_throws_a_dog_onto_the_next_face_makes_a_new_contact(
 
 def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) -> None:
     """A chamfer hardly steeper than friction: the faces slide at 30 mm/s when time is up."""
-    dog = replace(
-        clutch.dog,
-        chamfer=6.007 * DEG,
-        traction=20.525 * DEG,
-        braking=13.26 * DEG,
-        height=2.5423e-3,
-        count=11,
-    )
+    dog = dog_of(clutch.dog, (6.007, 20.525, 13.26, 2.5423, 11))
     hasty = replace(clutch.with_dog(dog), timeout=0.2)
     result = _shift(ClutchPlant(hasty), point(10, 235.2), 18)
     assert result.outcome is Outcome.TIMED_OUT

@@ -20,6 +20,7 @@ from sim.mesh import (
     ring_of,
 )
 from sim.units import DEG
+from tests.conftest import dog_of
 
 
 @pytest.mark.parametrize(
@@ -122,9 +123,7 @@ def test_compliant_dog_is_whole_and_its_pressure_is_depth(
     the apex's depth: the pressure of the cell around each is its depth below the
     nearest of the three faces.
     """
-    chamfer, traction, braking, height, count = shape
-    angles = {"chamfer": chamfer * DEG, "traction": traction * DEG, "braking": braking * DEG}
-    dog = replace(prototype, height=height * 1e-3, count=int(count), **angles)
+    dog = dog_of(prototype, shape)
     mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
     cells = mesh.vertices[mesh.cells]
     volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0

@@ -14,7 +14,7 @@ from sim.contact import CONTACT_SETS
 from sim.engagement import Engagement, Outcome, engage
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
-from tests.conftest import RISE
+from tests.conftest import RISE, dog_of
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -148,17 +148,8 @@ def test_default_accuracy_is_converged(
     force: float,
 ) -> None:
     """Every single shift against three hundred times tighter, within 0.3 %; all engage."""
-    chamfer, traction, braking, height, count = design
-    dog = replace(
-        clutch.dog,
-        chamfer=chamfer * DEG,
-        traction=traction * DEG,
-        braking=braking * DEG,
-        height=height * 1e-3,
-        count=count,
-    )
     angles = [0.0405267227 / DEG, 7.0, 13.0]
-    default = clutch.with_dog(dog)
+    default = clutch.with_dog(dog_of(clutch.dog, design))
     fine = replace(default, solver=replace(clutch.solver, accuracy=1e-6, max_step=2e-4))
     pairs = zip(
         _shift_times(default, point(mismatch, force), angles),

@@ -31,7 +31,7 @@ from sim.expectation import even_phases
 from sim.plant import ClutchPlant
 from sim.trace import Trace
 from sim.units import DEG, MM, RPM
-from tests.conftest import RISE, needed
+from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 
 Point = Callable[[float, float], OperatingPoint]
@@ -89,27 +89,14 @@ def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Pair:
     return Pair(np.array(drake), np.array(mujoco))
 
 
-def _dog_of(clutch: Clutch, design: tuple[float, float, float, float, int]) -> Clutch:
-    chamfer, traction, braking, height, count = design
-    dog = replace(
-        clutch.dog,
-        chamfer=chamfer * DEG,
-        traction=traction * DEG,
-        braking=braking * DEG,
-        height=height * MM,
-        count=count,
-    )
-    return clutch.with_dog(dog)
-
-
 @pytest.fixture(scope="module")
 def pairs(clutch: Clutch) -> dict[tuple[int, int], Pair]:
     """Both engines for every design and operating point."""
     found = {}
     for row, design in enumerate(DESIGNS):
+        shaped = clutch.with_dog(dog_of(clutch.dog, design))
         for index, (mismatch, force) in enumerate(POINTS):
-            point = _point(mismatch, force)
-            found[row, index] = _pair(_dog_of(clutch, design), point, index)
+            found[row, index] = _pair(shaped, _point(mismatch, force), index)
     return found
 
 
