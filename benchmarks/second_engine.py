@@ -53,6 +53,12 @@ class Agreement:
         return self.second.times / self.first.times - 1.0
 
     @property
+    def size(self) -> np.ndarray:
+        """Size of the difference of each shift, (n,); 1 where one engaged alone, 0 where none."""
+        one, two = np.isfinite(self.first.times), np.isfinite(self.second.times)
+        return np.where(one & two, np.abs(self.single), one != two)
+
+    @property
     def mean(self) -> float:
         """Relative difference of the means."""
         return self.second.mean / self.first.mean - 1.0
@@ -65,8 +71,13 @@ class Agreement:
     @property
     def flipped(self) -> float:
         """Share of shifts that differ by more than a tenth, or in their outcome."""
-        one, two = np.isfinite(self.first.times), np.isfinite(self.second.times)
-        return float(np.mean((one != two) | (np.abs(self.single) > FLIP)))
+        return float(np.mean(self.size > FLIP))
+
+    @property
+    def kept(self) -> float:
+        """Relative difference of the means over the shifts that did not flip."""
+        same = self.size <= FLIP
+        return float(self.second.times[same].sum() / self.first.times[same].sum() - 1.0)
 
 
 def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarray) -> Cell:

@@ -10,11 +10,13 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from benchmarks.common import measure
+from benchmarks.second_engine import FLIP, POINTS, Agreement, measure_second, narrow_stiff
 from diagnosis.second_engine import SecondEngine, engine_available, second_shift
 from diagnosis.second_model import (
     FINE,
@@ -30,24 +32,13 @@ from sim.errors import InputError
 from sim.expectation import even_phases
 from sim.plant import ClutchPlant
 from sim.trace import Trace
-from sim.units import DEG, MM, RPM
+from sim.units import DEG, RPM
 from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 
 Point = Callable[[float, float], OperatingPoint]
-Times = np.ndarray
 
-#: Mismatch in 1/min and force in N: slow and fast, and one that bounces back.
-POINTS = [
-    (10.0, 235.2),
-    (25.0, 641.5),
-    (50.0, 469.0),
-    (100.0, 315.5),
-    (249.0, 469.0),
-    (-50.0, 469.0),
-]
 ANGLES = 6
-FLIP = 0.1  #: relative difference from which an angle took another slot or bounce
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -55,42 +46,15 @@ def _mujoco() -> None:
     needed(engine_available(), "mujoco")
 
 
-@dataclass(frozen=True)
-class Pair:
-    """Shift times of both engines at the same angles, s, NaN where one did not engage."""
-
-    drake: Times
-    mujoco: Times
-
-    @property
-    def single(self) -> Times:
-        """Size of the relative difference of each angle."""
-        difference = np.abs(self.mujoco / self.drake - 1.0)
-        both_failed = np.isnan(self.drake) & np.isnan(self.mujoco)
-        return np.where(both_failed, 0.0, np.nan_to_num(difference, nan=1.0))
-
-    @property
-    def kept(self) -> float:
-        """Relative difference of the means over the angles that did not flip."""
-        same = self.single <= FLIP
-        return float(self.mujoco[same].sum() / self.drake[same].sum() - 1.0)
-
-
-def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Pair:
-    plant, engine = ClutchPlant(clutch), SecondEngine(clutch, FINE)
-    drake, mujoco = [], []
-    for phase in even_phases(ANGLES, 1, index):
-        angle = float(phase * clutch.dog.pitch_angle)
-        for times, found in (
-            (drake, engage(plant, point, angle).shift_time),
-            (mujoco, engine.shift(point, angle).shift_time),
-        ):
-            times.append(math.nan if found is None else found)
-    return Pair(np.array(drake), np.array(mujoco))
+def _pair(clutch: Clutch, point: OperatingPoint, index: int) -> Agreement:
+    """Run both engines, Drake first, at the same angles."""
+    angles = even_phases(ANGLES, 1, index) * clutch.dog.pitch_angle
+    drake = measure(ClutchPlant(clutch), point, angles)
+    return Agreement(drake, measure_second(SecondEngine(clutch, FINE), point, angles))
 
 
 @pytest.fixture(scope="module")
-def pairs(clutch: Clutch) -> dict[tuple[int, int], Pair]:
+def pairs(clutch: Clutch) -> dict[tuple[int, int], Agreement]:
     """Both engines for every design and operating point."""
     found = {}
     for row, design in enumerate(DESIGNS):
@@ -104,22 +68,22 @@ def _point(mismatch_rpm: float, force: float) -> OperatingPoint:
     return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
 
 
-def test_single_shifts_agree(pairs: dict[tuple[int, int], Pair]) -> None:
+def test_single_shifts_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     """The median angle of a cell within 8 %, of all cells within 1.5 %; at most a seventh flips.
 
     Found: cells 0.1 to 3 %, and 6 % for the design whose chamfer of 6 deg and friction are
     nearly in balance, where the creep of Drake's friction counts; 0.8 % over all. 8 % of
     the angles flip, where a dog is thrown back or a crest glances off a crest.
     """
-    medians = {cell: float(np.median(pair.single)) for cell, pair in pairs.items()}
+    medians = {cell: float(np.median(pair.size)) for cell, pair in pairs.items()}
     assert max(medians.values()) < 0.08, medians
-    singles = np.concatenate([pair.single for pair in pairs.values()])
+    singles = np.concatenate([pair.size for pair in pairs.values()])
     assert np.median(singles) < 0.015
     assert np.mean(singles > FLIP) < 1 / 7
 
 
 @pytest.mark.parametrize("row", range(len(DESIGNS)))
-def test_slow_means_agree(pairs: dict[tuple[int, int], Pair], row: int) -> None:
+def test_slow_means_agree(pairs: dict[tuple[int, int], Agreement], row: int) -> None:
     """Means at 10 and 25 1/min within 2 %; no more than one angle of six flips.
 
     What is there, up to 1.6 %, is contact at edges: see ``test_narrow_rings_agree``.
@@ -127,10 +91,10 @@ def test_slow_means_agree(pairs: dict[tuple[int, int], Pair], row: int) -> None:
     for index in (0, 1):
         pair = pairs[row, index]
         assert pair.kept == pytest.approx(0.0, abs=0.02)
-        assert (pair.single > FLIP).sum() <= 1
+        assert (pair.size > FLIP).sum() <= 1
 
 
-def test_means_agree(pairs: dict[tuple[int, int], Pair]) -> None:
+def test_means_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     """Means over the angles that do not flip within 5 %, all cells within 1.5 % on average.
 
     With the angles that flip the cells' means add up to the same within 4 %; found 2.7 % at
@@ -140,17 +104,9 @@ def test_means_agree(pairs: dict[tuple[int, int], Pair]) -> None:
     assert max(abs(d) for d in kept.values()) < 0.05, kept
     assert np.mean(list(kept.values())) == pytest.approx(0.0, abs=0.015)
     drake, mujoco = (
-        sum(float(np.nanmean(getattr(pair, name))) for pair in pairs.values())
-        for name in ("drake", "mujoco")
+        sum(getattr(pair, name).mean for pair in pairs.values()) for name in ("first", "second")
     )
     assert mujoco == pytest.approx(drake, rel=0.04)
-
-
-def _narrow(clutch: Clutch) -> Clutch:
-    """Return rings so narrow that the radius of every contact is known."""
-    dog = replace(clutch.dog, inner_diameter=47.8 * MM, outer_diameter=48.2 * MM)
-    stiff = replace(clutch.contact, stiffness=400.0 * clutch.contact.stiffness)
-    return replace(clutch, dog=dog, contact=stiff)
 
 
 @pytest.mark.parametrize(("mismatch", "force"), [(25.0, 641.5), (50.0, 469.0)])
@@ -159,8 +115,8 @@ def test_narrow_rings_agree(clutch: Clutch, point: Point, mismatch: float, force
 
     So what is left on wide rings is where and along which normal edges touch.
     """
-    pair = _pair(_narrow(clutch), point(mismatch, force), 1)
-    assert np.median(pair.single) < 0.003
+    pair = _pair(narrow_stiff(clutch), point(mismatch, force), 1)
+    assert np.median(pair.size) < 0.003
     assert pair.kept == pytest.approx(0.0, abs=0.005)
 
 
@@ -201,7 +157,7 @@ def test_a_struck_flank_throws_back_as_rigid_bodies_do(
     clutch: Clutch, point: Point, engine: str, angle: float
 ) -> None:
     """At 249 1/min: speeds after the impact within 3 %, restitution near Hunt and Crossley's."""
-    narrow, fast = _narrow(clutch), point(249.0, 469.0)
+    narrow, fast = narrow_stiff(clutch), point(249.0, 469.0)
     if engine == "drake":
         trace = engage(ClutchPlant(narrow), fast, angle * DEG).trace
     else:
