@@ -25,15 +25,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sim.actuation import cubic_step
 from sim.clutch import Clutch, OperatingPoint
 from sim.contact import ContactSet
 from sim.geometry import Dog
 from sim.impact import restitution
-
-Series = NDArray[np.float64]
+from sim.trace import Series
 
 STEP = 1e-4  #: s, of the time stepping
 BOUNCE = 0.02  #: m/s of approach below which an impact is taken as dead
