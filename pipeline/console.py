@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+import math
 import sys
 from collections.abc import Callable
 from typing import Any, ParamSpec
@@ -45,3 +46,8 @@ def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]
     else:
         wide = None if sys.stdout.isatty() else 160
         Console(highlight=False, width=wide).print(text())
+
+
+def in_ms(seconds: float | None) -> str:
+    """Return a time in ms to a tenth, or a dash where there is none."""
+    return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"

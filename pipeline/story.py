@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from pipeline.console import in_ms
 from pipeline.tables import event_facts, load_facts
 from sim.engagement import Engagement, Outcome
 from sim.phases import Phase
@@ -23,11 +24,11 @@ def why(result: Engagement) -> str:
     """Return one sentence: which phase took longest, and what held the ring in it."""
     end = result.phases[-1].end
     longest = max(result.phases, key=lambda p: p.end - p.start)
-    length = _ms(longest.end - longest.start)
+    length = in_ms(longest.end - longest.start)
     if result.outcome is Outcome.BLOCKED:
         return _why_blocked(result)
     name = "free flight" if longest.name == "free fly" else longest.name
-    share = f"{name} took {length} of {_ms(end)} ms"
+    share = f"{name} took {length} of {in_ms(end)} ms"
     if result.outcome is not Outcome.ENGAGED:
         return f"Not engaged: {result.detail}; until then {share}."
     return f"{share[0].upper()}{share[1:]}: {_REASONS[longest.name](result, longest)}."
@@ -36,7 +37,7 @@ def why(result: Engagement) -> str:
 def _why_blocked(result: Engagement) -> str:
     return (
         f"Friction holds dog on dog: the faces have stood still for "
-        f"{_ms(result.events.time_blocked)} ms and would not reach a slot before the time-out."
+        f"{in_ms(result.events.time_blocked)} ms and would not reach a slot before the time-out."
     )
 
 
@@ -111,7 +112,3 @@ def _mismatch(result: Engagement, time: float) -> float:
 def _force(result: Engagement, time: float) -> str:
     now = np.interp(time, result.trace.time, result.trace.shift_force)
     return f"{now:.0f} of {result.point.profile.force:.0f} N"
-
-
-def _ms(seconds: float) -> str:
-    return f"{seconds / MS:.1f}"

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from diagnosis.comparison import Comparison, Difference
 from pipeline.config import Study
+from pipeline.console import in_ms
 from pipeline.report import is_clear
 from sim.checks import Check, feasible
 from sim.engagement import Engagement
@@ -28,18 +29,14 @@ def _table(*columns: str) -> Table:
     return table
 
 
-def _ms(value: float | None) -> str:
-    return "-" if value is None or math.isnan(value) else f"{value * 1e3:.1f}"
-
-
 def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
     """Return outcome, phases, events and loads of one shift; ``torque_peak`` in N m."""
     table = _table("phase", "start, ms", "end, ms", "length, ms")
     for phase in result.phases:
         length = phase.end - phase.start
-        table.add_row(phase.name, _ms(phase.start), _ms(phase.end), _ms(length))
+        table.add_row(phase.name, in_ms(phase.start), in_ms(phase.end), in_ms(length))
     outcome = result.outcome.value.replace("_", " ")
-    time = f" in {_ms(result.shift_time)} ms" if result.shift_time is not None else ""
+    time = f" in {in_ms(result.shift_time)} ms" if result.shift_time is not None else ""
     happened = "; ".join(event_facts(result))
     loads = "\n".join(load_facts(result, torque_peak))
     return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
@@ -53,7 +50,7 @@ def event_facts(result: Engagement) -> list[str]:
         _counted(events.face_contacts, "face contact"),
         f"{_counted(events.slots_skipped, 'slot')} skipped",
         f"thrown back {events.rebound / MM:.2f} mm",
-        f"held dog on dog {_ms(events.time_blocked)} ms",
+        f"held dog on dog {in_ms(events.time_blocked)} ms",
         slid,
     ]
 
@@ -85,14 +82,14 @@ def expectation_table(result: Expectation) -> RenderableType:
         table.add_row(
             f"{p.point.mismatch / RPM:.4g}",
             f"{p.point.profile.force:.1f}",
-            _ms(p.mean),
-            _ms(p.standard_error),
-            _ms(p.sd),
+            in_ms(p.mean),
+            in_ms(p.standard_error),
+            in_ms(p.sd),
             f"{p.engaged:.0%}",
             str(p.n),
         )
     total = (
-        f"expected shift time {_ms(result.mean)} +- {_ms(result.standard_error)} ms "
+        f"expected shift time {in_ms(result.mean)} +- {in_ms(result.standard_error)} ms "
         "(one standard error)"
     )
     if result.numerical_error is not None and not math.isnan(result.numerical_error):
@@ -119,7 +116,7 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
     table = _table("design", *variables, "time, ms", "s.e., ms", "smallest margin")
     for row in result["front"]:
         values = [f"{row[v]:.4g}" for v in variables]
-        time, error = _ms(row["expected_shift_time_s"]), _ms(row["standard_error_s"])
+        time, error = in_ms(row["expected_shift_time_s"]), in_ms(row["standard_error_s"])
         margin = f"{row['smallest_margin']:.0%} {row['weakest_check']}"
         table.add_row(str(row["trial"]), *values, time, error, margin)
     lines: list[RenderableType] = [table]
@@ -130,11 +127,11 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
         best, proto = c["best"], c["prototype"]
         lines.append(
             f"at fresh angles: design {result['best']['trial']} "
-            f"{_ms(best['expected_shift_time_s'])} +- {_ms(best['standard_error_s'])} ms, "
+            f"{in_ms(best['expected_shift_time_s'])} +- {in_ms(best['standard_error_s'])} ms, "
             "prototype "
-            f"{_ms(proto['expected_shift_time_s'])} +- {_ms(proto['standard_error_s'])} ms, "
-            f"gain {_ms(c['gain_s'])} +- {_ms(c['gain_standard_error_s'])} ms (one standard error; "
-            f"numerical error {best['numerical_error_s'] * 1e3:.2g} ms)"
+            f"{in_ms(proto['expected_shift_time_s'])} +- {in_ms(proto['standard_error_s'])} ms, "
+            f"gain {in_ms(c['gain_s'])} +- {in_ms(c['gain_standard_error_s'])} ms "
+            f"(one standard error; numerical error {best['numerical_error_s'] * 1e3:.2g} ms)"
         )
         if not is_clear(c):
             lines.append("the best design is not distinguishable from the prototype")
@@ -146,7 +143,7 @@ def validation_text(validation: Validation, path: Path) -> str:
     """Return the validation figures of a surrogate."""
     return (
         f"{validation.n} designs, held out in turn: Q2 {validation.q2:.3f}, "
-        f"rmse {_ms(validation.rmse_s)} ms, {validation.coverage_95:.0%} within the 95 % "
+        f"rmse {in_ms(validation.rmse_s)} ms, {validation.coverage_95:.0%} within the 95 % "
         f"interval; written to {path}"
     )
 
@@ -154,8 +151,8 @@ def validation_text(validation: Validation, path: Path) -> str:
 def answer_text(answer: Answer, validation: Validation, checks: Sequence[Check]) -> RenderableType:
     """Return the surrogate's answer with warnings and checks."""
     lines = [
-        f"expected shift time {_ms(answer.time)} ms, 95 % interval {_ms(answer.low)} to "
-        f"{_ms(answer.high)} ms (surrogate)"
+        f"expected shift time {in_ms(answer.time)} ms, 95 % interval {in_ms(answer.low)} to "
+        f"{in_ms(answer.high)} ms (surrogate)"
     ]
     lines += [f"warning: {w}; the prediction extrapolates" for w in answer.warnings]
     if not validation.useful:
@@ -190,10 +187,10 @@ def comparison_table(result: Comparison) -> RenderableType:
         z = f"{d.z:+.1f}" if d.z is not None else "-"
         mismatch = f"{d.cell.point.mismatch / RPM:.4g}"
         force = f"{d.cell.point.profile.force:.1f}"
-        error = _ms(d.standard_error)
-        table.add_row(mismatch, force, _ms(bench), _ms(simulated), error, ratio, z)
+        error = in_ms(d.standard_error)
+        table.add_row(mismatch, force, in_ms(bench), in_ms(simulated), error, ratio, z)
     total = (
-        f"{result.bench.name}: root-mean-square gap {_ms(result.rmse)} ms, "
+        f"{result.bench.name}: root-mean-square gap {in_ms(result.rmse)} ms, "
         f"relative {result.relative_rms:.1%}"
     )
     if result.numerical_error is not None:
