@@ -41,7 +41,7 @@ from diagnosis.second_model import (
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import STILL_WINDOW, Outcome
 from sim.errors import InputError
-from sim.phases import face_left
+from sim.events import stays_held
 from sim.trace import Series, Trace, trace_of
 
 CHUNK = 0.004  #: s of motion between two looks at it
@@ -175,7 +175,7 @@ class _Watch:
             self.outcome = Outcome.ENGAGED
         elif end >= clutch.timeout:
             self.outcome = Outcome.TIMED_OUT
-        elif not self._still(clutch.timeout - end, states):
+        elif not stays_held(clutch, states, CHUNK, clutch.timeout - end):
             self._still_since = end
         elif end - self._still_since >= STILL_WINDOW and self._half_up(end - STILL_WINDOW):
             self.outcome = Outcome.BLOCKED
@@ -183,21 +183,6 @@ class _Watch:
     def _half_up(self, time: float) -> bool:
         """Tell whether the force was half up: then a ring that nothing holds would move."""
         return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.force)
-
-    def _still(self, left: float, states: Series) -> bool:
-        """Tell whether no speed of the chunk, nor its growth, would free the rings in time."""
-        clutch, last = self.clutch, states[-1]
-        if abs(last[3] - last[5]) * left > clutch.dog.pitch_angle:
-            return False  # most chunks, and at once
-
-        def reach(rates: Series) -> float:
-            growth = abs(float(rates[-1] - rates[0])) / CHUNK
-            return float(np.abs(rates).max()) * left + 0.5 * growth * left**2
-
-        turn = clutch.dog.mean_radius * reach(states[:, 3] - states[:, 5])
-        free = face_left(clutch, float(last[0] - last[2]), float(last[1]))
-        room = 0.5 * (clutch.shift_travel - float(last[1]))
-        return turn < 0.5 * free and reach(states[:, 4]) < room
 
 
 def _flight(problem: _Watch | SecondShift, angle: float, times: Series, before: Series) -> Series:

@@ -11,12 +11,13 @@ import math
 from dataclasses import dataclass
 from enum import Enum
 
+import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.events import STILL, Events, events_of
+from sim.events import Events, events_of, stays_held
 from sim.loads import Loads, loads_of
-from sim.phases import Phase, face_left, phases_of
+from sim.phases import Phase, phases_of
 from sim.plant import ClutchPlant
 from sim.trace import Series, Trace, crossing, trace_of
 
@@ -79,7 +80,6 @@ class _Record:
         self.timeout = clutch.timeout
         self.clutch = clutch
         self.force = point.profile.force
-        self.radius = clutch.dog.mean_radius
         self.times: list[float] = []
         self.states: list[Series] = []
         self.blocked = False
@@ -103,27 +103,13 @@ class _Record:
         return None
 
     def _stands_still(self, time: float, state: Series) -> bool:
-        """Tell whether the rings are held: creep and its growth would not free them in time.
-
-        The force must be half up: then a ring that nothing holds would move.
-        """
+        """Tell whether the rings are held, once the force is half up and would move free ones."""
         last, self._last = self._last, state
         self._check_at = time + STILL_WINDOW
         if last is None or self.point.profile.at(time - STILL_WINDOW) < 0.5 * self.force:
             return False
-        left = self.timeout - time
-
-        def reach(rate: float, before: float) -> float:
-            growth = abs(rate - before) / STILL_WINDOW
-            return max(abs(rate), abs(before)) * left + 0.5 * growth * left**2
-
-        turn = self.radius * reach(state[3] - state[5], last[3] - last[5])
-        slide = reach(float(state[4]), float(last[4]))
-        slip = self.radius * max(abs(s[3] - s[5]) for s in (last, state))
-        if max(slip, abs(float(state[4]))) > STILL:
-            return False
-        free = face_left(self.clutch, float(state[0] - state[2]), float(state[1]))
-        return turn < 0.5 * free and slide < 0.5 * (self.travel - float(state[1]))
+        states = np.array([last, state])
+        return stays_held(self.clutch, states, STILL_WINDOW, self.timeout - time)
 
     def _stop(self, reason: str) -> EventStatus:
         return EventStatus.ReachedTermination(self.plant.plant, reason)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.clutch import Clutch
-from sim.phases import Flags, face_overlap, on_face
-from sim.trace import Trace
+from sim.phases import Flags, face_left, face_overlap, on_face
+from sim.trace import Series, Trace
 
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
 STILL = 1e-3  #: m/s of slip below which faces count as held
@@ -56,6 +56,29 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
         time_blocked=float(steps[faces & held].sum()),
         face_slide=float((slip * steps)[faces & ~held].sum()),
     )
+
+
+def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool:
+    """Tell whether rings stand still, and creep and its growth would not free them in time.
+
+    Parameters
+    ----------
+    states : output angle, displacement, sliding angle and their rates, (n, 6), over
+        the last ``span`` s.
+    left : time to the time-out, s.
+    """
+    radius, last = clutch.dog.mean_radius, states[-1]
+    turning, sliding = states[:, 3] - states[:, 5], states[:, 4]
+    if max(radius * np.abs(turning).max(), abs(last[4])) > STILL:
+        return False
+
+    def reach(rates: Series) -> float:
+        growth = abs(float(rates[-1] - rates[0])) / span
+        return float(np.abs(rates).max()) * left + 0.5 * growth * left**2
+
+    free = face_left(clutch, float(last[0] - last[2]), float(last[1]))
+    room = clutch.shift_travel - float(last[1])
+    return radius * reach(turning) < 0.5 * free and reach(sliding) < 0.5 * room
 
 
 def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
