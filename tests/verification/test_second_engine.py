@@ -219,6 +219,15 @@ def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
     assert shift.shift_time is None
 
 
+def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) -> None:
+    """A chamfer hardly steeper than friction, as in Drake: the faces slide at 29 mm/s."""
+    dog = dog_of(clutch.dog, DESIGNS[1])
+    hasty = replace(clutch.with_dog(dog), timeout=0.2)
+    shift = second_shift(hasty, point(10.0, 235.2), 18.0 * DEG)
+    assert shift.outcome is Outcome.TIMED_OUT
+    assert abs(shift.trace.relative_speed[-1]) * dog.mean_radius > 1e-3
+
+
 def test_a_rebound_ends_at_the_stop(clutch: Clutch, point: Point) -> None:
     trace = second_shift(clutch, point(249.0, 235.2), 0.0).trace
     assert trace.displacement.min() == pytest.approx(-clutch.rebound, abs=1e-4)
