@@ -127,21 +127,22 @@ def profile(dog: Dog, root_radius: float, segments: int, step: float) -> list[Li
     require_room(dog, root_radius)
     corners = [corner.lines(segments) for corner in dog_corners(dog, root_radius)]
     following = [*corners[1:], corners[0].turned(dog.pitch_angle)]
+    ends = (dog.inner_radius, dog.outer_radius)
     result = []
     for here, there in zip(corners, following, strict=True):
-        result += [here, _between(dog, here[-1:], there[:1], step)]
+        result += [here, between(here[-1:], there[:1], ends, step)]
     return result
 
 
-def _between(dog: Dog, here: Lines, there: Lines, step: float) -> Lines:
-    """Return lines between two lines of a plane: in it, and none crosses another."""
-    ends = []
-    count = 1
-    for radius in (dog.inner_radius, dog.outer_radius):
-        a, b = here.at(radius)[0], there.at(radius)[0]
-        span = math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
-        count = max(count, math.ceil(span / step))
-        ends.append((a, b))
+def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) -> Lines:
+    """Return lines between two lines of a plane: in it, and none crosses another.
+
+    ``radii`` are those between which the lines are wanted, m; neighbours are at most
+    ``step`` (rad) apart there.
+    """
+    ends = [(here.at(radius)[0], there.at(radius)[0]) for radius in radii]
+    spans = [math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) for a, b in ends]
+    count = max(1, *(math.ceil(span / step) for span in spans))
     shares = np.linspace(0.0, 1.0, count + 1)[1:-1, None]
     inner, outer = (a + shares * (b - a) for a, b in ends)
     return Lines(inner, outer - inner)
