@@ -60,6 +60,7 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
 
     Two solids, ``sliding ring`` and ``output ring``, on the z axis with their crests an
     axial gap apart; dogs face slots, so that an axial move alone leads to full depth.
+    The gap is between the sharp crests: with a chamfer, rounded ones stand a little lower.
 
     Parameters
     ----------

@@ -188,16 +188,19 @@ def chamfer_volume(dog: Dog) -> float:
     """
     half = 0.5 * dog.radial_width
     radii = dog.mean_radius + half * _NODES
-    areas = np.array([_chamfer_area(dog, r) * r for r in radii.tolist()])
+    corner = dog_corners(dog, 0.0)[1]
+    line = Lines(corner.axis[None, :], corner.direction[None, :])
+    areas = np.array([r * _chamfer_area(dog, r, line.at(r)[0]) for r in radii.tolist()])
     return float(half * (_WEIGHTS @ areas))
 
 
-def _chamfer_area(dog: Dog, radius: float) -> float:
-    """Return the area of the chamfer over the angle at one radius, m rad."""
+def _chamfer_area(dog: Dog, radius: float, end: Vertices) -> float:
+    """Return the area of the chamfer over the angle at one radius, m rad.
+
+    ``end`` (3,) is where the braking edge leaves that radius, m.
+    """
     half, quarter = 0.5 * dog.height, 0.25 * dog.pitch_angle
-    corner = dog_corners(dog, 0.0)[1]
-    x, y, z = Lines(corner.axis[None, :], corner.direction[None, :]).at(radius)[0]
-    edge, drop = math.atan2(y, x), half - z
+    edge, drop = math.atan2(end[1], end[0]), half - end[2]
     # Depth of the face below the crest, integrated over the angle from edge to crest.
     reach = half * math.tan(dog.traction)
     crest = quarter - math.asin(reach / radius)

@@ -186,19 +186,22 @@ def largest_root_radius(dog: Dog) -> float:
     GeometryError
         There is no room even for sharp corners.
     """
-    require_flank(dog)
+    require_sharp(dog)
     if float(lands(dog, 0.0).min()) <= LAND:
         return 0.0
     # Two fillets of the whole height leave nothing of the traction flank.
     return float(brentq(lambda r: lands(dog, r).min() - LAND, 0.0, 2.0 * dog.height, xtol=1e-9))
 
 
-def require_flank(dog: Dog) -> None:
+def require_sharp(dog: Dog) -> None:
     """Raise GeometryError where a face of the sharp dog ends between inner and outer radius.
 
-    ``Dog`` and the manufacturing rules look at the braking flank at the mean radius; at
-    the outer radius the tip is wider and the face has fallen farther:
-    ``(tip + drop tan(braking)) tan(chamfer)`` with the tip there.
+    ``Dog`` subtracts straight widths from arcs. Exactly, tip and floor close at
+    ``asin(h tan(traction) / 2 r) + asin(h tan(braking) / 2 r) = pitch / 2`` (r the inner
+    radius): a dog whose tip is some hundredths of a millimetre wide may be none. The
+    braking flank never ends: the tip grows linearly with the radius, so that at the outer
+    one the face has fallen less than twice as far as at the mean radius, where
+    ``Dog`` allows half of the height.
     """
     left = lands(dog, 0.0)
     if left.min() > 0.0:
@@ -206,14 +209,14 @@ def require_flank(dog: Dog) -> None:
     end, face = np.unravel_index(int(left.argmin()), left.shape)
     name = f"{STRIPS[int(face)]} at the {('inner', 'outer')[int(end)]} radius"
     rule = "some of it must be left (more than 0 mm)"
-    remedy = "use a smaller chamfer, a smaller outer or larger inner diameter or more dogs"
+    remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
     message = refusal(f"length of the {name}", float(left.min()) * 1e3, "mm", rule, remedy)
     raise GeometryError(message)
 
 
 def require_room(dog: Dog, root_radius: float) -> None:
     """Raise GeometryError unless fillets and roundings of ``root_radius`` (m) fit."""
-    require_flank(dog)
+    require_sharp(dog)
     if root_radius == 0.0 or (root_radius > 0.0 and lands(dog, root_radius).min() >= LAND):
         return
     largest = largest_root_radius(dog)
