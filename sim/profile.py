@@ -32,6 +32,8 @@ from sim.mesh import Plane, Vertices, dog_planes, flank_line, rotation
 
 #: What every fillet and rounding must leave of floor, face and flanks, m.
 LAND = 0.05e-3
+#: Radii below this, m, are lost in the precision of a CAD kernel or an STL file.
+SMALLEST = 1e-6
 #: Faces of the toothed side in the order of the corners that they follow.
 STRIPS = ("braking flank", "face", "traction flank", "slot floor")
 
@@ -217,9 +219,11 @@ def require_sharp(dog: Dog) -> None:
 def require_room(dog: Dog, root_radius: float) -> None:
     """Raise GeometryError unless fillets and roundings of ``root_radius`` (m) fit."""
     require_sharp(dog)
-    if root_radius == 0.0 or (root_radius > 0.0 and lands(dog, root_radius).min() >= LAND):
+    if root_radius == 0.0:
         return
-    largest = largest_root_radius(dog)
-    rule = f"it must lie between 0 and {largest * 1e3:.4g} mm to leave floor, face and flanks"
+    if root_radius >= SMALLEST and lands(dog, root_radius).min() >= LAND:
+        return
+    span = f"{SMALLEST * 1e3:.4g} and {largest_root_radius(dog) * 1e3:.4g} mm"
+    rule = f"it must be 0 or lie between {span} to leave floor, face and flanks"
     remedy = "use a smaller root radius, or fewer or higher dogs"
     raise GeometryError(refusal("root_radius_mm", root_radius * 1e3, "mm", rule, remedy))

@@ -83,6 +83,8 @@ def test_largest_root_radius_leaves_a_land_and_no_more(prototype: Dog) -> None:
         ring_part(prototype, 2.2 * MM, BODY)
     with pytest.raises(GeometryError, match=r"root_radius_mm is -1 mm"):
         part_volume(prototype, -1.0 * MM, BODY)
+    with pytest.raises(GeometryError, match=r"root_radius_mm is 1e-06 mm, but it must be 0 or"):
+        part_volume(prototype, 1e-9, BODY)
     with pytest.raises(GeometryError, match="body_mm is 0 mm"):
         part_volume(prototype, 0.0, 0.0)
 
