@@ -230,3 +230,19 @@ def to_vtk(mesh: Mesh) -> str:
     lines.append(f"CELL_TYPES {m}")
     lines += ["10"] * m
     return "\n".join(lines) + "\n"
+
+
+_FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+
+
+def to_stl(mesh: Mesh, name: str) -> bytes:
+    """Return a triangle mesh as binary STL in mm; ``name`` goes into its header."""
+    facets = np.zeros(len(mesh.cells), dtype=_FACET)
+    points = mesh.vertices[mesh.cells] * 1e3
+    normals = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    facets["corners"] = points
+    facets["normal"] = normals / np.where(lengths > 0.0, lengths, 1.0)
+    # Readers tell text from binary by the first word: it must not be "solid".
+    header = f"binary STL, mm: {name}".encode("ascii", "replace")[:80].ljust(80)
+    return header + len(facets).to_bytes(4, "little") + facets.tobytes()
