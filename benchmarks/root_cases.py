@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from sim.errors import DogshapeError
 from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits, require_makeable
+from sim.notch import PRESSED, TENSION, Load, Pressed, Tension, mises_opposite, root_tension
 from sim.root_mesh import SIDES, Flank, RootShape
 from sim.root_stress import FINENESS, Band, Cut, RootModel, RootStress
 from sim.units import DEG, MM
@@ -32,6 +34,11 @@ class Case:
     flank: Flank
     band: Band
     stress: RootStress
+
+    @property
+    def load(self) -> Load:
+        """The load in the terms of the closed form."""
+        return Load(self.stress.force, self.flank, self.stress.lever)
 
 
 def shape_of(design: Design, depth: float = 1.0) -> RootShape:
@@ -78,3 +85,30 @@ def cases(shape: RootShape, fineness: int = FINENESS, cut: Cut = "periodic") -> 
         for flank in SIDES
         for band in BANDS
     ]
+
+
+def fit_tension(found: list[Case]) -> Tension:
+    """Return coefficients that make the relative error of the tension least."""
+
+    def errors(x: np.ndarray) -> list[float]:
+        return [
+            root_tension(c.shape.dog, c.shape.root_radius, c.load, Tension(*x)) / c.stress.tension
+            - 1.0
+            for c in found
+        ]
+
+    return Tension(*least_squares(errors, TENSION).x)
+
+
+def fit_pressed(found: list[Case]) -> Pressed:
+    """Return coefficients that make the relative error in the pressed fillet least."""
+
+    def errors(x: np.ndarray) -> list[float]:
+        return [
+            mises_opposite(c.shape.dog, c.shape.root_radius, c.load, Pressed(*x))
+            / c.stress.mises_opposite
+            - 1.0
+            for c in found
+        ]
+
+    return Pressed(*least_squares(errors, PRESSED).x)

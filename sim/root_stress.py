@@ -245,7 +245,7 @@ class RootModel:
             _by_local(self.cells)[cells],
             np.moveaxis(np.asarray(basis.global_coordinates()), 0, 2),
             area,
-            np.stack([shape[0].value for shape in basis.basis]),
+            np.stack([np.asarray(shape[0]) for shape in basis.basis]),
             np.stack([shape[0].grad for shape in basis.basis]),
         )
 
