@@ -2,7 +2,7 @@ r"""Stress at the root of one dog by finite elements, linear elastic, in three d
 
 One pitch of a ring (``sim.root_mesh``) in hexahedra with 27 nodes, isoparametric. The
 body's lower face is fixed, both cuts at the middle of the slots move alike in
-cylindrical coordinates (every dog is loaded the same), inner and outer face are free.
+cylindrical coordinates (every dog is loaded the same), the outer face is free.
 A band of one flank carries a uniform pressure without friction:
 
 .. math::
@@ -21,8 +21,8 @@ band's ends.
 Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's
 face, where gradients are best, from the surface's own stretch in plane stress. Its largest
 value over the whole fillet counts, ends of the dog included: edges there are rectangular
-and free, so that the stress is finite. The largest is found inside, between the inner
-end and the mean radius.
+and free, so that the stress is finite. It is found between the
+inner end, for wide dogs, and the mean radius.
 
 The body rests on a hub: its inner face is held radially. Without it a deep body rolls
 outwards, as dogs carry their force on one side and pull the floor behind them, and the
@@ -73,7 +73,7 @@ DIRECT = 40_000  #: unknowns up to which one block holds all planes
 
 @dataclass(frozen=True)
 class RootStress:
-    """What a unit of load does to the root of a dog.
+    """What a load does to the root of a dog.
 
     Parameters
     ----------
