@@ -26,7 +26,8 @@ inner end, for wide dogs, and the mean radius.
 
 The body rests on a hub: its inner face is held radially. Without it a deep body rolls
 outwards, as dogs carry their force on one side and pull the floor behind them, and the
-stress depends on how deep the body is thought to be.
+stress depends on how deep the body is thought to be: a tenth more on a ring of 15 dogs
+and a body one pitch deep, a third more on a ring of 6.
 
 scikit-fem brings mapping, shape functions and quadrature. It is an optional extra,
 ``pip install 'dogshape[fem]'``.
