@@ -26,7 +26,7 @@ lint: $(VENV)/ready
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
-EVIDENCE := convergence stiction floor work_precision expectation second_engine adams
+EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress
 
 evidence: $(VENV)/ready
 	mkdir -p build

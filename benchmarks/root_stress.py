@@ -1,0 +1,180 @@
+"""Finite-element stress at the root of a dog against formulas for it.
+
+    python -m benchmarks.root_stress
+
+What the mesh and the surroundings do to it, then the formula with a constant notch
+factor (``sim.strength``) and the closed form of ``sim.notch`` on designs spread over the
+search space: those that its coefficients were fitted to and others. Takes ten minutes.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from benchmarks.root_cases import (
+    BANDS,
+    FORCE,
+    PROTOTYPE,
+    Case,
+    Design,
+    cases,
+    designs,
+    fit_pressed,
+    fit_tension,
+    shape_of,
+)
+from sim.notch import PRESSED, TENSION, mises_loaded, mises_opposite, root_mises, root_tension
+from sim.root_mesh import SIDES, RootShape
+from sim.root_stress import Cut, RootModel
+from sim.units import DEG, MM, MPA
+
+FINE: Design = (11.4, 7.2, 22.3, 1.95, 34, 0.2)
+SIX: Design = (10.0, 20.0, 12.0, 5.0, 6, 0.4)
+FIT = (20, 1)  #: number of designs and seed
+HELD_OUT = (14, 2)
+NOTCH_FACTOR = 2.0
+
+
+def today(case: Case) -> float:
+    """Return the equivalent stress with a constant notch factor and the load at the tip, Pa."""
+    dog = case.shape.dog
+    bending = 6.0 * FORCE * dog.height / (dog.radial_width * dog.root_width**2)
+    shear = 1.5 * FORCE / (dog.radial_width * dog.root_width)
+    return math.hypot(NOTCH_FACTOR * bending, math.sqrt(3.0) * shear)
+
+
+def convergence() -> None:
+    """Print the largest tension on refined meshes."""
+    print("Mesh: first principal stress in MPa, traction flank, 1666.7 N; change to the one before")
+    for name, design in (("prototype", PROTOTYPE), ("fine", FINE)):
+        before: dict[str, float] = {}
+        for fineness in (1, 2, 3):
+            model = RootModel(shape_of(design), fineness)
+            line = f"  {name:<10} fineness {fineness} {model.reduction.shape[1]:>7} unknowns"
+            for band in BANDS:
+                found = model.stress("traction", band, FORCE)
+                change = 100.0 * (found.tension / before.get(band, found.tension) - 1.0)
+                before[band] = found.tension
+                line += f"  {band} {found.tension / MPA:7.1f} {change:+5.2f} %"
+                line += f" at {found.radius / MM:.2f} mm, {found.angle / DEG:.0f} deg"
+            print(line, flush=True)
+
+
+def surroundings() -> None:
+    """Print what depth, cuts and hub do, on the coarsest mesh."""
+    print("\nSurroundings: first principal stress in MPa on the coarsest mesh,")
+    print("traction whole, traction tip, braking whole, braking tip")
+    rows: list[tuple[float, Cut, bool]] = [
+        *((depth, "periodic", True) for depth in (0.25, 0.5, 1.0, 1.5)),
+        (1.0, "free", True),
+        (1.0, "fixed", True),
+        (0.5, "periodic", False),
+        (1.0, "periodic", False),
+    ]
+    for name, design in (("prototype", PROTOTYPE), ("fine", FINE), ("six", SIX)):
+        for depth, cut, hub in rows:
+            model = RootModel(shape_of(design, depth), 1, cut, hub)
+            found = [model.stress(f, band, FORCE).tension / MPA for f in SIDES for band in BANDS]
+            held = "on a hub" if hub else "no hub"
+            print(f"  {name:<10} depth {depth:4.2f} pitches, cuts {cut:<8} {held:<8}", end="")
+            print("".join(f"{value:8.1f}" for value in found), flush=True)
+
+
+def table(title: str, found: list[Case]) -> None:
+    """Print every design of ``found`` with its numbers."""
+    print(f"\n{title}")
+    print("  deg: chamfer, traction, braking; mm: height; dogs; mm: root radius, width at root")
+    print("  loaded flank and band, lever in mm; MPa: tension, von Mises of either fillet;")
+    print("  deviation in %: today from tension, closed form from tension, and from von Mises")
+    shape: RootShape | None = None
+    for case in found:
+        if case.shape is not shape:
+            shape, dog = case.shape, case.shape.dog
+            angles = (dog.chamfer / DEG, dog.traction / DEG, dog.braking / DEG)
+            print("  " + " ".join(f"{a:.1f}" for a in angles), end="")
+            print(f"  {dog.height / MM:.2f}  {dog.count}  {shape.root_radius / MM:.2f}", end="")
+            print(f"  {dog.root_width / MM:.2f}")
+        stress, (now, new, mises) = case.stress, deviations(case)
+        print(f"    {case.flank:<9}{case.band:<6}{stress.lever / MM:5.2f}", end="")
+        values = (stress.tension, stress.mises_loaded, stress.mises_opposite)
+        print("".join(f"{value / MPA:8.0f}" for value in values), end="")
+        print(f"{100 * now:+8.1f}{100 * new:+7.1f}{100 * mises:+7.1f}")
+
+
+def deviations(case: Case) -> tuple[float, float, float]:
+    """Return how far today's and the closed form are off the tension, and from von Mises."""
+    dog, rho, load, found = case.shape.dog, case.shape.root_radius, case.load, case.stress
+    return (
+        today(case) / found.tension - 1.0,
+        root_tension(dog, rho, load) / found.tension - 1.0,
+        root_mises(dog, rho, load) / found.mises - 1.0,
+    )
+
+
+def summary(title: str, found: list[Case]) -> None:
+    """Print mean, rms and largest deviation by band."""
+    print(f"\n{title}: mean, rms and largest deviation in %")
+    for band in (*BANDS, "both"):
+        rows = np.array([deviations(c) for c in found if band in (c.band, "both")]) * 100.0
+        print(f"  {band:<6}", end="")
+        names = ("today against tension", "closed form", "its von Mises")
+        for name, column in zip(names, rows.T, strict=True):
+            rms, most = math.sqrt(np.mean(column**2)), column[np.abs(column).argmax()]
+            print(f"  {name} {column.mean():+6.1f} {rms:5.1f} {most:+6.1f}", end="")
+        print()
+
+
+def evaluate(chosen: list[Design]) -> list[Case]:
+    """Return the cases of designs."""
+    return [case for design in chosen for case in cases(shape_of(design))]
+
+
+def compare(prototype: list[Case], fitted: list[Case], held_out: list[Case]) -> None:
+    """Print tables, the fit and its errors."""
+    table("Prototype, not in the fit", prototype)
+    table(f"Fitted, {FIT[0]} designs", fitted)
+    table(f"Held out, {HELD_OUT[0]} designs", held_out)
+    print("\nCoefficients of the closed form, and fitted again")
+    for now, again in ((TENSION, fit_tension(fitted)), (PRESSED, fit_pressed(fitted))):
+        for name, value, new in zip(now._fields, now, again, strict=True):
+            print(f"  {type(now).__name__:<8} {name:<10}{value:8.3f}{new:9.4f}")
+    sides(fitted, "fitted")
+    sides(held_out, "held out")
+    summary("Fitted", fitted)
+    summary("Held out", held_out)
+
+
+def sides(found: list[Case], title: str) -> None:
+    """Print the von Mises stress of either fillet over the tension and over the closed form."""
+    rows = []
+    for case in found:
+        dog, rho, stress = case.shape.dog, case.shape.root_radius, case.stress
+        rows.append(
+            (
+                stress.mises_loaded / stress.tension,
+                mises_loaded(dog, rho, case.load) / stress.mises_loaded,
+                mises_opposite(dog, rho, case.load) / stress.mises_opposite,
+            )
+        )
+    names = (
+        "von Mises over tension, loaded fillet",
+        "closed form over it",
+        "closed form over von Mises of the opposite fillet",
+    )
+    print(f"\nVon Mises, {title}: mean, standard deviation, least, most")
+    for name, column in zip(names, np.array(rows).T, strict=True):
+        print(f"  {name:<50}{column.mean():7.3f}{column.std():7.3f}", end="")
+        print(f"{column.min():7.3f}{column.max():7.3f}")
+
+
+def main() -> None:
+    """Print everything."""
+    convergence()
+    surroundings()
+    compare(evaluate([PROTOTYPE]), evaluate(designs(*FIT)), evaluate(designs(*HELD_OUT)))
+
+
+if __name__ == "__main__":
+    main()
