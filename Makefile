@@ -8,6 +8,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
+EXTRAS := dev,blind,cad,fem
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
@@ -18,17 +19,17 @@ SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
 
-test: $(VENV)/ready lint
+test: $(VENV)/complete lint
 	$(BIN)/python -m pytest
 
-lint: $(VENV)/ready
+lint: $(VENV)/complete
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress
 
-evidence: $(VENV)/ready
+evidence: $(VENV)/complete
 	mkdir -p build
 	$(BIN)/python -m pytest -m slow
 	for name in $(EVIDENCE); do \
@@ -48,7 +49,12 @@ picture: $(VENV)/ready
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,blind]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+# What tests and evidence want besides: linters, the second engine, CAD and finite elements.
+$(VENV)/complete: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$(EXTRAS)]"
 	touch $@
 
 # Install what is missing where that is possible, and say what to do where it is not.
@@ -62,9 +68,9 @@ system:
 constraints: system
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[dev,blind]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(EXTRAS)]"
 	$(BIN)/python -m pip freeze --all --exclude-editable --exclude pip > constraints.txt
-	touch $(VENV)/ready
+	touch $(VENV)/ready $(VENV)/complete
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -8,10 +8,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sim.errors import DogshapeError
+from sim.flank import Flank, flank_contact
 from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits, require_makeable
 from sim.notch import PRESSED, TENSION, Load, Pressed, Tension, mises_opposite, root_tension
-from sim.root_mesh import SIDES, Flank, RootShape
+from sim.root_mesh import SIDES, RootShape
 from sim.root_stress import FINENESS, Band, Cut, RootModel, RootStress
 from sim.units import DEG, MM
 
@@ -72,7 +73,7 @@ def designs(count: int, seed: int) -> list[Design]:
             require_makeable(dog, ManufacturingLimits())
         except DogshapeError:
             continue
-        if dog.braking_overlap >= SHARED * dog.height:
+        if flank_contact(dog, 0.0, "braking").height >= SHARED * dog.height:
             found.append(design)
     return found
 

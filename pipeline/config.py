@@ -19,13 +19,16 @@ from sim.batch import Record, clutch_record, content_key
 from sim.bundled import bundled_root
 from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
-from sim.edge import dog_fields, rings, validate
+from sim.edge import dog_fields, rings, si_fields, validate
 from sim.errors import InputError, refusal, require_between
 from sim.geometry import Dog
+from sim.loadcase import LoadCase
 from sim.loads import torque_peak
 from sim.manufacture import ManufacturingLimits
-from sim.strength import Limits, LoadCase, Material
-from sim.units import MM, MPA, RPM, unit_of
+from sim.materials import material_of
+from sim.strength import Limits
+from sim.tolerance import Tolerances
+from sim.units import MM, RPM, unit_of
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
@@ -202,14 +205,8 @@ def _positive(key: str, value: float, most: float) -> float:
 
 
 def _contact(file: StudyFile) -> ContactSet:
-    base = contact_set(file.contact.set)
     given = file.contact.model_dump(exclude={"set"}, exclude_none=True)
-    names = {key: key for key in ("static_friction", "dynamic_friction")} | {
-        "stiction_velocity_m_s": "stiction_velocity",
-        "stiffness_Pa_m": "stiffness",
-        "dissipation_s_m": "dissipation",
-    }
-    return replace(base, **{names[key]: value for key, value in given.items()})
+    return replace(contact_set(file.contact.set), **si_fields(given))  # type: ignore[arg-type]
 
 
 def _solver(file: StudyFile, contact: ContactSet) -> Solver:
@@ -244,29 +241,13 @@ def profile_for(file: StudyFile, force: float, rise: float | None = None) -> For
 
 
 def _limits(file: StudyFile) -> Limits:
-    load, material, making = file.load, file.material, file.manufacturing
+    material = file.material.model_dump(exclude={"set"}, exclude_none=True)
     return Limits(
-        load=LoadCase(
-            torque=load.torque_Nm,
-            application_factor=load.application_factor,
-            load_sharing=load.load_sharing,
-            friction_release=load.friction_release,
-            friction_hold=load.friction_hold,
-            separating_force_limit=load.separating_force_limit_N,
-        ),
-        material=Material(
-            name=material.name,
-            proof_stress=material.proof_stress_MPa * MPA,
-            allowable_pressure=material.allowable_pressure_MPa * MPA,
-            safety=material.safety,
-            notch_factor=material.notch_factor,
-        ),
-        manufacturing=ManufacturingLimits(
-            tip_width=_positive("manufacturing.tip_width_mm", making.tip_width_mm, 100.0) * MM,
-            slot_width=_positive("manufacturing.slot_width_mm", making.slot_width_mm, 100.0) * MM,
-            flank_height=_positive("manufacturing.flank_height_mm", making.flank_height_mm, 100.0)
-            * MM,
-        ),
+        load=LoadCase(**si_fields(file.load.model_dump())),
+        material=replace(material_of(file.material.set), **si_fields(material)),  # type: ignore[arg-type]
+        manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
+        tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
+        seated_tolerance=file.shift.seated_tolerance_mm * MM,
     )
 
 

@@ -1,7 +1,8 @@
 """One design of a search: its dog, its checks and its objectives.
 
-Constraints cost nothing, so they are known before anything is simulated. A
-constraint is a check's margin with its sign turned, feasible at or below zero.
+Most constraints cost nothing and are known before anything is simulated; the hardest
+landing comes with the simulation. A constraint is a check's margin with its sign
+turned, feasible at or below zero.
 """
 
 from __future__ import annotations
@@ -13,8 +14,12 @@ from pipeline.config import Study
 from sim.checks import Check, feasible, smallest_margin
 from sim.errors import GeometryError, InputError, did_you_mean
 from sim.expectation import Expectation
+from sim.flank import FLANKS
 from sim.geometry import Dog
-from sim.strength import axial_force, strength_checks
+from sim.landing import landing_checks
+from sim.loads import Landing
+from sim.locking import separating_force
+from sim.strength import keeps_limits, strength_checks
 from sim.units import MM
 
 SIMULATED = "expected_shift_time_s"  #: the one objective that needs a simulation
@@ -52,13 +57,27 @@ class Design:
         return [check.name for check in self.checks if not check.passed]
 
 
-def design_of(study: Study, params: dict[str, float]) -> Design:
-    """Work out a design; an impossible shape is a design that is not feasible."""
+def design_of(study: Study, params: dict[str, float], landing: Landing | None = None) -> Design:
+    """Work out a design; an impossible shape is a design that is not feasible.
+
+    ``landing`` is the hardest one that was simulated, None before that.
+    """
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
         return Design(params, None, (), str(error))
-    return Design(params, dog, strength_checks(dog, study.limits), "")
+    checks = strength_checks(dog, study.limits)
+    if landing is not None:
+        checks += landing_checks(landing, study.limits)
+    return Design(params, dog, checks, "")
+
+
+def worth_simulating(study: Study, params: dict[str, float]) -> bool:
+    """Tell whether a design passes every check that needs no simulation, cheap ones first."""
+    try:
+        return keeps_limits(study.dog_with(params), study.limits)
+    except GeometryError:
+        return False
 
 
 @dataclass(frozen=True)
@@ -72,9 +91,7 @@ class Objective:
 
 
 def _separating_force(study: Study, _: Design, dog: Dog) -> float:
-    load = study.limits.load
-    flank = max(dog.traction, dog.braking)
-    return axial_force(dog, load.design_torque, flank, load.friction_hold)
+    return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
 
 
 OBJECTIVES = {

@@ -1,18 +1,28 @@
-"""From a design to its expected shift time: blocks out, expectation back."""
+"""From a design to what is simulated of it: blocks out, expectation and landing back."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from pipeline.config import Study
 from pipeline.executor import Executor
-from sim.batch import Record, even_blocks, result_of
+from sim.batch import Record, even_blocks, landing_of, result_of
 from sim.clutch import OperatingPoint
 from sim.expectation import Expectation, expect, expect_point
 from sim.geometry import Dog
+from sim.landing import hardest
+from sim.loads import Landing
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """What the shifts of a design gave: expected shift time, and the hardest landing."""
+
+    expectation: Expectation
+    landing: Landing
 
 
 def evaluate(
@@ -23,8 +33,8 @@ def evaluate(
     seed: int,
     *,
     checked: bool = False,
-) -> list[Expectation]:
-    """Return the expected shift time of several designs, simulated side by side.
+) -> list[Simulated]:
+    """Return what the shifts of several designs give, simulated side by side.
 
     ``checked`` adds the numerical error, from an eighth of the shifts repeated.
     Raises GeometryError for a dog that cannot be made, before anything is simulated.
@@ -40,7 +50,8 @@ def evaluate(
         result = expectation_of(study, [b.point for b in group], mine)
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        results.append(result)
+        landing = hardest(landing_of(row) for block in mine for row in block)
+        results.append(Simulated(result, landing))
     return results
 
 

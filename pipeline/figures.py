@@ -54,15 +54,22 @@ def _describe(row: Row, variables: list[str]) -> str:
     return "<br>".join(lines)
 
 
+def is_barred(row: Row) -> bool:
+    """Tell whether a design failed a check that needs no simulation, and so has no time."""
+    return not row["feasible"] and row["expected_shift_time_s"] is None
+
+
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     """Draw expected shift time against another objective, infeasible designs beside it."""
-    barred = [r for r in result["trials"] if not r["feasible"] and other in r]
+    barred = [r for r in result["trials"] if is_barred(r) and other in r]
+    hard = [r for r in result["trials"] if not r["feasible"] and not is_barred(r)]
     widths = [0.88, 0.12] if barred else [1.0]
     figure = make_subplots(1, len(widths), shared_yaxes=True, column_widths=widths)
     on_front = {r["trial"] for r in result["front"]}
     plain = [r for r in result["trials"] if r["feasible"] and r["trial"] not in on_front]
     looks: dict[str, tuple[list[Row], str, Row]] = {
         "dominated": (plain, "markers", {"color": GREY, "size": 8, "symbol": "circle-open"}),
+        "lands too hard": (hard, "markers", {"color": INK, "size": 8, "symbol": "x"}),
         "front": (result["front"], "lines+markers", {"color": BLUE, "size": 10}),
         "prototype": (
             [r for r in result["trials"] if r["prototype"] and r["feasible"]],
@@ -72,7 +79,8 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     }
     for name, (rows, mode, marker) in looks.items():
         look = {"mode": mode, "marker": marker}
-        figure.add_trace(_scatter(name, rows, other, variables, look), 1, 1)
+        if rows:
+            figure.add_trace(_scatter(name, rows, other, variables, look), 1, 1)
     if barred:
         cross = {"color": INK, "size": 8, "symbol": "x"}
         trace = go.Scatter(

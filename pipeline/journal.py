@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from sim.batch import Record, result_of
+from sim.batch import Record, landing_of, result_of
 from sim.errors import StorageError
 
 
@@ -32,6 +32,7 @@ class ShiftJournal:
             try:
                 row = json.loads(line)
                 result_of(row)
+                landing_of(row)
                 self.rows[row["key"]] = row
             except (ValueError, KeyError, TypeError) as error:
                 raise StorageError(

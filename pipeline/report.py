@@ -12,9 +12,19 @@ from plotly.offline import get_plotlyjs
 
 from pipeline.config import Study
 from pipeline.design import SIMULATED
-from pipeline.drawing import section_svg
-from pipeline.figures import axis_title, convergence_figure, front_figure, points_figure
+from pipeline.drawing import dimensioned_svg, section_svg
+from pipeline.figures import (
+    axis_title,
+    convergence_figure,
+    front_figure,
+    is_barred,
+    points_figure,
+)
 from pipeline.folder import StudyFolder
+from pipeline.records import check_record
+from sim.checks import GROUPS, Check
+from sim.landing import landing_checks
+from sim.loads import Landing
 from sim.strength import strength_checks
 from surrogate.validation import Validation
 
@@ -77,9 +87,12 @@ def _content(study: Study, result: Row) -> Row:
         figures = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
     span = 2.4 * study.clutch.dog.pitch
     drawings = [section_svg(study.clutch.dog, "Prototype", span)]
+    sheet = ""
     if best is not None:
         dog = study.dog_with({name: best[name] for name in variables})
-        drawings.append(section_svg(dog, f"Design {best['trial']}", span))
+        title = f"Design {best['trial']}"
+        drawings.append(section_svg(dog, title, span))
+        sheet = dimensioned_svg(dog, study.limits, f"{title}, dimensioned section")
     return {
         "study": study,
         "result": result,
@@ -94,11 +107,20 @@ def _content(study: Study, result: Row) -> Row:
         "is_clear": is_clear,
         "surrogate_useful": bool(fitted) and Validation(**fitted).useful,
         "percent": percent,
-        "checks": [c.name for c in strength_checks(study.clutch.dog, study.limits)],
-        "barred": [r for r in result["trials"] if not r["feasible"]],
+        "sheet": sheet,
+        "groups": GROUPS,
+        "checks": [check_record(check) for check in _checks(study)],
+        "barred": [r for r in result["trials"] if is_barred(r)],
+        "hard": [r for r in result["trials"] if not r["feasible"] and not is_barred(r)],
         "contact": study.clutch.contact,
         "solver": study.clutch.solver,
     }
+
+
+def _checks(study: Study) -> tuple[Check, ...]:
+    """Return every check of the prototype; the landing's with their limits alone."""
+    still = landing_checks(Landing(0.0, 0.0), study.limits)
+    return strength_checks(study.clutch.dog, study.limits) + still
 
 
 def _designs(result: Row) -> Sequence[Row]:

@@ -25,7 +25,7 @@ from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESample
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
-from pipeline.design import SIMULATED, Design, design_of, exact_values
+from pipeline.design import SIMULATED, Design, design_of, exact_values, worth_simulating
 from sim.errors import InputError, did_you_mean
 from surrogate.dataset import Array, Dataset
 from surrogate.model import MIN_DESIGNS, Surrogate, fit
@@ -166,7 +166,7 @@ class SurrogateSampler(BaseSampler):
                 unit = np.clip(centre + rng.normal(0.0, 0.08, len(centre)), 0.0, 1.0)
             point = space.low + unit * (space.high - space.low)
             point = np.where(space.whole, np.round(point), point)
-            if design_of(self._study, space.design(point)).feasible:
+            if worth_simulating(self._study, space.design(point)):
                 found.append(point)
                 if len(found) == size:
                     return np.array(found)

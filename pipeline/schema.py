@@ -10,6 +10,10 @@ from typing import Annotated
 from pydantic import Field
 
 from sim.edge import DogSection, OutputSection, Section, SlidingSection
+from sim.loadcase import LoadCase
+from sim.manufacture import ManufacturingLimits
+from sim.tolerance import Tolerances
+from sim.units import DEG, MM
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 
@@ -65,32 +69,56 @@ class DrivelineSection(Section):
 
 
 class LoadSection(Section):
-    """Load case of the strength checks."""
+    """Load case of the strength checks (``sim.loadcase``)."""
 
-    torque_Nm: float = 200.0
-    application_factor: float = 1.5
-    load_sharing: float = 0.5
-    friction_release: float = 0.12
-    friction_hold: float = 0.05
-    separating_force_limit_N: float = 5000.0
+    torque_Nm: float = LoadCase.torque
+    application_factor: float = LoadCase.application_factor
+    load_sharing: float = LoadCase.load_sharing
+    load_height: float = LoadCase.load_height
+    safety: float = LoadCase.safety
+    safety_fatigue: float = LoadCase.safety_fatigue
+    shifts: float = LoadCase.shifts
+    reversal: float = LoadCase.reversal
+    friction_release: float = LoadCase.friction_release
+    friction_hold: float = LoadCase.friction_hold
+    separating_force_limit_N: float = LoadCase.separating_force_limit
 
 
 class MaterialSection(Section):
-    """Material of the dogs."""
+    """A named material set (``sim.materials``) and what is to differ from it."""
 
-    name: str = "16MnCr5 case-hardened"
-    proof_stress_MPa: float = 735.0
-    allowable_pressure_MPa: float = 200.0
-    safety: float = 1.2
-    notch_factor: float = 2.0
+    set: str = "16MnCr5"
+    proof_stress_MPa: float | None = None
+    bending_endurance_MPa: float | None = None
+    static_factor: float | None = None
+    allowable_pressure_MPa: float | None = None
+    surface_hardness_HV: float | None = None
 
 
 class ManufacturingSection(Section):
-    """Smallest dimensions that can be made."""
+    """What the workshop can do (``sim.manufacture``)."""
 
-    tip_width_mm: float = 1.5
-    slot_width_mm: float = 1.5
-    flank_height_mm: float = 1.5
+    tip_width_mm: float = ManufacturingLimits.tip_width / MM
+    slot_width_mm: float = ManufacturingLimits.slot_width / MM
+    cutter_reach: float = ManufacturingLimits.cutter_reach
+    flank_height_mm: float = ManufacturingLimits.flank_height / MM
+    root_radius_mm: float = ManufacturingLimits.root_radius / MM
+    chamfer_share: float = ManufacturingLimits.chamfer_share
+    module_mm: float = ManufacturingLimits.module / MM
+
+
+class ToleranceSection(Section):
+    """Largest deviation of each dimension either way (``sim.tolerance``)."""
+
+    chamfer_deg: float = Tolerances.chamfer / DEG
+    traction_deg: float = Tolerances.traction / DEG
+    braking_deg: float = Tolerances.braking / DEG
+    height_mm: float = Tolerances.height / MM
+    outer_diameter_mm: float = Tolerances.outer_diameter / MM
+    inner_diameter_mm: float = Tolerances.inner_diameter / MM
+    axial_gap_mm: float = Tolerances.axial_gap / MM
+    root_radius_mm: float = Tolerances.root_radius / MM
+    contact_ratio: float = Tolerances.contact_ratio
 
 
 class VariablesSection(Section):
@@ -148,6 +176,7 @@ class StudyFile(Section):
     load: LoadSection = LoadSection()
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
+    tolerance: ToleranceSection = ToleranceSection()
     variables: VariablesSection = VariablesSection()
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()

@@ -22,14 +22,13 @@ from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
 from pipeline.design import Design, design_of, objectives_of, values_of
-from pipeline.evaluation import evaluate
+from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
 from pipeline.sampler import search_space
-from sim.batch import content_key
+from sim.batch import content_key, landing_of, landing_record
 from sim.errors import StorageError
-from sim.expectation import Expectation
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
@@ -48,8 +47,19 @@ class Search:
 
     @property
     def simulated(self) -> list[FrozenTrial]:
-        """Finished trials of feasible designs."""
+        """Finished trials of designs that were simulated."""
         return [t for t in self.trials if "standard_error_s" in t.user_attrs]
+
+    @property
+    def feasible(self) -> list[FrozenTrial]:
+        """Simulated designs that pass every check, the landing's too."""
+        return [t for t in self.simulated if self.design(t).feasible]
+
+    def design(self, trial: FrozenTrial) -> Design:
+        """Return the design of a trial with all of its checks."""
+        given = trial.user_attrs
+        landing = landing_of(given) if "standard_error_s" in given else None
+        return design_of(self.study, dict(trial.params), landing)
 
 
 def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
@@ -144,27 +154,32 @@ def _cut_off(search: Search) -> list[int]:
 
 
 def _finish(search: Search, ids: list[int], executor: Executor) -> None:
-    """Simulate the feasible designs among trials and tell them all in order."""
+    """Simulate the designs among trials that may pass and tell them all in order."""
     study, settings = search.study, search.study.file.expectation
     trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
     designs = [design_of(study, dict(t.params)) for t in trials]
     worth = [d.dog for d in designs if d.dog is not None and d.feasible]
     results = iter(evaluate(study, worth, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
-        expectation = next(results) if design.feasible else None
-        _tell(search, trial, design, expectation)
+        if design.feasible:
+            found = next(results)
+            landed = design_of(study, design.params, found.landing)
+            _tell(search, trial, landed, found)
+        else:
+            _tell(search, trial, design, None)
 
 
-def _tell(
-    search: Search, trial: optuna.Trial, design: Design, expectation: Expectation | None
-) -> None:
+def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
     for name, value in design.constraints.items():
         trial.set_constraint(name, value)
-    if expectation is not None:
-        trial.set_user_attr("engaged", expectation.engaged)
-        trial.set_user_attr("standard_error_s", expectation.standard_error)
-    elif design.failed:
+    if found is not None:
+        trial.set_user_attr("engaged", found.expectation.engaged)
+        trial.set_user_attr("standard_error_s", found.expectation.standard_error)
+        for name, value in landing_record(found.landing).items():
+            trial.set_user_attr(name, value)
+    if design.failed:
         trial.set_user_attr("failed", design.failed)
+    expectation = found.expectation if found is not None else None
     search.optuna.tell(trial, values_of(search.study, design, expectation))
 
 
@@ -185,13 +200,13 @@ def expected_time(search: Search, trial: FrozenTrial) -> float:
 
 
 def best_trial(search: Search) -> FrozenTrial | None:
-    """Return the simulated design with the least expected shift time."""
-    return min(search.simulated, key=lambda t: expected_time(search, t), default=None)
+    """Return the feasible design with the least expected shift time."""
+    return min(search.feasible, key=lambda t: expected_time(search, t), default=None)
 
 
 def front(search: Search) -> list[FrozenTrial]:
-    """Return the simulated designs that no other dominates, fastest first."""
-    trials = search.simulated
+    """Return the feasible designs that no other dominates, fastest first."""
+    trials = search.feasible
     kept = [t for t in trials if not any(_dominates(o, t) for o in trials)]
     return sorted(kept, key=lambda t: expected_time(search, t))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,19 +10,19 @@ from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
 from pipeline.design import Design, design_of, exact_values, objectives_of
-from pipeline.evaluation import evaluate
+from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.progress import ShiftProgress
+from pipeline.records import check_record, expectation_record
 from pipeline.report import write_report
 from pipeline.sampler import dataset_of, sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
+from pipeline.tolerances import smallest_within, spread_record, time_spread
 from sim.batch import versions
-from sim.checks import Check, smallest_margin
-from sim.expectation import Expectation
-from sim.units import RPM
-from surrogate.model import MIN_DESIGNS, fit
+from sim.checks import smallest_margin
+from surrogate.model import MIN_DESIGNS, Surrogate, fit
 from surrogate.store import save
 from surrogate.validation import Validation, validate
 
@@ -66,8 +65,11 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         result = collect(search, journal)
         result["confirmation"] = confirmation
         if result["n_simulated_designs"] > MIN_DESIGNS:
-            validation = fit_surrogate(study, result["trials"], folder.surrogate)
+            surrogate, validation = fit_surrogate(study, result["trials"], folder.surrogate)
             result["surrogate"] = validation.as_dict()
+            for row in (*result["front"], *result["trials"]):
+                spread = time_spread(study, surrogate, row)
+                row["time_within_tolerances"] = spread_record(spread)
         else:
             progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
@@ -104,7 +106,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
 def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
     """Return a design as a flat row; times are None where it was not simulated."""
     study = search.study
-    design = design_of(study, dict(trial.params))
+    design = search.design(trial)
     simulated = "standard_error_s" in trial.user_attrs
     return {
         "trial": trial.number,
@@ -117,6 +119,8 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "feasible": design.feasible,
         "failed": design.failed,
         **_margins(design),
+        **smallest_within(study, design),
+        "time_within_tolerances": None,
     }
 
 
@@ -144,57 +148,24 @@ def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[st
     angles = study.file.search.confirm_angles
     seed = study.file.expectation.seed + FRESH
     dogs = [study.clutch.dog, study.dog_with(best)]
-    prototype, winner = evaluate(study, dogs, executor, angles, seed, checked=True)
+    both = evaluate(study, dogs, executor, angles, seed, checked=True)
+    prototype, winner = (found.expectation for found in both)
     gain = prototype.mean - winner.mean
     return {
         "angles": angles,
-        "prototype": expectation_record(prototype),
-        "best": expectation_record(winner),
+        "prototype": _confirmed(study, study.prototype, both[0]),
+        "best": _confirmed(study, best, both[1]),
         "gain_s": gain,
         "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
         "gain_share": gain / prototype.mean,
     }
 
 
-def expectation_record(expectation: Expectation) -> dict[str, Any]:
-    """Return an expectation by the names of the command line's contract."""
+def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:
+    design = design_of(study, params, found.landing)
     return {
-        "expected_shift_time_s": expectation.mean,
-        "standard_error_s": _number(expectation.standard_error),
-        "numerical_error_s": _number(expectation.numerical_error),
-        "engaged": expectation.engaged,
-        "lower_bound": expectation.is_lower_bound,
-        "points": [
-            {
-                "mismatch_rpm": p.point.mismatch / RPM,
-                "force_N": p.point.profile.force,
-                "mean_s": p.mean,
-                "mean_engaged_s": p.mean_engaged,
-                "standard_error_s": _number(p.standard_error),
-                "sd_s": p.sd,
-                "engaged": p.engaged,
-                "n": p.n,
-            }
-            for p in expectation.points
-        ],
-    }
-
-
-def _number(value: float | None) -> float | None:
-    """Return a number that JSON can hold: None where there is none."""
-    return value if value is not None and math.isfinite(value) else None
-
-
-def check_record(check: Check) -> dict[str, Any]:
-    """Return a check by the names of the command line's contract."""
-    return {
-        "name": check.name,
-        "value": check.value,
-        "limit": check.limit,
-        "unit": check.unit,
-        "margin": check.margin,
-        "passed": check.passed,
-        "rule": check.rule,
+        **expectation_record(found.expectation),
+        "checks": [check_record(check) for check in design.checks],
     }
 
 
@@ -214,10 +185,12 @@ def fit_study(
         run_study(filled, Run(folder, jobs, resume=True))
     rows = folder.stored_result()["trials"]
     path = out or folder.surrogate
-    return fit_surrogate(folder.stored_study(), rows, path), path
+    return fit_surrogate(folder.stored_study(), rows, path)[1], path
 
 
-def fit_surrogate(study: Study, rows: list[dict[str, Any]], path: Path) -> Validation:
+def fit_surrogate(
+    study: Study, rows: list[dict[str, Any]], path: Path
+) -> tuple[Surrogate, Validation]:
     """Fit the surrogate to the simulated designs among ``rows``, validate and store it."""
     done = [row for row in rows if row["standard_error_s"] is not None]
     times = [row["expected_shift_time_s"] for row in done]
@@ -227,4 +200,4 @@ def fit_surrogate(study: Study, rows: list[dict[str, Any]], path: Path) -> Valid
     surrogate = fit(data, seed)
     validation = validate(data, seed)
     save(path, surrogate, validation)
-    return validation
+    return surrogate, validation

@@ -14,12 +14,16 @@ from diagnosis.comparison import Comparison, Difference
 from pipeline.config import Study
 from pipeline.console import in_ms
 from pipeline.report import is_clear
-from sim.checks import Check, feasible
+from sim.checks import GROUPS, Check, feasible, smallest_margin
 from sim.engagement import Engagement
 from sim.expectation import Expectation
-from sim.units import MM, RPM
+from sim.root_check import RootCheck
+from sim.tolerance import Spread
+from sim.units import MM, MPA, RPM
 from surrogate.query import Answer
 from surrogate.validation import Validation
+
+WITHIN = ("worst_case", "root_sum_square")  #: margins within tolerances, as records name them
 
 
 def _table(*columns: str) -> Table:
@@ -99,15 +103,77 @@ def expectation_table(result: Expectation) -> RenderableType:
     return Group(table, total)
 
 
-def checks_table(checks: Sequence[Check]) -> RenderableType:
-    """Return every check with value, limit and margin."""
-    table = _table("check", "value", "", "limit", "unit", "margin", "passed")
-    for c in checks:
-        sign = "<=" if c.at_most else ">="
-        passed = "yes" if c.passed else "NO"
-        value, limit = f"{c.value:.4g}", f"{c.limit:.4g}"
-        table.add_row(c.name, value, sign, limit, c.unit, f"{c.margin:.0%}", passed)
-    return Group(table, "feasible" if feasible(checks) else "not feasible")
+def strength_table(
+    checks: Sequence[Check],
+    within: dict[str, dict[str, float]],
+    held: float,
+    explain: bool = False,
+) -> RenderableType:
+    """Return every check with value, limit and margins, by group.
+
+    ``within`` has the margins left within the tolerances by the check's name, ``held`` is
+    what the blocking mechanism has to hold, N.
+    """
+    table = _table("check", "value", "", "limit", "unit", "margin", "worst case", "rss", "passed")
+    for group, title in GROUPS.items():
+        members = [c for c in checks if c.rule.group == group]
+        if members:
+            table.add_row(title, style="bold")
+        for c in members:
+            left = within.get(c.name, {})
+            table.add_row(
+                "  " + c.name,
+                f"{c.value:.4g}",
+                "<=" if c.rule.at_most else ">=",
+                f"{c.limit:.4g}",
+                c.unit,
+                f"{c.margin:.0%}",
+                *(f"{left[k]:.0%}" if k in left else "-" for k in WITHIN),
+                "yes" if c.passed else "NO",
+            )
+    weakest = smallest_margin(checks)
+    verdict = "feasible" if feasible(checks) else "not feasible"
+    lines = [
+        "",
+        "margin: share of the limit that is left, at nominal size, with every tolerance at its "
+        "worst, and by root sum of squares",
+        f"{verdict}; smallest margin {weakest.margin:.1%}, {weakest.name}",
+        f"the blocking mechanism has to hold {held:.0f} N",
+    ]
+    return Group(table, *lines, *([_rules_table(checks)] if explain else []))
+
+
+def _rules_table(checks: Sequence[Check]) -> RenderableType:
+    table = Table(box=None, pad_edge=False, header_style="bold", title_justify="left")
+    for column in ("check", "meaning", "formula", "source", "limit set by"):
+        table.add_column(column, overflow="fold")
+    for check in checks:
+        rule = check.rule
+        table.add_row(rule.name, rule.meaning, rule.formula, rule.source, rule.key)
+    return table
+
+
+def root_table(roots: Sequence[RootCheck]) -> RenderableType:
+    """Return the root stress by finite elements beside the closed form."""
+    head = ("tension at the root", "lever, mm", "finite elements, MPa", "closed form, MPa", "ratio")
+    table = _table(*head)
+    where = {"whole": "all that touches", "tip": "top fifth of the flank"}
+    for root in roots:
+        table.add_row(
+            f"{root.flank} flank, {where[root.band]}",
+            f"{root.lever / MM:.2f}",
+            f"{root.elements / MPA:.0f}",
+            f"{root.formula / MPA:.0f}",
+            f"{root.formula / root.elements:.2f}",
+        )
+    return Group("", table)
+
+
+def export_text(written: dict[str, str], volume: float) -> RenderableType:
+    """Return which files were written; ``volume`` of one ring in mm3."""
+    words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings"}
+    lines = [f"wrote {path} ({words[kind]})" for kind, path in written.items()]
+    return Group(*lines, f"volume of a ring {volume:.1f} mm3")
 
 
 def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
@@ -148,8 +214,10 @@ def validation_text(validation: Validation, path: Path) -> str:
     )
 
 
-def answer_text(answer: Answer, validation: Validation, checks: Sequence[Check]) -> RenderableType:
-    """Return the surrogate's answer with warnings and checks."""
+def answer_text(
+    answer: Answer, validation: Validation, spread: Spread, checks: RenderableType
+) -> RenderableType:
+    """Return the surrogate's answer with warnings, its move within tolerances, and checks."""
     lines = [
         f"expected shift time {in_ms(answer.time)} ms, 95 % interval {in_ms(answer.low)} to "
         f"{in_ms(answer.high)} ms (surrogate)"
@@ -160,7 +228,11 @@ def answer_text(answer: Answer, validation: Validation, checks: Sequence[Check])
             f"warning: on designs held out the surrogate has Q2 {validation.q2:.2f}; "
             "simulate more designs before relying on it"
         )
-    return Group(*lines, checks_table(checks))
+    lines.append(
+        f"within the tolerances it moves by {spread.worst_case * 1e3:.2g} ms in the worst case, "
+        f"{spread.root_sum_square * 1e3:.2g} ms by root sum of squares"
+    )
+    return Group(*lines, "", checks)
 
 
 def difference_record(d: Difference) -> dict[str, Any]:

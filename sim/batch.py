@@ -19,8 +19,9 @@ from typing import Any
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, Outcome, engage
 from sim.expectation import ShiftResult, even_phases
+from sim.loads import Landing
 from sim.plant import ClutchPlant
-from sim.units import DEG, MM, RPM
+from sim.units import DEG, MM, MPA, RPM
 
 Record = dict[str, Any]
 
@@ -141,6 +142,7 @@ def loads_record(result: Engagement) -> Record:
         "residual_mismatch_rpm": None
         if loads.residual_mismatch is None
         else loads.residual_mismatch / RPM,
+        **landing_record(loads.landing),
     }
 
 
@@ -164,6 +166,19 @@ def shift_record(result: Engagement) -> Record:
 def result_of(record: Record) -> ShiftResult:
     """Return what an expectation needs from a record."""
     return ShiftResult(Outcome(record["outcome"]), record["shift_time_s"])
+
+
+def landing_record(landing: Landing) -> Record:
+    """Return a landing as a flat record in the edge's units."""
+    return {
+        "face_pressure_MPa": landing.face_pressure / MPA,
+        "edge_load_N_mm": landing.line_load * MM,
+    }
+
+
+def landing_of(record: Record) -> Landing:
+    """Return what a record says of the hardest landing, dog on dog."""
+    return Landing(record["face_pressure_MPa"] * MPA, record["edge_load_N_mm"] / MM)
 
 
 @lru_cache(maxsize=2)

@@ -1,30 +1,70 @@
-"""A check: a number of a design against its limit."""
+"""A check: a number of a design against its limit, with the rule that it follows."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
+
+Group = Literal["make", "load", "lock", "impact", "tolerance"]
+
+#: What the groups are about, in the order of reports.
+GROUPS: dict[Group, str] = {
+    "make": "can be made",
+    "load": "carries the torque",
+    "lock": "engages and lets go",
+    "impact": "bears dog on dog",
+    "tolerance": "keeps contact within tolerances",
+}
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What a check asks.
+
+    Parameters
+    ----------
+    name : of the check.
+    meaning : the value in words.
+    formula : of the value.
+    source : of formula and limit.
+    unit : of value and limit.
+    key : of the study file that sets the limit.
+    at_most : whether the limit is an upper or a lower one.
+    """
+
+    name: str
+    group: Group
+    meaning: str
+    formula: str
+    source: str
+    unit: str
+    key: str
+    at_most: bool
 
 
 @dataclass(frozen=True)
 class Check:
-    """Value against limit, both in ``unit``.
+    """Value against limit, both in the unit of ``rule``."""
 
-    ``at_most`` tells whether the limit is an upper or a lower one; ``rule`` gives the
-    formula with its source.
-    """
-
-    name: str
+    rule: Rule
     value: float
     limit: float
-    unit: str
-    at_most: bool
-    rule: str
+
+    @property
+    def name(self) -> str:
+        """Name of the rule."""
+        return self.rule.name
+
+    @property
+    def unit(self) -> str:
+        """Unit of value and limit."""
+        return self.rule.unit
 
     @property
     def margin(self) -> float:
         """Share of the limit that is left; negative when the check fails."""
-        left = self.limit - self.value if self.at_most else self.value - self.limit
+        left = self.limit - self.value if self.rule.at_most else self.value - self.limit
         return left / abs(self.limit) if self.limit else left
 
     @property

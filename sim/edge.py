@@ -14,7 +14,7 @@ from pydantic_core import ErrorDetails
 from sim.clutch import Rings
 from sim.errors import InputError, did_you_mean
 from sim.geometry import Dog
-from sim.units import RPM, to_si, unit_of
+from sim.units import RPM, suffix_of, to_si, unit_of
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -68,12 +68,15 @@ def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:
     """Turn keys of a dog in edge units (``height_mm``) into fields of ``Dog`` in SI."""
-    return {
-        key.removesuffix("_deg").removesuffix("_mm"): int(value)
-        if key == "count"
-        else to_si(key, value)
-        for key, value in values.items()
-    }
+    fields: dict[str, Any] = si_fields(values)
+    if "count" in fields:
+        fields["count"] = int(fields["count"])
+    return fields
+
+
+def si_fields(values: dict[str, float]) -> dict[str, float]:
+    """Turn keys in edge units (``height_mm``) into SI fields without them (``height``)."""
+    return {key.removesuffix(suffix_of(key)): to_si(key, value) for key, value in values.items()}
 
 
 def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:

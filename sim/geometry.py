@@ -141,18 +141,18 @@ class Dog:
         return self.entry_play / self.mean_radius
 
     @property
-    def chamfer_drop(self) -> float:
-        """Fall of the face over the tip width at the mean radius, m."""
-        return self.tip_width * math.tan(self.chamfer)
-
-    @property
     def edge_drop(self) -> float:
         """Depth below the crest at which the face meets the braking flank, m.
 
         The flank leans outwards below the crest, so the face runs on past the
         tip width: ``drop / (1 - tan(chamfer) tan(braking))``.
         """
-        return self.chamfer_drop / (1.0 - math.tan(self.chamfer) * math.tan(self.braking))
+        return self.edge_drop_at(self.mean_radius)
+
+    def edge_drop_at(self, radius: float) -> float:
+        """Depth below the crest at which the face meets the braking flank at ``radius``, m."""
+        slope = math.tan(self.chamfer)
+        return self.tip_width_at(radius) * slope / (1.0 - slope * math.tan(self.braking))
 
     @property
     def face_width(self) -> float:
@@ -165,27 +165,9 @@ class Dog:
         return 0.5 * self.pitch - self.height * math.tan(self.traction)
 
     @property
-    def traction_flank_height(self) -> float:
-        """Axial height of the traction flank, m."""
-        return self.height
-
-    @property
     def braking_flank_height(self) -> float:
         """Axial height of the braking flank, from root to the edge of the face, m."""
         return self.height - self.edge_drop
-
-    @property
-    def working_height(self) -> float:
-        """Height less the chamfer drop over the tip, m; the height that carries load."""
-        return self.height - self.chamfer_drop
-
-    @property
-    def braking_overlap(self) -> float:
-        """Axial height over which two braking flanks touch at full depth, m.
-
-        Either ring lacks the edge drop at its own crest, at opposite ends.
-        """
-        return self.height - 2.0 * self.edge_drop
 
     @property
     def travel(self) -> float:

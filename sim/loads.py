@@ -10,6 +10,10 @@ both swing against each other as two
 inertias on a spring, and with :math:`J = J_1 J_2/(J_1 + J_2)` the torque peaks at
 
 .. math:: T = \Delta\omega \sqrt{c J}.
+
+Dog on dog, while faces can meet and the force is more axial than tangential (on a flank it
+is the other way round), it bears on an area N b L where the faces overlap by *L*, and
+below half a millimetre of overlap on edges, N b long: there a mean pressure says nothing.
 """
 
 from __future__ import annotations
@@ -20,10 +24,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.clutch import Clutch
-from sim.phases import Phase
+from sim.phases import Phase, face_overlap, on_face
 from sim.trace import Series, Trace
 
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
+EDGE = 5e-4  #: m of overlap below which faces bear with their edges alone
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Dog on dog, all dogs alike: largest mean pressure on the overlap of the faces, Pa, and
+    largest line load of the edges of faces that hardly overlap, N/m.
+    """
+
+    face_pressure: float
+    line_load: float
 
 
 @dataclass(frozen=True)
@@ -41,6 +56,7 @@ class Loads:
     residual_mismatch : relative speed with which the flanks close for good, at the
         start of seating, rad/s, signed; None where none closed. Flanks that struck and
         flew off before show in the impulse.
+    landing : what faces and edges bore.
     """
 
     peak_axial_force: float
@@ -48,6 +64,7 @@ class Loads:
     impact_impulse: float
     energy_dissipated: float
     residual_mismatch: float | None
+    landing: Landing
 
 
 def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
@@ -61,7 +78,19 @@ def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
         impact_impulse=_hardest(trace),
         energy_dissipated=float(energy_lost(clutch, trace)[-1]),
         residual_mismatch=float(trace.relative_speed[before]) if closed else None,
+        landing=_dog_on_dog(clutch, trace),
     )
+
+
+def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
+    dog = clutch.dog
+    landed = on_face(clutch, trace) & (trace.contact_force > np.abs(trace.tangential_force))
+    edge = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
+    overlap, most = face_overlap(clutch, trace.relative_angle)
+    # Past the middle the braking edge parts the faces.
+    wide = np.minimum(overlap, most - overlap)
+    pressure = np.where(wide >= EDGE, edge / np.maximum(wide, EDGE), 0.0)
+    return Landing(float(pressure.max()), float(np.where(wide < EDGE, edge, 0.0).max()))
 
 
 def _hardest(trace: Trace) -> float:

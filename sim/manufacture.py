@@ -8,52 +8,150 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.checks import Check
-from sim.errors import GeometryError
+from sim.checks import Check, Rule
+from sim.errors import GeometryError, require_between
+from sim.flank import root_radius_room
 from sim.geometry import Dog
+from sim.units import MM
 
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """Smallest dimensions, m.
+    """What the workshop can do; lengths in m.
 
-    ``tip_width`` keeps a case-hardened tip from hardening through (case depth of
-    about 0.4 mm from either side leaves a core); ``slot_width`` lets a cutter
-    reach the floor of the slot, which is as wide as a tip; ``flank_height`` is that
-    of the braking flank.
+    Parameters
+    ----------
+    tip_width : keeps a case-hardened tip from hardening through: a case of 0.4 mm from
+        either side leaves a core.
+    slot_width : diameter of the cutter, which has to reach the floor of the slot where
+        that is narrowest, at the inner radius.
+    cutter_reach : depth of the slot over the width of its floor; a slender cutter bends.
+    flank_height : of the braking flank, the lower one.
+    root_radius : with which roots are filleted and tip edges rounded.
+    chamfer_share : depth of the face at its edge over the height of the dog.
+    module : mean diameter over count; smaller dogs lose their shape in hardening.
     """
 
     tip_width: float = 1.5e-3
     slot_width: float = 1.5e-3
+    cutter_reach: float = 3.0
     flank_height: float = 1.5e-3
+    root_radius: float = 0.3e-3
+    chamfer_share: float = 0.35
+    module: float = 1.25e-3
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("tip_width_mm", self.tip_width / MM, 0.05, 100.0),
+            ("slot_width_mm", self.slot_width / MM, 0.05, 100.0),
+            ("cutter_reach", self.cutter_reach, 0.1, 100.0),
+            ("flank_height_mm", self.flank_height / MM, 0.05, 100.0),
+            ("root_radius_mm", self.root_radius / MM, 0.02, 10.0),
+            ("chamfer_share", self.chamfer_share, 0.0, 0.5),
+            ("module_mm", self.module / MM, 0.05, 100.0),
+        ):
+            require_between(f"manufacturing.{name}", value, low, high, "correct the limit")
+
+
+_RULES = {
+    name: Rule(name, "make", meaning, formula, source, unit, f"manufacturing.{key}", at_most)
+    for name, meaning, formula, source, unit, key, at_most in (
+        (
+            "tip_width",
+            "width of the tip at the inner radius",
+            "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
+            "a case of 0.4 mm from either side leaves a core (assumption)",
+            "mm",
+            "tip_width_mm",
+            False,
+        ),
+        (
+            "slot_width",
+            "width of the slot's floor at the inner radius",
+            "pitch at r_i less the root width there",
+            "smallest cutter (assumption)",
+            "mm",
+            "slot_width_mm",
+            False,
+        ),
+        (
+            "cutter_reach",
+            "depth of the slot over the width of its floor",
+            "h over the slot's width at the inner radius",
+            "reach of a short end mill, three diameters (assumption)",
+            "",
+            "cutter_reach",
+            True,
+        ),
+        (
+            "flank_height",
+            "height of the braking flank at the outer radius, where it is lowest",
+            "h - d, d depth of the face at its edge there",
+            "keeps a flank on the side that brakes (assumption)",
+            "mm",
+            "flank_height_mm",
+            False,
+        ),
+        (
+            "root_radius",
+            "largest root radius that fits into slot and tip",
+            "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
+            "geometry; wear of the cutter sets the limit (assumption)",
+            "mm",
+            "root_radius_mm",
+            False,
+        ),
+        (
+            "chamfer_share",
+            "depth of the face at its edge over the height of the dog",
+            "d/h",
+            "leaves a flank of two thirds (assumption)",
+            "",
+            "chamfer_share",
+            True,
+        ),
+        (
+            "module",
+            "mean diameter over the number of dogs",
+            "2 r/N",
+            "distortion in hardening (assumption)",
+            "mm",
+            "module_mm",
+            False,
+        ),
+    )
+}
 
 
 def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
     """Return the manufacturability checks of a dog, lengths in mm."""
-    narrow = dog.tip_width_at(dog.inner_radius)
-    slot = dog.pitch_angle * dog.inner_radius - dog.root_width_at(dog.inner_radius)
-    rows = (
-        ("tip_width", narrow, limits.tip_width, "width of the tip at the inner radius"),
-        ("slot_width", slot, limits.slot_width, "width of the slot's floor at the inner radius"),
-        (
-            "flank_height",
-            dog.braking_flank_height,
-            limits.flank_height,
-            "height of the braking flank: height less the drop of the face at its edge",
-        ),
+    inner = dog.inner_radius
+    slot = dog.pitch_angle * inner - dog.root_width_at(inner)
+    lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
+    return (
+        _length("tip_width", dog.tip_width_at(inner), limits.tip_width),
+        _length("slot_width", slot, limits.slot_width),
+        Check(_RULES["cutter_reach"], dog.height / slot, limits.cutter_reach),
+        _length("flank_height", lowest, limits.flank_height),
+        _length("root_radius", root_radius_room(dog), limits.root_radius),
+        Check(_RULES["chamfer_share"], dog.edge_drop / dog.height, limits.chamfer_share),
+        _length("module", 2.0 * dog.mean_radius / dog.count, limits.module),
     )
-    return tuple(
-        Check(name, value * 1e3, limit * 1e3, "mm", False, rule)
-        for name, value, limit, rule in rows
-    )
+
+
+def _length(name: str, value: float, limit: float) -> Check:
+    return Check(_RULES[name], value / MM, limit / MM)
 
 
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
+            bound = "at most" if check.rule.at_most else "at least"
+            value = f"{check.value:.4g} {check.unit}".strip()
+            limit = f"{check.limit:.4g} {check.unit}".strip()
             raise GeometryError(
-                f"{check.rule} is {check.value:.4g} {check.unit}, but it must be at least "
-                f"{check.limit:.4g} {check.unit} to be made; use fewer or lower dogs, a smaller "
-                f"chamfer or side angle, or lower the limit manufacturing.{check.name}_mm."
+                f"{check.rule.meaning} is {value}, but it must be {bound} {limit} to be made; "
+                "use fewer or lower dogs, a smaller chamfer or side angle, or change the limit "
+                f"{check.rule.key}."
             )

@@ -40,8 +40,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sim.errors import require_between
+from sim.flank import Flank
 from sim.geometry import Dog
-from sim.root_mesh import Flank
 from sim.units import MM
 
 
@@ -79,11 +79,8 @@ PRESSED = Pressed(1.088, -0.251, 0.165, -0.290)
 MISES_FACTOR = 0.93
 
 
-def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION) -> float:
-    """Return the largest first principal stress in the loaded flank's fillet, Pa.
-
-    ``root_radius`` in m.
-    """
+def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
+    """Return the tension at the root on the loaded side without the notch, Pa."""
     width, lean = dog.root_width, math.tan(_angles(dog, load.flank)[0])
     arm = 0.5 * width - load.lever * lean
     nominal = (
@@ -91,8 +88,16 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
         + by.near / math.sqrt(width * load.lever)
         - by.axial * lean * (6.0 * arm / width**2 + 1.0 / width)
     )
-    notch = _notch(dog, root_radius, by) * (1.0 + by.lean * lean)
-    return load.force / dog.radial_width * notch * nominal
+    return load.force / dog.radial_width * nominal
+
+
+def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION) -> float:
+    """Return the largest first principal stress in the loaded flank's fillet, Pa.
+
+    ``root_radius`` in m.
+    """
+    lean = math.tan(_angles(dog, load.flank)[0])
+    return _notch(dog, root_radius, by) * (1.0 + by.lean * lean) * root_nominal(dog, load, by)
 
 
 def mises_loaded(dog: Dog, root_radius: float, load: Load) -> float:

@@ -27,11 +27,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import GeometryError, refusal
+from sim.flank import LAND
 from sim.geometry import Dog
 from sim.mesh import Plane, Vertices, dog_planes, flank_line, rotation
 
-#: What every fillet and rounding must leave of floor, face and flanks, m.
-LAND = 0.05e-3
 #: Radii below this, m, are lost in the precision of a CAD kernel or an STL file.
 SMALLEST = 1e-6
 #: Faces of the toothed side in the order of the corners that they follow.

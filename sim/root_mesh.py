@@ -24,17 +24,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import GeometryError, refusal, require_between
+from sim.flank import Flank
 from sim.geometry import Dog
 from sim.units import MM
 
-Flank = Literal["traction", "braking"]
 Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Curve = Callable[[Points], Points]  #: parameters (n,) to points (n, 2)

@@ -49,10 +49,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from sim.errors import InputError
+from sim.flank import Flank
 from sim.plane_solver import PlaneSolver
 from sim.root_mesh import (
     SIDES,
-    Flank,
     Points,
     RootShape,
     Section,

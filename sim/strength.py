@@ -1,203 +1,200 @@
-r"""Strength and self-locking of a dog, by closed forms.
+r"""Strength of a dog by closed forms, and everything that a design is checked against.
 
-Load of one dog with load sharing :math:`K_s` (share of the dogs that carry) and
-application factor :math:`K_A`: :math:`F = K_A T / (r N K_s)`.
+- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.flank``)
+- root bending: local tension :math:`\sigma` in the fillet (``sim.notch``) with the load at the
+  load height, against the static bending strength of the case, 2.5 times its endurance
+- shear :math:`\tau = 1.5 F/(b s)`, *s* the width at the root (parabola over a rectangle)
+- equivalent stress of the core :math:`\sqrt{\sigma_n^2 + 3 \tau^2}` against its proof stress; the
+  nominal :math:`\sigma_n` leaves the notch out, whose peak has decayed within a root radius,
+  that is, within the case. Both parts peak at different places, so this is on the safe side
+- fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F` (``sim.materials``)
+  for one load cycle a shift
 
-- flank pressure :math:`p = F/(b h_c)`; :math:`h_c` is height less chamfer drop. Traction
-  flanks touch over the full height, both crests being on that side, so this
-  is on the safe side there. Two braking flanks overlap by the height less twice the drop of
-  the face at its edge, because either ring lacks it at its own crest.
-- shear :math:`\tau = 1.5 F/(b s)`, :math:`s` the width at the root
-- root bending with the load at the tip :math:`\sigma_b = 6 F h/(b s^2)`, equivalent
-  :math:`\sqrt{(K_t \sigma_b)^2 + 3 \tau^2}`
-- axial force of a loaded flank :math:`F_{ax} = K_A T/r \cdot \tan(\gamma - \rho)`,
-  :math:`\rho = \arctan \mu`; positive pushes the rings apart. Release is judged with
-  the static coefficient, holding with a low dynamic one.
-- the chamfer slides from rest when :math:`\tan\alpha > \mu_s`.
-
-Sources: Jasný et al. 2019 (self-locking); DIN 5466-1 (pressure form, load
-sharing); ISO 6336-5 and EN 10084 (16MnCr5); Naunheimer et al. 2011 (application
-factor). The MQ200 is rated at 200 N m and its dog ring turns at input speed.
+Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
-from sim.checks import Check
-from sim.errors import require_between
+from sim.checks import Check, Rule, feasible
+from sim.flank import FLANKS, Flank, flank_contact
 from sim.geometry import Dog
+from sim.loadcase import LoadCase
+from sim.locking import locking_checks
 from sim.manufacture import ManufacturingLimits, manufacturing_checks
-from sim.units import DEG, MPA
+from sim.materials import MATERIALS, STATIC_CYCLES, Material
+from sim.notch import Load, root_nominal, root_tension
+from sim.tolerance import Spread, Tolerances, contact_check, losses
+from sim.units import MPA
 
-
-@dataclass(frozen=True)
-class LoadCase:
-    """Torque (N m) with its factors, friction for release and hold, axial limit (N)."""
-
-    torque: float = 200.0
-    application_factor: float = 1.5
-    load_sharing: float = 0.5
-    friction_release: float = 0.12
-    friction_hold: float = 0.05
-    separating_force_limit: float = 5000.0
-
-    def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("torque_Nm", self.torque, 1e-3, 1e5),
-            ("application_factor", self.application_factor, 0.5, 10.0),
-            ("load_sharing", self.load_sharing, 0.01, 1.0),
-            ("friction_release", self.friction_release, 0.0, 1.0),
-            ("friction_hold", self.friction_hold, 0.0, 1.0),
-            ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
-        ):
-            require_between(f"load.{name}", value, low, high, "correct the load case")
-
-    @property
-    def design_torque(self) -> float:
-        """Torque times application factor, N m."""
-        return self.torque * self.application_factor
-
-    def force_per_dog(self, dog: Dog) -> float:
-        """Tangential force on the dog that carries most, N."""
-        return self.design_torque / (dog.mean_radius * dog.count * self.load_sharing)
-
-
-@dataclass(frozen=True)
-class Material:
-    """Strength of the dog's material, Pa; ``notch_factor`` of the root without unit.
-
-    Default 16MnCr5, case-hardened, small section: proof stress of the core at
-    least 735 MPa; allowable pressure of hard flanks that do not slide under load.
-    """
-
-    name: str = "16MnCr5 case-hardened"
-    proof_stress: float = 735.0 * MPA
-    allowable_pressure: float = 200.0 * MPA
-    safety: float = 1.2
-    notch_factor: float = 2.0
-
-    def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("proof_stress_MPa", self.proof_stress / MPA, 10.0, 5000.0),
-            ("allowable_pressure_MPa", self.allowable_pressure / MPA, 1.0, 5000.0),
-            ("safety", self.safety, 0.5, 10.0),
-            ("notch_factor", self.notch_factor, 1.0, 10.0),
-        ):
-            require_between(f"material.{name}", value, low, high, "correct the material")
-
-    @property
-    def allowable_stress(self) -> float:
-        """Proof stress over safety, Pa."""
-        return self.proof_stress / self.safety
+#: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
+LEAST_AREA = 1e-8
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Everything that a design is checked against."""
+    """Everything that a design is checked against.
+
+    ``seated_tolerance`` is how far short of full depth a shift may end, m.
+    """
 
     load: LoadCase = field(default_factory=LoadCase)
-    material: Material = field(default_factory=Material)
+    material: Material = MATERIALS["16MnCr5"]
     manufacturing: ManufacturingLimits = field(default_factory=ManufacturingLimits)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    seated_tolerance: float = 5e-5
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of root fillets and tip edges, m."""
+        return self.manufacturing.root_radius
+
+    def with_root_radius(self, radius: float) -> Limits:
+        """Return the same limits for another radius of root and tip edges, m."""
+        return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
+
+    @property
+    def allowable_stress(self) -> float:
+        """Proof stress of the core over safety, Pa."""
+        return self.material.proof_stress / self.load.safety
+
+    @property
+    def static_root_stress(self) -> float:
+        """Local root stress that a few loads leave sound, over safety, Pa."""
+        return self.material.endurance(STATIC_CYCLES) / self.load.safety
+
+    @property
+    def fatigue_stress(self) -> float:
+        """Local root stress that the shifts of the life leave sound, over safety, Pa."""
+        load = self.load
+        return self.material.endurance(load.shifts) * load.reversal / load.safety_fatigue
 
 
-def flank_pressure(dog: Dog, load: LoadCase, height: float) -> float:
-    """Return the mean pressure on a flank of which ``height`` (m) touches, Pa."""
-    return load.force_per_dog(dog) / (dog.radial_width * height)
+def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the mean pressure on a flank, Pa."""
+    area = flank_contact(dog, limits.root_radius, flank).area
+    return limits.load.force_per_dog(dog) / max(area, LEAST_AREA)
+
+
+def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the tension in the fillet below a loaded flank, Pa."""
+    return root_tension(dog, limits.root_radius, root_load(dog, limits, flank))
+
+
+def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
+    """Return the design load of the most loaded dog on a flank."""
+    level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
+    return Load(limits.load.force_per_dog(dog), flank, level)
 
 
 def shear_stress(dog: Dog, load: LoadCase) -> float:
-    """Return the largest shear stress of the root, parabola over a rectangle, Pa."""
+    """Return the largest shear stress of the root, Pa."""
     return 1.5 * load.force_per_dog(dog) / (dog.radial_width * dog.root_width)
 
 
-def bending_stress(dog: Dog, load: LoadCase) -> float:
-    """Return the nominal bending stress of the root with the load at the tip, Pa."""
-    lever = dog.height
-    return 6.0 * load.force_per_dog(dog) * lever / (dog.radial_width * dog.root_width**2)
-
-
-def root_stress(dog: Dog, load: LoadCase, material: Material) -> float:
-    """Return the equivalent root stress with the notch factor on bending, Pa."""
-    bending = material.notch_factor * bending_stress(dog, load)
-    return math.hypot(bending, math.sqrt(3.0) * shear_stress(dog, load))
-
-
-def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
-    """Return the axial force of a flank under ``torque`` (N m), N; positive separates."""
-    return torque / dog.mean_radius * math.tan(angle - math.atan(friction))
-
-
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    """Return every check of a design: make, load, lock and release.
+    """Return every check of a design that needs no simulation.
 
     Values and limits are in the unit that each check names.
     """
-    return (
-        *manufacturing_checks(dog, limits.manufacturing),
-        *_stress_checks(dog, limits.load, limits.material),
-        *_locking_checks(dog, limits.load),
-    )
+    return tuple(check for group in _GROUPS for check in group(dog, limits))
 
 
-def _stress_checks(dog: Dog, load: LoadCase, material: Material) -> tuple[Check, ...]:
-    shear_limit = material.allowable_stress / math.sqrt(3.0)
-    rows = (
-        (
-            "flank_pressure",
-            flank_pressure(dog, load, dog.working_height),
-            material.allowable_pressure,
-            "F/(b h_c), h_c = height less chamfer drop (DIN 5466-1)",
+def keeps_limits(dog: Dog, limits: Limits) -> bool:
+    """Tell whether every check passes; the cheap ones first, no further than the first failure."""
+    return all(feasible(group(dog, limits)) for group in _GROUPS)
+
+
+def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
+    """Return by how much each margin can fall within the tolerances, by the check's name.
+
+    The contact ratio is left out: it has all tolerances in it already.
+    """
+
+    def checks(shape: Dog, root_radius: float) -> list[Check]:
+        case = limits.with_root_radius(root_radius)
+        return [check for group in _GROUPS[:-1] for check in group(shape, case)]
+
+    def margins(shape: Dog, root_radius: float) -> list[float]:
+        return [check.margin for check in checks(shape, root_radius)]
+
+    names = [check.name for check in checks(dog, limits.root_radius)]
+    spreads = losses(dog, limits.root_radius, limits.tolerances, margins)
+    return dict(zip(names, spreads, strict=True))
+
+
+_RULES = {
+    name: Rule(name, "load", meaning, formula, source, "MPa", key, True)
+    for name, meaning, formula, source, key in (
+        *(
+            (
+                f"flank_pressure_{flank}",
+                f"mean pressure on the {flank} flank",
+                "F/A, A what touches at full depth",
+                "DIN 5466-1; limit of the material set",
+                "material.allowable_pressure_MPa",
+            )
+            for flank in FLANKS
         ),
-        (
-            "flank_pressure_braking",
-            flank_pressure(dog, load, dog.braking_overlap),
-            material.allowable_pressure,
-            "F/(b h_o), h_o = overlap of two braking flanks at full depth",
-        ),
-        (
-            "root_stress",
-            root_stress(dog, load, material),
-            material.allowable_stress,
-            "sqrt((K_t 6 F h/(b s2))2 + 3 tau2) against proof stress over safety",
+        *(
+            (
+                f"root_bending_{flank}",
+                f"tension in the fillet below the loaded {flank} flank",
+                "notch factor times nominal root stress, load at the load height",
+                "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
+                "material.bending_endurance_MPa",
+            )
+            for flank in FLANKS
         ),
         (
             "shear_stress",
-            shear_stress(dog, load),
-            shear_limit,
-            "1.5 F/(b s) against proof stress over safety and sqrt(3)",
+            "shear stress of the root",
+            "1.5 F/(b s)",
+            "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+            "material.proof_stress_MPa",
+        ),
+        (
+            "equivalent_stress",
+            "equivalent stress of the core at the root, the worse flank",
+            "sqrt(sigma_n2 + 3 tau2), sigma_n without the notch",
+            "von Mises; limit: proof stress of the core over safety",
+            "material.proof_stress_MPa",
+        ),
+        (
+            "root_fatigue",
+            "tension in the fillet, the worse flank, over the shifts of the life",
+            "as root bending; limit: sigma_Flim Y_ST Y_NT(shifts) Y_M/S_F",
+            "ISO 6336-3, ISO 6336-5",
+            "load.shifts",
         ),
     )
-    return tuple(
-        Check(name, value / MPA, limit / MPA, "MPa", True, rule)
-        for name, value, limit, rule in rows
-    )
+}
 
 
-def _locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
-    locking = math.atan(load.friction_release) / DEG
-    released = (
-        ("chamfer_release", dog.chamfer, "chamfer above the friction angle: the face slides"),
-        ("self_locking_traction", dog.traction, "traction flank above the friction angle"),
-        ("self_locking_braking", dog.braking, "braking flank above the friction angle"),
+def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
+    nominal = max(root_nominal(dog, root_load(dog, limits, flank)) for flank in FLANKS)
+    shear, allowable = shear_stress(dog, limits.load), limits.allowable_stress
+    pressure = limits.material.allowable_pressure
+    rows = (
+        *((f"flank_pressure_{f}", flank_pressure(dog, limits, f), pressure) for f in FLANKS),
+        *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
+        ("shear_stress", shear, allowable / math.sqrt(3.0)),
+        ("equivalent_stress", math.hypot(nominal, math.sqrt(3.0) * shear), allowable),
+        ("root_fatigue", max(tension.values()), limits.fatigue_stress),
     )
-    held = (
-        ("separating_force_traction", dog.traction, "T/r tan(traction - rho) with low friction"),
-        ("separating_force_braking", dog.braking, "T/r tan(braking - rho) with low friction"),
-    )
-    torque = load.design_torque
-    return (
-        *(Check(name, angle / DEG, locking, "deg", False, rule) for name, angle, rule in released),
-        *(
-            Check(
-                name,
-                axial_force(dog, torque, angle, load.friction_hold),
-                load.separating_force_limit,
-                "N",
-                True,
-                rule,
-            )
-            for name, angle, rule in held
-        ),
-    )
+    return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
+
+
+#: Groups of checks, cheap and often failing ones first.
+_GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
+    lambda dog, limits: manufacturing_checks(dog, limits.manufacturing),
+    lambda dog, limits: locking_checks(dog, limits.load),
+    _load_checks,
+    lambda dog, limits: (
+        contact_check(dog, limits.root_radius, limits.tolerances, limits.seated_tolerance),
+    ),
+)

@@ -54,3 +54,17 @@ def ask(surrogate: Surrogate, design: dict[str, float], physics: str) -> Answer:
         high=float(prediction.high[0]),
         warnings=outside,
     )
+
+
+def half_difference(
+    surrogate: Surrogate, design: dict[str, float], variable: str, step: float
+) -> float:
+    """Return half of the predicted time's change from ``step`` below to above, s.
+
+    ``design`` and ``step`` are in edge units; the other variables stay.
+    """
+    names = surrogate.data.variables
+    x = np.array([[design[name] for name in names]] * 2, dtype=float)
+    x[:, names.index(variable)] += [-step, step]
+    below, above = surrogate.predict(x).time
+    return float(0.5 * (above - below))

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from sim.errors import GeometryError
+from sim.flank import LAND
 from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits, manufacturing_checks
 from sim.mesh import Mesh, Plane, dog_planes, rotation
 from sim.part import largest_root_radius, mated, part_volume, ring_part
-from sim.profile import LAND, SMALLEST, Lines, dog_corners, lands, profile
+from sim.profile import SMALLEST, Lines, dog_corners, lands, profile
 from sim.units import DEG, MM
 from tests.conftest import needed
 

@@ -85,19 +85,6 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
 
 
-def test_strength(dogshape: Call) -> None:
-    good = dogshape("strength", "mq200", "--json")
-    assert good.status == 0
-    assert good.json["feasible"] is True
-    checks = {c["name"]: c for c in good.json["checks"]}
-    assert checks["flank_pressure"]["value"] == pytest.approx(132, abs=0.5)
-    assert {"name", "value", "limit", "unit", "margin", "passed"} <= set(checks["root_stress"])
-    bad = dogshape("strength", "mq200", "--set", "dog.traction_deg=5")
-    assert bad.status == 1
-    assert "self_locking_traction" in bad.out
-    assert "not feasible" in bad.out
-
-
 @pytest.fixture(scope="module")
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which ``dogshape study`` has been run at smoke size."""

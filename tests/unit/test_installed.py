@@ -29,7 +29,10 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
         f"assert c.__file__.startswith({str(target)!r}); c.main()"
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
-    for arguments in (["strength", "mq200"], ["validate", "mq200_adams", "--help"]):
+    for arguments in (
+        ["strength", "mq200", "--no-simulation"],
+        ["validate", "mq200_adams", "--help"],
+    ):
         done = subprocess.run(
             [sys.executable, "-c", code, *arguments],
             cwd=work, env=environment, capture_output=True, text=True, timeout=120, check=False,

@@ -1,0 +1,71 @@
+"""The program ``dogshape`` and the options that its verbs share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.config import Study
+from sim.batch import versions
+from sim.errors import InputError
+from sim.units import DEG
+
+app = typer.Typer(
+    name="dogshape",
+    help="Simulate, search and check the shape of the dogs of a dog clutch.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+StudyArg = Annotated[
+    str, typer.Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
+]
+Sets = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="override a key, e.g. dog.chamfer_deg=14"),
+]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
+Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
+    ] = False,
+) -> None:
+    """Simulate, search and check the shape of the dogs of a dog clutch."""
+
+
+def default_out(given: Study) -> Path:
+    """Return the folder of a study's results where none is named."""
+    return Path("results") / given.name
+
+
+def angles_of(text: str | None, default: int) -> tuple[int, tuple[float, ...]]:
+    """Return how many angles, and the angles in rad where they are listed."""
+    if text is None:
+        return default, ()
+    try:
+        if "," in text:
+            listed = tuple(float(part) * DEG for part in text.split(","))
+            if all(abs(angle) < 1e4 for angle in listed):
+                return len(listed), listed
+        elif 1 <= int(text) <= 100_000:
+            return int(text), ()
+    except ValueError:
+        pass
+    raise InputError(
+        f"--angles is '{text}', but it must be a whole number from 1 to 100000 "
+        "or a list of angles in degrees; write for instance 24 or 0,6,12,18"
+    )

@@ -1,0 +1,79 @@
+"""How a design's margins and its expected shift time move within its tolerances.
+
+Margins follow from the closed forms. The time takes its slopes from the surrogate, which
+averages over many designs: a tolerance moves the time by less than the standard error of
+simulating it at either end. The axial gap is no searched dimension; what it adds is free
+flight, in closed form. Diameters scale speed and width of the dogs alike, and the root
+radius is not simulated; neither is counted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.config import Study
+from pipeline.design import Design
+from pipeline.records import number_or_none
+from sim.strength import margin_losses
+from sim.tolerance import Spread
+from sim.units import suffix_of, to_si
+from surrogate.model import Surrogate
+from surrogate.query import half_difference
+
+
+def margins_within(study: Study, design: Design) -> dict[str, dict[str, float]]:
+    """Return each margin's worst case and root sum of squares, by the check's name."""
+    if design.dog is None:
+        return {}
+    spreads = margin_losses(design.dog, study.limits)
+    return {
+        check.name: {
+            "worst_case": check.margin - spreads[check.name].worst_case,
+            "root_sum_square": check.margin - spreads[check.name].root_sum_square,
+        }
+        for check in design.checks
+        if check.name in spreads
+    }
+
+
+def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
+    """Return the smallest margin in the worst case and by root sum of squares."""
+    rows = margins_within(study, design).values()
+    return {
+        f"margin_{kind}": number_or_none(min((row[kind] for row in rows), default=None))
+        for kind in ("worst_case", "root_sum_square")
+    }
+
+
+def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float]) -> Spread:
+    """Return how far the expected shift time moves, s, by dimension."""
+    tolerances = study.limits.tolerances.dimensions
+    moves = {}
+    for key in surrogate.data.variables:
+        name = key.removesuffix(suffix_of(key))
+        if name in tolerances:
+            step = tolerances[name] / to_si(key, 1.0)
+            moves[name] = half_difference(surrogate, params, key, step)
+    if gap := tolerances.get("axial_gap"):
+        moves["axial_gap"] = _gap_time(study, gap)
+    return Spread(moves, sum(abs(move) for move in moves.values()))
+
+
+def _gap_time(study: Study, tolerance: float) -> float:
+    """Return the free flight that a wider gap adds, s, mean over the operating points."""
+    mass, gap = study.clutch.rings.mass, study.clutch.dog.axial_gap
+    ends = (gap + tolerance, max(0.0, gap - tolerance))
+    times = [
+        [point.profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
+        for point in study.points
+    ]
+    return sum(wide - narrow for wide, narrow in times) / (2.0 * len(times))
+
+
+def spread_record(spread: Spread) -> dict[str, Any]:
+    """Return a spread of the expected shift time as a record, s."""
+    return {
+        "worst_case_s": spread.worst_case,
+        "root_sum_square_s": spread.root_sum_square,
+        "by_dimension_s": spread.by_dimension,
+    }

@@ -1,0 +1,54 @@
+"""``validate``: the simulation beside bench data."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from diagnosis.bench import load_bench
+from diagnosis.comparison import ANGLES, compare
+from pipeline import tables
+from pipeline.console import emit, verb
+from pipeline.executor import scratch_executor
+from pipeline.options import Jobs, Json, angles_of, app
+from pipeline.progress import ShiftProgress
+from sim.errors import InputError
+from sim.numerical import CHECKED, LEAST
+
+
+@app.command()
+@verb
+def validate(
+    bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
+    angles: Annotated[
+        str | None,
+        typer.Option(help="how many, or angles A,B,C in degrees; default: the set's own, or 16"),
+    ] = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Simulate the operating points of a bench data set and compare.
+
+    Example: dogshape validate mq200_adams
+    """
+    given = load_bench(bench)
+    count, listed = angles_of(angles, ANGLES)
+    if len(listed or range(count)) < 3:
+        raise InputError(
+            f"--angles is '{angles}', but a comparison needs at least three; give more"
+        )
+    chosen = None if angles is None else listed or count
+    own = given.relative_angles if angles is None else None
+    shifts = len(given.cells) * len(listed or own or range(count))
+    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
+        run = scratch_executor(jobs, progress.advance).run
+        result = compare(given, run, chosen, checked=True)
+    data = {
+        "name": given.name,
+        "points": [tables.difference_record(d) for d in result.differences],
+        "rmse_s": result.rmse,
+        "relative_rms": result.relative_rms,
+        "numerical_error_s": result.numerical_error,
+    }
+    emit(data, json, lambda: tables.comparison_table(result))

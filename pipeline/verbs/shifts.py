@@ -1,0 +1,162 @@
+"""``shift`` and ``expect``: one engagement, and the mean of many."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline import tables
+from pipeline.animation import write_animation, write_trace
+from pipeline.config import Study, load_study, profile_for
+from pipeline.console import emit, verb
+from pipeline.evaluation import expectation_of
+from pipeline.executor import scratch_executor
+from pipeline.options import Jobs, Json, Sets, StudyArg, angles_of, app
+from pipeline.precision import FIRST, expect_to
+from pipeline.progress import ShiftProgress
+from pipeline.records import expectation_record
+from sim.batch import Block, even_blocks, events_record, loads_record
+from sim.clutch import OperatingPoint
+from sim.engagement import engage
+from sim.errors import InputError, refusal, require_between
+from sim.expectation import Expectation
+from sim.manufacture import require_makeable
+from sim.numerical import CHECKED, LEAST, numerical_error
+from sim.plant import ClutchPlant
+from sim.units import DEG, RPM
+
+Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
+Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
+Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
+
+
+@app.command()
+@verb
+def shift(
+    study: StudyArg,
+    mismatch_rpm: Mismatch,
+    force_N: Force,
+    relative_angle_deg: Annotated[
+        float, typer.Option(help="lead of the output ring over dogs facing dogs")
+    ],
+    force_rise_s: Rise = None,
+    all_dogs: Annotated[bool, typer.Option("--all-dogs", help="model every dog")] = False,
+    html: Annotated[Path | None, typer.Option(help="write an animation with its curves")] = None,
+    trace: Annotated[Path | None, typer.Option(help="write the time series as CSV")] = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Simulate one engagement.
+
+    Example: dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10
+    """
+    if html is not None and html == trace:
+        raise InputError(f"--html and --trace both name {html}; give two files")
+    given = load_study(study, set_)
+    require_makeable(given.clutch.dog, given.limits.manufacturing)
+    solver = replace(given.clutch.solver, all_dogs=all_dogs)
+    clutch = replace(given.clutch, solver=solver)
+    point = _point(given, mismatch_rpm, force_N, force_rise_s)
+    if not abs(relative_angle_deg) <= 1e6:
+        rule, remedy = "it must be a finite angle", "give an angle in degrees"
+        raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
+    result = engage(ClutchPlant(clutch), point, relative_angle_deg * DEG)
+    peak = given.torque_peak(result.loads.residual_mismatch)
+    if html is not None:
+        write_animation(result, html, peak)
+    if trace is not None:
+        write_trace(result, trace)
+    data = {
+        "outcome": result.outcome.value,
+        "shift_time_s": result.shift_time,
+        "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
+        "peak_axial_force_N": result.loads.peak_axial_force,
+        "events": events_record(result),
+        "loads": {**loads_record(result), "torque_peak_Nm": peak},
+        "detail": result.detail,
+        "solver": {
+            "scheme": solver.scheme,
+            "accuracy": solver.accuracy,
+            "max_step_s": solver.max_step,
+            "steps": result.steps,
+            "evaluations": result.evaluations,
+            "dogs": clutch.dog.count if all_dogs else 1,
+            "contact_set": clutch.contact.name,
+        },
+    }
+    emit(data, json, lambda: tables.shift_table(result, peak))
+
+
+def _point(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:
+    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise))
+
+
+@app.command()
+@verb
+def expect(
+    study: StudyArg,
+    mismatch_rpm: Annotated[float | None, typer.Option(help="one operating point only")] = None,
+    force_N: Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")] = None,
+    force_rise_s: Rise = None,
+    angles: Annotated[
+        str | None,
+        typer.Option(help="how many evenly spaced ones, or relative angles in degrees: A,B,C"),
+    ] = None,
+    precision: Annotated[
+        float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
+    ] = None,
+    set_: Sets = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Expected shift time over the relative angle.
+
+    Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
+    """
+    given = load_study(study, set_)
+    require_makeable(given.clutch.dog, given.limits.manufacturing)
+    if (mismatch_rpm is None) != (force_N is None):
+        raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
+    if force_rise_s is not None and force_N is None:
+        raise InputError("--force-rise-s goes with one operating point; give its speed and force")
+    points = given.points
+    if mismatch_rpm is not None and force_N is not None:
+        points = (_point(given, mismatch_rpm, force_N, force_rise_s),)
+    if precision is not None:
+        if angles is not None:
+            raise InputError("--precision finds the number of angles itself; leave out --angles")
+        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
+        result = _expect_to(given, points, precision, jobs)
+    else:
+        result = _expect_at(given, points, angles, jobs)
+    emit(expectation_record(result), json, lambda: tables.expectation_table(result))
+
+
+def _expect_to(
+    given: Study, points: tuple[OperatingPoint, ...], precision: float, jobs: int
+) -> Expectation:
+    with ShiftProgress(FIRST * len(points)) as progress:
+        executor = scratch_executor(jobs, progress.advance)
+        precise = expect_to(given, points, precision, executor, progress)
+        error = numerical_error(precise.blocks, precise.rows, executor.run)
+    return replace(precise.expectation, numerical_error=error)
+
+
+def _expect_at(
+    given: Study, points: tuple[OperatingPoint, ...], angles: str | None, jobs: int
+) -> Expectation:
+    count, listed = angles_of(angles, given.file.expectation.angles)
+    if listed:
+        blocks = [Block(given.clutch, point, listed) for point in points]
+    else:
+        blocks = even_blocks(given.clutch, points, count, given.file.expectation.seed)
+    shifts = sum(len(b.angles) for b in blocks)
+    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
+        executor = scratch_executor(jobs, progress.advance)
+        rows = executor.run(blocks)
+        error = numerical_error(blocks, rows, executor.run)
+    result = expectation_of(given, points, rows, even=not listed)
+    return replace(result, numerical_error=error)

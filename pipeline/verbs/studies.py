@@ -1,0 +1,91 @@
+"""``study``, ``report`` and ``fit``: the search, its report and its surrogate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline import tables
+from pipeline.config import load_study
+from pipeline.console import emit, verb
+from pipeline.folder import StudyFolder
+from pipeline.options import Jobs, Json, Sets, StudyArg, app, default_out
+from pipeline.report import write_report
+from pipeline.study import Run, fit_study, run_study
+from sim.errors import InputError
+
+
+@app.command()
+@verb
+def study(
+    study: StudyArg,
+    out: Annotated[Path | None, typer.Option(help="default: results/NAME")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="designs to propose")] = None,
+    jobs: Jobs = 0,
+    seed: Annotated[int | None, typer.Option(min=0, help="of the search")] = None,
+    storage: Annotated[str | None, typer.Option(help="Optuna URL instead of a journal")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on if there is a study")] = False,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Search for the best shape, then write the report.
+
+    Example: dogshape study mq200 --out results/mq200 --trials 48
+    """
+    overrides = list(set_ or [])
+    overrides += [f"search.trials={trials}"] if trials is not None else []
+    overrides += [f"search.seed={seed}"] if seed is not None else []
+    given = load_study(study, overrides)
+    folder = StudyFolder(out or default_out(given))
+    result = run_study(given, Run(folder, jobs, storage, resume))
+    keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
+    data = {key: result[key] for key in keys} | {"report": str(folder.report)}
+    emit(data, json, lambda: tables.study_table(given, result, folder.report))
+    if result["best"] is None:
+        raise typer.Exit(1)
+
+
+@app.command()
+@verb
+def report(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="folder of a study")],
+    json: Json = False,
+) -> None:
+    """Write the report again from what a study stored.
+
+    Example: dogshape report results/mq200
+    """
+    path = write_report(StudyFolder(directory))
+    emit({"report": str(path)}, json, lambda: f"report: {path}")
+
+
+@app.command()
+@verb
+def fit(
+    where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
+    out: Annotated[Path | None, typer.Option(help="default: surrogate.json of the folder")] = None,
+    jobs: Jobs = 0,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Fit the surrogate and validate it on designs held out.
+
+    A folder of a study is fitted as it is. For a study without results, designs
+    that fill the space are simulated first into results/NAME-space.
+
+    Example: dogshape fit results/mq200
+    """
+    folder = StudyFolder(Path(where))
+    given = None
+    if folder.manifest.is_file() and set_:
+        raise InputError(
+            "--set cannot change a study that was run; leave it out, or name the study"
+        )
+    if not folder.manifest.is_file():
+        given = load_study(where, set_)
+        folder = StudyFolder(Path("results") / f"{given.name}-space")
+    validation, path = fit_study(folder, given, out, jobs)
+    data = {**validation.as_dict(), "file": str(path)}
+    emit(data, json, lambda: tables.validation_text(validation, path))

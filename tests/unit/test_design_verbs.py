@@ -1,0 +1,117 @@
+"""What ``strength`` and ``export`` say and write."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from importlib.util import find_spec
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from pipeline.config import load_study
+from pipeline.drawing import dimensioned_svg
+from sim.checks import GROUPS
+from tests.conftest import Said, needed
+
+Call = Callable[..., Said]
+
+#: One operating point and three angles.
+QUICK = [
+    "--set", "operating.mismatch_rpm=[50]", "--set", "operating.force_N=[469.0]",
+    "--set", "expectation.angles=3",
+]  # fmt: skip
+
+
+def test_strength_checks_everything(dogshape: Call) -> None:
+    said = dogshape("strength", "mq200", *QUICK, "--json")
+    assert said.status == 0
+    assert said.json["feasible"] is True
+    checks = {c["name"]: c for c in said.json["checks"]}
+    assert {c["group"] for c in checks.values()} == set(GROUPS)
+    for check in checks.values():
+        assert all(check[key] for key in ("meaning", "formula", "source", "limit_key"))
+    assert checks["flank_pressure_traction"]["value"] == pytest.approx(132, abs=0.5)
+    assert 0.0 < checks["face_pressure_impact"]["value"] < 612
+    assert said.json["load"]["blocking_force_N"] == pytest.approx(4338, abs=1)
+    assert said.json["load"]["force_per_dog_N"] == pytest.approx(1666.7, abs=0.1)
+    assert "16MnCr5" in said.json["material"]["set"]
+
+
+def test_margins_within_tolerances_stand_beside_the_nominal_ones(dogshape: Call) -> None:
+    said = dogshape("strength", "mq200", "--no-simulation", "--json")
+    for check in said.json["checks"][:-1]:
+        worst, rss = check["margin_worst_case"], check["margin_root_sum_square"]
+        assert worst <= rss + 1e-12 <= check["margin"] + 2e-12
+    wide = dogshape("strength", "mq200", "--no-simulation", "--set", "tolerance.height_mm=0.6")
+    assert wide.status == 1
+    assert "contact_ratio" in wide.out
+
+
+def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
+    bad = dogshape("strength", "mq200", "--no-simulation", "--set", "dog.traction_deg=5")
+    assert bad.status == 1
+    line = next(line for line in bad.out.splitlines() if "traction_release" in line)
+    assert line.rstrip().endswith("NO")
+    assert "not feasible; smallest margin -26.9%, traction_release" in bad.out
+
+
+def test_what_cannot_be_made_is_not_simulated(dogshape: Call) -> None:
+    bad = dogshape("strength", "mq200", "--set", "dog.count=40", "--json")
+    assert bad.status == 1
+    assert {c["group"] for c in bad.json["checks"]} == set(GROUPS) - {"impact"}
+
+
+def test_explain_gives_formula_source_and_key(dogshape: Call) -> None:
+    said = dogshape("strength", "mq200", "--no-simulation", "--explain")
+    for words in ("Jasny et al. 2019", "ISO 6336-3", "1.5 F/(b s)", "load.friction_release"):
+        assert words in said.out
+
+
+def test_export_writes_ring_and_drawing(dogshape: Call) -> None:
+    said = dogshape("export", "mq200", "--stl", "ring.stl", "--svg", "dog.svg", "--json")
+    assert said.status == 0
+    content = Path("ring.stl").read_bytes()
+    (triangles,) = struct.unpack_from("<I", content, 80)
+    assert len(content) == 84 + 50 * triangles
+    assert triangles > 15 * 40
+    assert said.json["ring_volume_mm3"] == pytest.approx(2858, abs=1)
+    root = ElementTree.parse("dog.svg").getroot()
+    assert root.tag.endswith("svg")
+
+
+def test_drawing_carries_every_dimension() -> None:
+    study = load_study("mq200")
+    words = dimensioned_svg(study.clutch.dog, study.limits)
+    for text in (
+        "tip 3.89", "root 6.17", "pitch 10.053", "h 3.70 ±0.05", "flank 3.12", "drop 0.58",
+        "8.00° ±0.25°", "12.00° ±0.25°", "22.00° ±0.25°", "R 0.30 ±0.05",
+        "15 dogs on Ø52.00 ±0.15 / Ø44.00 ±0.15 mm", "travel 4.70 mm", "16MnCr5",
+    ):  # fmt: skip
+        assert text in words
+
+
+def test_export_to_cad(dogshape: Call) -> None:
+    needed(find_spec("build123d") is not None, "build123d")
+    said = dogshape("export", "mq200", "--step", "rings.step")
+    assert said.status == 0
+    assert "wrote rings.step (both rings)" in said.out
+    assert Path("rings.step").read_text().startswith("ISO-10303-21;")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ((), "export was asked for nothing"),
+        (("--svg", "a.svg", "--body-mm", 0), "--body-mm is 0"),
+        (("--svg", "none/a.svg"), "No such file or directory (none/a.svg)"),
+        (("--svg", "a.svg", "--set", "dog.count=40"), "use fewer or lower dogs"),
+    ],
+)
+def test_export_refuses_in_a_sentence(
+    dogshape: Call, arguments: tuple[object, ...], sentence: str
+) -> None:
+    said = dogshape("export", "mq200", *arguments)
+    assert said.status == 2
+    assert sentence in said.sentence
