@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pipeline.config import Study
-from sim.checks import Check, feasible, smallest_margin
+from sim.checks import Check, feasible
 from sim.errors import GeometryError, InputError, did_you_mean
 from sim.expectation import Expectation
 from sim.flank import FLANKS
@@ -68,7 +68,7 @@ def design_of(study: Study, params: dict[str, float], landing: Landing | None = 
         return Design(params, None, (), str(error))
     checks = strength_checks(dog, study.limits)
     if landing is not None:
-        checks += landing_checks(landing, study.limits)
+        checks += landing_checks(dog, landing, study.limits)
     return Design(params, dog, checks, "")
 
 
@@ -109,7 +109,7 @@ OBJECTIVES = {
             "utilisation",
             "utilisation of the most loaded check",
             "",
-            lambda _study, design, _dog: 1.0 - smallest_margin(design.checks).margin,
+            lambda _study, design, _dog: max(check.utilisation for check in design.checks),
         ),
     )
 }

@@ -119,8 +119,9 @@ def _content(study: Study, result: Row) -> Row:
 
 def _checks(study: Study) -> tuple[Check, ...]:
     """Return every check of the prototype; the landing's with their limits alone."""
-    still = landing_checks(Landing(0.0, 0.0), study.limits)
-    return strength_checks(study.clutch.dog, study.limits) + still
+    dog = study.clutch.dog
+    still = landing_checks(dog, Landing(), study.limits)
+    return strength_checks(dog, study.limits) + still
 
 
 def _designs(result: Row) -> Sequence[Row]:

@@ -93,6 +93,7 @@ class MaterialSection(Section):
     static_factor: float | None = None
     allowable_pressure_MPa: float | None = None
     surface_hardness_HV: float | None = None
+    case_depth_mm: float | None = None
 
 
 class ManufacturingSection(Section):

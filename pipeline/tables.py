@@ -107,12 +107,13 @@ def strength_table(
     checks: Sequence[Check],
     within: dict[str, dict[str, float]],
     held: float,
+    notes: Sequence[str] = (),
     explain: bool = False,
 ) -> RenderableType:
     """Return every check with value, limit and margins, by group.
 
     ``within`` has the margins left within the tolerances by the check's name, ``held`` is
-    what the blocking mechanism has to hold, N.
+    what the blocking mechanism has to hold, N; ``notes`` are warnings.
     """
     table = _table("check", "value", "", "limit", "unit", "margin", "worst case", "rss", "passed")
     for group, title in GROUPS.items():
@@ -138,9 +139,19 @@ def strength_table(
         "margin: share of the limit that is left, at nominal size, with every tolerance at its "
         "worst, and by root sum of squares",
         f"{verdict}; smallest margin {weakest.margin:.1%}, {weakest.name}",
+        *_within_line(within),
+        *(f"warning: {note}; --fem checks it" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
     ]
     return Group(table, *lines, *([_rules_table(checks)] if explain else []))
+
+
+def _within_line(within: dict[str, dict[str, float]]) -> list[str]:
+    """Return the smallest margin in the worst case, in words."""
+    if not within:
+        return []
+    name = min(within, key=lambda n: within[n]["worst_case"])
+    return [f"with every tolerance at its worst {within[name]['worst_case']:.1%}, {name}"]
 
 
 def _rules_table(checks: Sequence[Check]) -> RenderableType:

@@ -21,7 +21,7 @@ from sim.engagement import Engagement, Outcome, engage
 from sim.expectation import ShiftResult, even_phases
 from sim.loads import Landing
 from sim.plant import ClutchPlant
-from sim.units import DEG, MM, MPA, RPM
+from sim.units import DEG, MM, RPM
 
 Record = dict[str, Any]
 
@@ -170,15 +170,12 @@ def result_of(record: Record) -> ShiftResult:
 
 def landing_record(landing: Landing) -> Record:
     """Return a landing as a flat record in the edge's units."""
-    return {
-        "face_pressure_MPa": landing.face_pressure / MPA,
-        "edge_load_N_mm": landing.line_load * MM,
-    }
+    return {"landing_loads_N_mm": [load * MM for load in landing.line_loads]}
 
 
 def landing_of(record: Record) -> Landing:
     """Return what a record says of the hardest landing, dog on dog."""
-    return Landing(record["face_pressure_MPa"] * MPA, record["edge_load_N_mm"] / MM)
+    return Landing(tuple(load / MM for load in record["landing_loads_N_mm"]))
 
 
 @lru_cache(maxsize=2)

@@ -68,6 +68,12 @@ class Check:
         return left / abs(self.limit) if self.limit else left
 
     @property
+    def utilisation(self) -> float:
+        """Value over an upper limit, or lower limit over value; 1 at the limit, at most 1000."""
+        over, under = (self.value, self.limit) if self.rule.at_most else (self.limit, self.value)
+        return min(max(over, 0.0) / under, 1e3) if under > 0.0 else 1e3
+
+    @property
     def passed(self) -> bool:
         """Whether the value keeps the limit."""
         return self.margin >= 0.0

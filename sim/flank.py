@@ -77,6 +77,11 @@ def _cut(dog: Dog, flank: Flank) -> float:
     return 1.0 / math.tan(0.25 * math.pi + 0.5 * corner)
 
 
+def crest_cut(dog: Dog, root_radius: float) -> float:
+    """Return what the rounding of the crest takes of the face, m."""
+    return root_radius * _cut(dog, "traction")
+
+
 def _fillet(lean: float) -> float:
     """Return what a root's fillet takes along floor and flank, over its radius."""
     return 1.0 / math.tan(0.25 * math.pi + 0.5 * lean)

@@ -31,7 +31,7 @@ import math
 from dataclasses import dataclass
 
 from sim.errors import GeometryError, InputError, refusal, require_between
-from sim.units import MM, from_si, unit_of
+from sim.units import DEG, MM, from_si, unit_of
 
 _ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
@@ -227,6 +227,11 @@ def _require_shape(dog: Dog) -> None:
         rule = "the flanks must not meet below the tip (0 mm)"
         remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
         message = refusal("tip width at the inner radius", tip * 1e3, "mm", rule, remedy)
+        raise GeometryError(message)
+    if math.tan(dog.chamfer) * math.tan(dog.braking) >= 1.0:
+        total = (dog.chamfer + dog.braking) / DEG
+        rule = "face and braking flank meet below 90 deg only"
+        message = refusal("chamfer and braking angle", total, "deg", rule, "use smaller angles")
         raise GeometryError(message)
     low = dog.braking_flank_height
     if low <= 0.5 * dog.height:

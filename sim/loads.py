@@ -12,8 +12,9 @@ inertias on a spring, and with :math:`J = J_1 J_2/(J_1 + J_2)` the torque peaks 
 .. math:: T = \Delta\omega \sqrt{c J}.
 
 Dog on dog, while faces can meet and the force is more axial than tangential (on a flank it
-is the other way round), it bears on an area N b L where the faces overlap by *L*, and
-below half a millimetre of overlap on edges, N b long: there a mean pressure says nothing.
+is the other way round), it bears on dogs N b long that overlap by *L*. What that does to
+face or edge depends on how far they are rounded, so the largest load per length is kept
+for each class of overlap.
 """
 
 from __future__ import annotations
@@ -28,17 +29,17 @@ from sim.phases import Phase, face_overlap, on_face
 from sim.trace import Series, Trace
 
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
-EDGE = 5e-4  #: m of overlap below which faces bear with their edges alone
+#: Lower ends of the classes of overlap, m; the last has no upper end.
+OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
 
 
 @dataclass(frozen=True)
 class Landing:
-    """Dog on dog, all dogs alike: largest mean pressure on the overlap of the faces, Pa, and
-    largest line load of the edges of faces that hardly overlap, N/m.
+    """Dog on dog, all dogs alike: largest load per length of the dogs, N/m, for each class of
+    overlap in ``OVERLAPS``.
     """
 
-    face_pressure: float
-    line_load: float
+    line_loads: tuple[float, ...] = (0.0,) * len(OVERLAPS)
 
 
 @dataclass(frozen=True)
@@ -85,12 +86,11 @@ def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
 def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
     dog = clutch.dog
     landed = on_face(clutch, trace) & (trace.contact_force > np.abs(trace.tangential_force))
-    edge = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
+    load = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
     overlap, most = face_overlap(clutch, trace.relative_angle)
     # Past the middle the braking edge parts the faces.
-    wide = np.minimum(overlap, most - overlap)
-    pressure = np.where(wide >= EDGE, edge / np.maximum(wide, EDGE), 0.0)
-    return Landing(float(pressure.max()), float(np.where(wide < EDGE, edge, 0.0).max()))
+    classes = np.searchsorted(OVERLAPS, np.minimum(overlap, most - overlap), side="right") - 1
+    return Landing(tuple(load[classes == i].max(initial=0.0).item() for i in range(len(OVERLAPS))))
 
 
 def _hardest(trace: Trace) -> float:

@@ -47,7 +47,7 @@ _RULES = {
         "lock",
         f"axial force that the {flank} flank puts on the blocking mechanism",
         "K_A T/r tan(side angle - rho), rho = arctan of the low dynamic coefficient",
-        "Jasny et al. 2019",
+        "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)",
         "N",
         "load.separating_force_limit_N",
         True,

@@ -42,7 +42,7 @@ from typing import NamedTuple
 from sim.errors import require_between
 from sim.flank import Flank
 from sim.geometry import Dog
-from sim.units import MM
+from sim.units import DEG, MM
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,11 @@ class Load:
     force: float
     flank: Flank
     lever: float
+
+
+#: Where the fit ends: longest dog for its root width, and steepest flank (tangent). Beyond,
+#: the relief by either stays what it is there.
+LONGEST, STEEPEST = 1.2, math.tan(math.radians(30.0))
 
 
 class Tension(NamedTuple):
@@ -86,9 +91,10 @@ def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
     nominal = (
         6.0 * load.lever / width**2
         + by.near / math.sqrt(width * load.lever)
-        - by.axial * lean * (6.0 * arm / width**2 + 1.0 / width)
+        - by.axial * lean * max(0.0, 6.0 * arm / width**2 + 1.0 / width)
     )
-    return load.force / dog.radial_width * nominal
+    # However steep the flank, a third of the bending stays.
+    return load.force / dog.radial_width * max(nominal, 2.0 * load.lever / width**2)
 
 
 def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION) -> float:
@@ -96,8 +102,28 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
 
     ``root_radius`` in m.
     """
-    lean = math.tan(_angles(dog, load.flank)[0])
-    return _notch(dog, root_radius, by) * (1.0 + by.lean * lean) * root_nominal(dog, load, by)
+    return notch_factor(dog, root_radius, load.flank, by) * root_nominal(dog, load, by)
+
+
+def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSION) -> float:
+    """Return the tension in the fillet over the nominal one, at least 1."""
+    lean = min(math.tan(_angles(dog, flank)[0]), STEEPEST)
+    return max(1.0, _notch(dog, root_radius, by) * (1.0 + by.lean * lean))
+
+
+def outside_fit(dog: Dog, root_radius: float) -> list[str]:
+    """Return in words what of a design lies outside the fit of the closed form."""
+    ratios = (
+        ("radial width over root width", dog.radial_width / dog.root_width, 0.3, LONGEST),
+        ("root width over root radius", dog.root_width / root_radius, 6.0, 50.0),
+        ("height over root width", dog.height / dog.root_width, 0.35, 1.2),
+        ("steepest side angle, deg", max(dog.traction, dog.braking) / DEG, 0.0, 30.0),
+    )
+    return [
+        f"{name} is {value:.3g}, but the root formula was fitted to {low:g} to {high:g}"
+        for name, value, low, high in ratios
+        if not low <= value <= high
+    ]
 
 
 def mises_loaded(dog: Dog, root_radius: float, load: Load) -> float:
@@ -125,7 +151,8 @@ def root_mises(dog: Dog, root_radius: float, load: Load) -> float:
 def _notch(dog: Dog, root_radius: float, by: Tension) -> float:
     require_between("root_radius_mm", root_radius / MM, 0.01, 10.0, "correct the fillet")
     sharp = 1.0 + by.notch * math.pow(dog.root_width / root_radius, by.sharpness)
-    return sharp * (1.0 + by.spread * dog.radial_width / dog.root_width)
+    length = min(dog.radial_width / dog.root_width, LONGEST)
+    return sharp * (1.0 + by.spread * length)
 
 
 def _angles(dog: Dog, flank: Flank) -> tuple[float, float]:

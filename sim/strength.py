@@ -4,9 +4,11 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
 - root bending: local tension :math:`\sigma` in the fillet (``sim.notch``) with the load at the
   load height, against the static bending strength of the case, 2.5 times its endurance
 - shear :math:`\tau = 1.5 F/(b s)`, *s* the width at the root (parabola over a rectangle)
-- equivalent stress of the core :math:`\sqrt{\sigma_n^2 + 3 \tau^2}` against its proof stress; the
-  nominal :math:`\sigma_n` leaves the notch out, whose peak has decayed within a root radius,
-  that is, within the case. Both parts peak at different places, so this is on the safe side
+- equivalent stress of the core :math:`\sqrt{\sigma_c^2 + 3 \tau^2}` against its proof stress, below
+  the case of depth *t*: with notch factor *K* and nominal :math:`\sigma_n`,
+  :math:`\sigma_c = \sigma_n (1 + (K - 1) f)`; the peak decays as beside a hole (Kirsch 1898),
+  :math:`f = (r^{-2} + 3 r^{-4})/4`, :math:`r = 1 + t/\varrho`. Tension and shear peak at
+  different places, so this is on the safe side
 - fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F` (``sim.materials``)
   for one load cycle a shift
 
@@ -26,7 +28,7 @@ from sim.loadcase import LoadCase
 from sim.locking import locking_checks
 from sim.manufacture import ManufacturingLimits, manufacturing_checks
 from sim.materials import MATERIALS, STATIC_CYCLES, Material
-from sim.notch import Load, root_nominal, root_tension
+from sim.notch import Load, notch_factor, root_nominal, root_tension
 from sim.tolerance import Spread, Tolerances, contact_check, losses
 from sim.units import MPA
 
@@ -88,6 +90,15 @@ def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
     """Return the design load of the most loaded dog on a flank."""
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
     return Load(limits.load.force_per_dog(dog), flank, level)
+
+
+def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the tension at the root below the case, Pa."""
+    radius = limits.root_radius
+    depth = 1.0 + limits.material.case_depth / radius
+    decay = (depth**-2 + 3.0 * depth**-4) / 4.0
+    notch = notch_factor(dog, radius, flank)
+    return root_nominal(dog, root_load(dog, limits, flank)) * (1.0 + (notch - 1.0) * decay)
 
 
 def shear_stress(dog: Dog, load: LoadCase) -> float:
@@ -159,7 +170,7 @@ _RULES = {
         (
             "equivalent_stress",
             "equivalent stress of the core at the root, the worse flank",
-            "sqrt(sigma_n2 + 3 tau2), sigma_n without the notch",
+            "sqrt(sigma_c2 + 3 tau2), sigma_c the tension below the case",
             "von Mises; limit: proof stress of the core over safety",
             "material.proof_stress_MPa",
         ),
@@ -176,14 +187,14 @@ _RULES = {
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
-    nominal = max(root_nominal(dog, root_load(dog, limits, flank)) for flank in FLANKS)
+    core = max(core_stress(dog, limits, flank) for flank in FLANKS)
     shear, allowable = shear_stress(dog, limits.load), limits.allowable_stress
     pressure = limits.material.allowable_pressure
     rows = (
         *((f"flank_pressure_{f}", flank_pressure(dog, limits, f), pressure) for f in FLANKS),
         *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
-        ("equivalent_stress", math.hypot(nominal, math.sqrt(3.0) * shear), allowable),
+        ("equivalent_stress", math.hypot(core, math.sqrt(3.0) * shear), allowable),
         ("root_fatigue", max(tension.values()), limits.fatigue_stress),
     )
     return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)

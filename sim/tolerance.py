@@ -8,8 +8,8 @@ dimension all the way, which ``tests/verification/test_tolerance.py`` checks at 
 
 Both rings are made alike, so one deviation holds for either.
 
-Default tolerances: lengths of ISO 2768-1 fine, radii and angles of a ground or
-precision-forged dog (assumptions).
+Default tolerances: height and diameters of ISO 2768-1 fine, the rest of ground or
+precision-forged dogs (assumptions).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.checks import Check, Rule
-from sim.errors import GeometryError, require_between
+from sim.errors import DogshapeError, require_between
 from sim.flank import FLANKS, flank_contact
 from sim.geometry import Dog
 from sim.units import DEG, MM
@@ -108,7 +108,7 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
         deviations = {name: sign * sizes[name] for name, sign in signs.items()}
         try:
             fallen: Floats = nominal - values(*moved(dog, root_radius, deviations))
-        except GeometryError:
+        except DogshapeError:
             return np.full(len(nominal), math.inf)
         return fallen
 
@@ -125,7 +125,7 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
     return [
         Spread(
             dict(zip(sizes, np.maximum(falls[:, :, i].max(axis=1), 0.0).tolist(), strict=True)),
-            max(0.0, float(corners[tuple(worse[:, i])][i])),
+            max(0.0, float(corners[tuple(worse[:, i])][i]), float(falls[:, :, i].max())),
         )
         for i in range(len(nominal))
     ]

@@ -26,6 +26,7 @@ from sim.errors import InputError, require_between
 from sim.locking import blocking_force
 from sim.manufacture import manufacturing_checks, require_makeable
 from sim.mesh import to_stl
+from sim.notch import outside_fit
 from sim.part import part_volume, ring_part
 from sim.root_check import root_checks
 from sim.units import MM, MPA
@@ -69,7 +70,7 @@ def strength(
     held = blocking_force(given.clutch.dog, given.limits.load)
 
     def text() -> RenderableType:
-        table = tables.strength_table(design.checks, within, held, explain)
+        table = tables.strength_table(design.checks, within, held, _notes(given), explain)
         return Group(table, tables.root_table(roots)) if fem else table
 
     emit(data, json, text)
@@ -88,6 +89,10 @@ def _landed(given: Study, jobs: int) -> Design:
     return design_of(given, {}, found.landing)
 
 
+def _notes(given: Study) -> list[str]:
+    return outside_fit(given.clutch.dog, given.limits.root_radius)
+
+
 def _checks(design: Design, within: dict[str, dict[str, float]]) -> list[dict[str, Any]]:
     empty: dict[str, float] = {}
     return [
@@ -103,6 +108,7 @@ def _checks(design: Design, within: dict[str, dict[str, float]]) -> list[dict[st
 def _load_record(given: Study) -> dict[str, Any]:
     dog, limits = given.clutch.dog, given.limits
     return {
+        "warnings": _notes(given),
         "load": {
             **given.file.load.model_dump(),
             "force_per_dog_N": limits.load.force_per_dog(dog),
@@ -151,7 +157,7 @@ def check(
     held = blocking_force(given.clutch.dog, given.limits.load)
 
     def text() -> RenderableType:
-        table = tables.strength_table(design.checks, within, held)
+        table = tables.strength_table(design.checks, within, held, _notes(given))
         return tables.answer_text(answer, validation, spread, table)
 
     emit(data, json, text)

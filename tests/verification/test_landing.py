@@ -13,9 +13,10 @@ from scipy.integrate import solve_ivp
 from sim.batch import landing_of, landing_record
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import engage
+from sim.geometry import Dog
 from sim.landing import edge_pressure, hardest, landing_checks
 from sim.loadcase import LoadCase
-from sim.loads import Landing
+from sim.loads import OVERLAPS, Landing
 from sim.phases import face_overlap
 from sim.plant import ClutchPlant
 from sim.strength import Limits
@@ -49,8 +50,10 @@ def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float)
         motion, (start, start + 2e-3), [0.0, speed], rtol=1e-8, atol=1e-12, max_step=1e-6
     )
     peak = max(press(x, v) for x, v in run.y.T)
-    pressure = peak / (width * dog.radial_width * dog.count)
-    assert result.loads.landing.face_pressure == pytest.approx(pressure, rel=0.05)
+    load = peak / (dog.radial_width * dog.count)
+    classes = result.loads.landing.line_loads
+    assert max(classes) == pytest.approx(load, rel=0.05)
+    assert classes.index(max(classes)) == np.searchsorted(OVERLAPS, width, side="right") - 1
 
 
 def test_flanks_do_not_land(clutch: Clutch, point: Point) -> None:
@@ -61,26 +64,54 @@ def test_flanks_do_not_land(clutch: Clutch, point: Point) -> None:
         if engage(ClutchPlant(clutch), point(25, 641.5), angle).events.face_contacts == 0
     )
     result = engage(ClutchPlant(clutch), point(25, 641.5), angle)
-    assert result.loads.landing == Landing(0.0, 0.0)
+    assert result.loads.landing == Landing()
     assert result.loads.peak_tangential_force > 100.0
 
 
-def test_hertz_of_an_edge_by_hand() -> None:
-    """54 N/mm on 0.3 mm: sqrt(54e3 x 115.4e9 / (pi 0.3e-3))."""
-    assert edge_pressure(54e3, 0.3e-3) / MPA == pytest.approx(2571, abs=2)
+def _landing(**classes: float) -> Landing:
+    """Return a landing with loads in N/mm by class, such as ``at_14`` for 1.4 mm of overlap."""
+    loads = [0.0] * len(OVERLAPS)
+    for name, load in classes.items():
+        loads[int(name.removeprefix("at_"))] = load * 1e3
+    return Landing(tuple(loads))
 
 
-def test_uneven_landing_grows_with_the_root_of_the_share() -> None:
-    landing = Landing(100.0 * MPA, 20e3)
-    even = landing_checks(landing, Limits(load=LoadCase(load_sharing=1.0)))
-    half = landing_checks(landing, Limits(load=LoadCase(load_sharing=0.25)))
-    assert even[0].value == pytest.approx(100.0)
-    assert half[0].value == pytest.approx(200.0)
-    assert half[1].value == pytest.approx(even[1].value * math.sqrt(2.0))
+def test_hertz_of_two_edges_by_hand() -> None:
+    """54 N/mm on two radii of 0.3 mm: sqrt(54e3 x 115.4e9 / (pi 0.15e-3))."""
+    assert edge_pressure(54e3, 0.3e-3) / MPA == pytest.approx(3636, abs=2)
+
+
+def test_overlap_is_flat_between_two_rounded_crests(prototype: Dog) -> None:
+    """0.3 mm at 94 degrees takes 0.2798 mm of either face: 1.4 mm leave 0.840 mm."""
+    limits = Limits(load=LoadCase(load_sharing=1.0))
+    face, core, edge = landing_checks(prototype, _landing(at_14=100.0), limits)
+    assert face.value == pytest.approx(100.0 / 0.8405, rel=1e-3)
+    assert core.value == pytest.approx(100.0 / (0.8405 + 0.8), rel=1e-3)
+    assert edge.value == 0.0
+    assert face.limit == pytest.approx(700 * 9.80665 / 3 / 1.2)
+    assert edge.limit == pytest.approx(4 / math.sqrt(3) * 700 * 9.80665 / 3)
+
+
+def test_what_is_not_flat_bears_on_edges(prototype: Dog) -> None:
+    limits = Limits(load=LoadCase(load_sharing=1.0))
+    face, core, edge = landing_checks(prototype, _landing(at_6=54.0, at_3=20.0), limits)
+    assert face.value == core.value == 0.0
+    assert edge.value == pytest.approx(3636, abs=2)
+    wide = limits.with_root_radius(0.6e-3)  # now 1.12 mm are rounded
+    assert landing_checks(prototype, _landing(at_11=54.0), wide)[0].value == 0.0
+    assert landing_checks(prototype, _landing(at_11=54.0), limits)[0].value > 0.0
+
+
+def test_uneven_landing_grows_with_the_root_of_the_share(prototype: Dog) -> None:
+    landing = _landing(at_3=20.0, at_14=100.0)
+    even = landing_checks(prototype, landing, Limits(load=LoadCase(load_sharing=1.0)))
+    half = landing_checks(prototype, landing, Limits(load=LoadCase(load_sharing=0.25)))
+    assert half[0].value == pytest.approx(2.0 * even[0].value)
+    assert half[2].value == pytest.approx(even[2].value * math.sqrt(2.0))
 
 
 def test_hardest_of_many() -> None:
-    landings = [Landing(1.0, 5.0), Landing(3.0, 2.0)]
-    assert hardest(landings) == Landing(3.0, 5.0)
-    assert hardest([]) == Landing(0.0, 0.0)
+    landings = [_landing(at_1=1.0, at_2=5.0), _landing(at_1=3.0, at_2=2.0)]
+    assert hardest(landings) == _landing(at_1=3.0, at_2=5.0)
+    assert hardest([]) == Landing()
     assert landing_of(landing_record(landings[0])) == landings[0]
