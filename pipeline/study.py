@@ -67,7 +67,8 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         if result["n_simulated_designs"] > MIN_DESIGNS:
             surrogate, validation = fit_surrogate(study, result["trials"], folder.surrogate)
             result["surrogate"] = validation.as_dict()
-            for row in (*result["front"], *result["trials"]):
+            best = [result["best"]] if result["best"] is not None else []
+            for row in (*best, *result["front"], *result["trials"]):
                 spread = time_spread(study, surrogate, row)
                 row["time_within_tolerances"] = spread_record(spread)
         else:

@@ -321,8 +321,9 @@ def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> Non
 
 def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:
     path = tmp_path / "shifts.jsonl"
-    append(path, {"key": "a", "outcome": "engaged", "shift_time_s": 0.1})
-    append(path, {"key": "b", "outcome": "blocked", "shift_time_s": None})
+    landing = {"landing_loads_N_mm": [0.0]}
+    append(path, {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, **landing})
+    append(path, {"key": "b", "outcome": "blocked", "shift_time_s": None, **landing})
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"key": "c", "shi')
     assert set(ShiftJournal(path).rows) == {"a", "b"}
