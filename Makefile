@@ -27,7 +27,8 @@ lint: $(VENV)/complete
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
-EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress
+EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
+  load_height
 
 evidence: $(VENV)/complete
 	mkdir -p build
