@@ -7,17 +7,17 @@ takes the tangential force :math:`F = K_A T / (r N K_s)`.
 Where it acts. Were both rings and what holds them alike, a perfect pair would be symmetric
 about the median plane and the resultant of the flank's pressure lie at half the height
 that touches, load height 0.5. Flanks out of angle move it to one end, and a flank is stiff
-against tilt: plane finite elements of two prototype dogs at 417 N/mm give 0.60, 0.71, 0.89
-and 0.96 for 0.05, 0.10, 0.25 and 0.50 degrees between the flanks. Flanks made to 0.25 degrees
-thus carry near an edge, on one ring near its tip: 0.9 is the default. Run-in rings come
-closer to 0.5; 1 is the edge alone.
+against tilt: plane finite elements of two prototype dogs at 417 N/mm give 0.61, 0.71, 0.89
+and 0.95 for 0.05, 0.10, 0.25 and 0.50 degrees between the flanks
+(``benchmarks/load_height.py``). Flanks made to 0.25 degrees thus carry near an edge, on one
+ring near its tip: 0.9 is the default. Run-in rings come closer to 0.5; 1 is the edge alone.
 
 Every shift loads a flank once to the design torque and, when the vehicle coasts, the
 other; a root that is bent both ways endures 0.7 of a pulsating load (ISO 6336-5). Safety
 against fatigue is 1.2, usual for vehicle gearboxes.
 
-A load sharing of 0.5 asks for pitch errors about as small as the dogs give under load, 7 to
-16 um for the prototype (the same finite elements); new rings out by more carry on fewer dogs
+A load sharing of 0.5 asks for pitch errors about as small as the dogs give under load, 8 to
+17 um for the prototype (the same finite elements); new rings out by more carry on fewer dogs
 until they have bedded in.
 
 Sources: Naunheimer et al., *Automotive Transmissions*, 2011 (application factor);
