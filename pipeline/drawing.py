@@ -12,11 +12,12 @@ import numpy as np
 
 from pipeline import svg
 from pipeline.svg import Point
+from sim.flank import crest_loss
 from sim.geometry import Dog, section
 from sim.strength import Limits
 from sim.units import DEG, MM
 
-WIDTH, HEIGHT = 980.0, 580.0  #: of the dimensioned section, px
+WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
 
 
 def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
@@ -107,15 +108,20 @@ class _Sheet:
     def part(self) -> str:
         """Return the dog with the slots beside it and the ends of its neighbours."""
         dog, reach = self.dog, 0.775 * self.dog.pitch
-        whole = [(x + i * dog.pitch, z) for i in (-1, 0, 1) for x, z in section(dog)]
-        places, levels = np.array(whole).T
-        ends = np.interp([-reach, reach], places, levels)
-        inside = [p for p in whole if -reach < p[0] < reach]
-        points = [(-reach, float(ends[0])), *inside, (reach, float(ends[1]))]
+        points = [(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
         curve = rounded([self.at(*p) for p in points], self.limits.root_radius * self.scale)
-        low, high = self.at(reach, self.underside), self.at(-reach, self.underside)
-        closing = f"L{low[0]:.2f},{low[1]:.2f} L{high[0]:.2f},{high[1]:.2f} Z"
-        return svg.path(f"{curve} {closing}", "part")
+        right, left = self.at(points[-1][0], self.underside), self.at(points[0][0], self.underside)
+        closing = f"L{right[0]:.2f},{right[1]:.2f} L{left[0]:.2f},{left[1]:.2f} Z"
+        frame = (self.at(-reach, 0.0)[0], self.at(reach, 0.0)[0])
+        sides = [svg.line((x, self.at(0.0, self.end(x))[1]), (x, left[1]), "edge") for x in frame]
+        return svg.clipped(svg.path(f"{curve} {closing}", "part"), frame, HEIGHT) + "".join(sides)
+
+    def end(self, pixel: float) -> float:
+        """Return the height of the sharp profile at a place on the sheet, m."""
+        x = (pixel - self.centre[0]) / self.scale
+        whole = [(p + i * self.dog.pitch, z) for i in (-1, 0, 1) for p, z in section(self.dog)]
+        places, levels = np.array(whole).T
+        return float(np.interp(x, places, levels))
 
     def lengths(self) -> list[str]:
         """Return the dimensions of widths and heights."""
@@ -126,14 +132,16 @@ class _Sheet:
         right, left = self.at(0.775 * dog.pitch, 0.0)[0], self.at(-0.775 * dog.pitch, 0.0)[0]
         at = self.at
         next_root = (root_t[0] - dog.pitch, -half)
-        return [
+        over = (dog.height - crest_loss(dog, self.limits.root_radius)) / MM
+        drawn = [
+            svg.line(at(*edge), at(*tip_b)),
             svg.dimension(
-                at(*tip_b), at(*crest), at(*crest)[1] - 42.0, f"tip {dog.tip_width / MM:.2f}"
+                at(*tip_b), at(*crest), at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)
             ),
+            svg.dimension(at(*root_b), at(*root_t), below + 36.0, _follows("root", dog.root_width)),
             svg.dimension(
-                at(*root_b), at(*root_t), below + 36.0, f"root {dog.root_width / MM:.2f}"
+                at(*next_root), at(*root_t), below + 68.0, _follows("pitch", dog.pitch, 3)
             ),
-            svg.dimension(at(*next_root), at(*root_t), below + 68.0, f"pitch {dog.pitch / MM:.3f}"),
             svg.dimension(
                 at(*crest),
                 at(crest[0], -half),
@@ -141,21 +149,21 @@ class _Sheet:
                 "h " + self.size("height", dog.height),
                 upright=True,
             ),
+            svg.text((right + 52.0, at(*crest)[1] + 4.0), f"{over:.2f} over", "start", "small"),
+            svg.text((right + 52.0, at(*crest)[1] + 18.0), "the rounding", "start", "small"),
             svg.dimension(
                 at(*edge),
                 at(edge[0], -half),
                 left - 20.0,
-                f"flank {dog.braking_flank_height / MM:.2f}",
-                upright=True,
-            ),
-            svg.dimension(
-                at(crest[0], half),
-                at(*edge),
-                left - 54.0,
-                f"drop {dog.edge_drop / MM:.2f}",
+                _follows("flank", dog.braking_flank_height),
                 upright=True,
             ),
         ]
+        if dog.edge_drop > 0.0:
+            ends = (at(crest[0], half), at(*edge))
+            drop = _follows("drop", dog.edge_drop)
+            drawn.append(svg.dimension(*ends, left - 54.0, drop, upright=True))
+        return drawn
 
     def angles(self) -> list[str]:
         """Return chamfer, side angles and the root radius."""
@@ -164,8 +172,11 @@ class _Sheet:
         corner, low = self.at(*crest), self.at(*edge)
         top = self.at(0.0, half)[1] - 96.0
         reach = 0.72 * dog.height * self.scale
-        fillet = self.at(root_b[0], -half)
         radius = self.limits.root_radius
+        # Middle of the fillet's arc: out of the corner along its bisector.
+        opening = 0.25 * math.pi + 0.5 * dog.braking
+        way = radius * (1.0 / math.sin(opening) - 1.0)
+        fillet = self.at(root_b[0] - way * math.cos(opening), -half + way * math.sin(opening))
         return [
             svg.angle(
                 corner,
@@ -189,8 +200,11 @@ class _Sheet:
                 (low[0] - 110.0, top + 34.0),
             ),
             svg.leader(
-                (fillet[0] - 0.1 * radius * self.scale, fillet[1]),
-                (fillet[0] - 60.0, fillet[1] + 108.0),
+                fillet,
+                (
+                    self.at(-0.775 * dog.pitch, 0.0)[0] + 60.0,
+                    self.at(0.0, self.underside)[1] + 24.0,
+                ),
                 "roots and tip edges R " + self.size("root_radius", radius),
                 "end",
             ),
@@ -198,7 +212,7 @@ class _Sheet:
 
     def words(self, title: str) -> list[str]:
         """Return title and the numbers that the section does not show."""
-        dog = self.dog
+        dog, material = self.dog, self.limits.material
         diameters = (
             f"{self.size('outer_diameter', dog.outer_diameter, 'Ø')} / "
             f"{self.size('inner_diameter', dog.inner_diameter, 'Ø')}"
@@ -206,20 +220,29 @@ class _Sheet:
         lines = (
             f"{dog.count} dogs on {diameters} mm, both rings alike, one turned over",
             f"axial gap before the shift {self.size('axial_gap', dog.axial_gap)} mm, "
-            f"travel {dog.travel / MM:.2f} mm; material {self.limits.material.name}",
-            "Lengths in mm. Widths along the circumference at the mean radius, where the section "
-            f"is unrolled: {dog.mean_radius / MM:.2f} mm. In the median plane dog and slot are",
-            "equally wide and flanks are planes through radial lines; tips are narrower "
-            f"inside: {dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius.",
+            f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
+            f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
+            "Lengths in mm, to the intersection of faces; in brackets what follows from the "
+            "others. Widths along the circumference at the mean radius,",
+            f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
+            "dog and slot are equally wide, flanks are planes through radial",
+            "lines; tips are narrower inside: "
+            f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius. General "
+            "tolerances ISO 2768-f.",
         )
         left = 36.0
         return [
             svg.text((left, 34.0), title, "start", "title"),
             *(
-                svg.text((left, HEIGHT - 74.0 + 18.0 * i), words, "start", "small")
+                svg.text((left, HEIGHT - 88.0 + 18.0 * i), words, "start", "small")
                 for i, words in enumerate(lines)
             ),
         ]
+
+
+def _follows(name: str, length: float, digits: int = 2) -> str:
+    """Return a length in brackets, mm: it follows from the others."""
+    return f"{name} ({length / MM:.{digits}f})"
 
 
 def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:

@@ -104,6 +104,7 @@ class ManufacturingSection(Section):
     cutter_reach: float = ManufacturingLimits.cutter_reach
     flank_height_mm: float = ManufacturingLimits.flank_height / MM
     root_radius_mm: float = ManufacturingLimits.root_radius / MM
+    tip_core_mm: float = ManufacturingLimits.tip_core / MM
     chamfer_share: float = ManufacturingLimits.chamfer_share
     module_mm: float = ManufacturingLimits.module / MM
 
@@ -120,6 +121,7 @@ class ToleranceSection(Section):
     axial_gap_mm: float = Tolerances.axial_gap / MM
     root_radius_mm: float = Tolerances.root_radius / MM
     contact_ratio: float = Tolerances.contact_ratio
+    clearance_mm: float = Tolerances.clearance / MM
 
 
 class VariablesSection(Section):

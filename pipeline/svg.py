@@ -13,6 +13,7 @@ Point = tuple[float, float]
 
 STYLE = """
 .drawing .part{fill:#dbe5f0;stroke:#1b2733;stroke-width:1.6}
+.drawing .edge{fill:none;stroke:#1b2733;stroke-width:1.2}
 .drawing .thin{fill:none;stroke:#55626f;stroke-width:.9}
 .drawing .axis{fill:none;stroke:#55626f;stroke-width:.9;stroke-dasharray:12 3 2 3}
 .drawing .head{fill:#1b2733;stroke:none}
@@ -40,6 +41,13 @@ def document(width: float, height: float, elements: Sequence[str], title: str) -
 def path(commands: str, kind: str) -> str:
     """Return a path with the class ``kind``."""
     return f'<path d="{commands}" class="{kind}"/>'
+
+
+def clipped(element: str, frame: tuple[float, float], height: float) -> str:
+    """Return an element of which only what lies between two x is seen."""
+    left, right = frame
+    shape = f'<rect x="{left:.2f}" y="0" width="{right - left:.2f}" height="{height:.0f}"/>'
+    return f'<clipPath id="frame">{shape}</clipPath><g clip-path="url(#frame)">{element}</g>'
 
 
 def line(a: Point, b: Point, kind: str = "thin") -> str:

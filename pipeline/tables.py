@@ -128,17 +128,19 @@ def strength_table(
                 "<=" if c.rule.at_most else ">=",
                 f"{c.limit:.4g}",
                 c.unit,
-                f"{c.margin:.0%}",
-                *(f"{left[k]:.0%}" if k in left else "-" for k in WITHIN),
+                percentage(c.margin),
+                *(percentage(left[k]) if k in left else "-" for k in WITHIN),
                 "yes" if c.passed else "NO",
             )
     weakest = smallest_margin(checks)
     verdict = "feasible" if feasible(checks) else "not feasible"
+    if not any(c.rule.group == "impact" for c in checks):
+        verdict += " before its landing, dog on dog, is simulated"
     lines = [
         "",
-        "margin: share of the limit that is left, at nominal size, with every tolerance at its "
-        "worst, and by root sum of squares",
-        f"{verdict}; smallest margin {weakest.margin:.1%}, {weakest.name}",
+        "margin: distance to the limit over the limit, at nominal size, with every tolerance at "
+        "its worst, and by root sum of squares (no tolerances for the landing)",
+        f"{verdict}; smallest margin {percentage(weakest.margin, 1)}, {weakest.name}",
         *_within_line(within),
         *(f"warning: {note}; --fem checks it" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
@@ -151,15 +153,22 @@ def _within_line(within: dict[str, dict[str, float]]) -> list[str]:
     if not within:
         return []
     name = min(within, key=lambda n: within[n]["worst_case"])
-    return [f"with every tolerance at its worst {within[name]['worst_case']:.1%}, {name}"]
+    worst = percentage(within[name]["worst_case"], 1)
+    return [f"with every tolerance at its worst {worst}, {name}"]
+
+
+def percentage(share: float, digits: int = 0) -> str:
+    """Return a margin in percent; what is beyond -999 % says no more than that."""
+    if math.isinf(share):
+        return "no dog"
+    return f"{max(share, -9.99):.{digits}%}"
 
 
 def _rules_table(checks: Sequence[Check]) -> RenderableType:
     table = Table(box=None, pad_edge=False, header_style="bold", title_justify="left")
     for column in ("check", "meaning", "formula", "source", "limit set by"):
         table.add_column(column, overflow="fold")
-    for check in checks:
-        rule = check.rule
+    for rule in sorted((c.rule for c in checks), key=lambda r: list(GROUPS).index(r.group)):
         table.add_row(rule.name, rule.meaning, rule.formula, rule.source, rule.key)
     return table
 
@@ -168,7 +177,11 @@ def root_table(roots: Sequence[RootCheck]) -> RenderableType:
     """Return the root stress by finite elements beside the closed form."""
     head = ("tension at the root", "lever, mm", "finite elements, MPa", "closed form, MPa", "ratio")
     table = _table(*head)
-    where = {"whole": "all that touches", "tip": "top fifth of the flank"}
+    where = {
+        "whole": "all that touches",
+        "tip": "top fifth of the flank",
+        "load": "at the load height, interpolated",
+    }
     for root in roots:
         table.add_row(
             f"{root.flank} flank, {where[root.band]}",

@@ -20,20 +20,29 @@ from sim.units import suffix_of, to_si
 from surrogate.model import Surrogate
 from surrogate.query import half_difference
 
+Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 
-def margins_within(study: Study, design: Design) -> dict[str, dict[str, float]]:
-    """Return each margin's worst case and root sum of squares, by the check's name."""
+
+def margins_within(study: Study, design: Design) -> Within:
+    """Return each margin's worst case and root sum of squares, by the check's name.
+
+    What is a worst case itself stands for its own; the landing has none. A tolerance that
+    leaves no dog makes a margin minus infinity.
+    """
     if design.dog is None:
         return {}
     spreads = margin_losses(design.dog, study.limits)
-    return {
-        check.name: {
-            "worst_case": check.margin - spreads[check.name].worst_case,
-            "root_sum_square": check.margin - spreads[check.name].root_sum_square,
-        }
-        for check in design.checks
-        if check.name in spreads
-    }
+    found = {}
+    for check in design.checks:
+        if check.name in spreads:
+            spread = spreads[check.name]
+            found[check.name] = {
+                "worst_case": check.margin - spread.worst_case,
+                "root_sum_square": check.margin - spread.root_sum_square,
+            }
+        elif check.rule.group == "tolerance":
+            found[check.name] = dict.fromkeys(("worst_case", "root_sum_square"), check.margin)
+    return found
 
 
 def smallest_within(study: Study, design: Design) -> dict[str, float | None]:

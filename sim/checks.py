@@ -63,7 +63,7 @@ class Check:
 
     @property
     def margin(self) -> float:
-        """Share of the limit that is left; negative when the check fails."""
+        """Distance to the limit over the limit; negative when the check fails."""
         left = self.limit - self.value if self.rule.at_most else self.value - self.limit
         return left / abs(self.limit) if self.limit else left
 

@@ -77,6 +77,16 @@ def _cut(dog: Dog, flank: Flank) -> float:
     return 1.0 / math.tan(0.25 * math.pi + 0.5 * corner)
 
 
+def crest_loss(dog: Dog, root_radius: float) -> float:
+    """Return by how much the rounding takes the crest down, m.
+
+    Centre of the rounding on the bisector of the crest, its top a radius higher.
+    """
+    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
+    half = corner + 0.5 * (dog.traction - dog.chamfer)
+    return root_radius * (math.sin(corner + middle) / math.sin(half) - 1.0)
+
+
 def crest_cut(dog: Dog, root_radius: float) -> float:
     """Return what the rounding of the crest takes of the face, m."""
     return root_radius * _cut(dog, "traction")

@@ -83,6 +83,9 @@ EDGE_RULE = Rule(
 )
 
 
+LANDING_RULES = (FACE_RULE, CORE_RULE, EDGE_RULE)
+
+
 def landing_checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, ...]:
     """Return the checks of the hardest landing."""
     uneven = 1.0 / math.sqrt(limits.load.load_sharing)

@@ -21,8 +21,8 @@ class ManufacturingLimits:
 
     Parameters
     ----------
-    tip_width : keeps a case-hardened tip from hardening through: a case of 0.4 mm from
-        either side leaves a core.
+    tip_width : narrower tips are bruised in handling and lose their shape in hardening.
+    tip_core : soft core that the case leaves of the tip, so that it does not harden through.
     slot_width : diameter of the cutter, which has to reach the floor of the slot where
         that is narrowest, at the inner radius.
     cutter_reach : depth of the slot over the width of its floor; a slender cutter bends.
@@ -37,6 +37,7 @@ class ManufacturingLimits:
     cutter_reach: float = 3.0
     flank_height: float = 1.5e-3
     root_radius: float = 0.3e-3
+    tip_core: float = 0.5e-3
     chamfer_share: float = 0.35
     module: float = 1.25e-3
 
@@ -47,6 +48,7 @@ class ManufacturingLimits:
             ("cutter_reach", self.cutter_reach, 0.1, 100.0),
             ("flank_height_mm", self.flank_height / MM, 0.05, 100.0),
             ("root_radius_mm", self.root_radius / MM, 0.02, 10.0),
+            ("tip_core_mm", self.tip_core / MM, 0.0, 100.0),
             ("chamfer_share", self.chamfer_share, 0.0, 0.5),
             ("module_mm", self.module / MM, 0.05, 100.0),
         ):
@@ -60,7 +62,7 @@ _RULES = {
             "tip_width",
             "width of the tip at the inner radius",
             "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
-            "a case of 0.4 mm from either side leaves a core (assumption)",
+            "handling and distortion in hardening (assumption)",
             "mm",
             "tip_width_mm",
             False,
@@ -143,6 +145,36 @@ def _length(name: str, value: float, limit: float) -> Check:
     return Check(_RULES[name], value / MM, limit / MM)
 
 
+TIP_CORE_RULE = Rule(
+    "tip_core",
+    "make",
+    "soft core of the tip at the inner radius",
+    "width of the tip less a case depth from either side",
+    "a tip hardened through chips; limit an assumption",
+    "mm",
+    "manufacturing.tip_core_mm",
+    False,
+)
+
+
+def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> Check:
+    """Return the check of the core that a case of ``case_depth`` (m) leaves of the tip."""
+    core = dog.tip_width_at(dog.inner_radius) - 2.0 * case_depth
+    return Check(TIP_CORE_RULE, core / MM, limits.tip_core / MM)
+
+
+#: What helps a shape that breaks a rule.
+_REMEDIES = {
+    "tip_width": "use fewer or lower dogs or smaller side angles",
+    "slot_width": "use fewer or lower dogs or smaller side angles",
+    "cutter_reach": "use fewer or lower dogs or smaller side angles",
+    "flank_height": "use a smaller chamfer, more dogs or a higher dog",
+    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
+    "chamfer_share": "use a smaller chamfer, more dogs or a higher dog",
+    "module": "use fewer dogs or a larger diameter",
+}
+
+
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
@@ -152,6 +184,5 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
             limit = f"{check.limit:.4g} {check.unit}".strip()
             raise GeometryError(
                 f"{check.rule.meaning} is {value}, but it must be {bound} {limit} to be made; "
-                "use fewer or lower dogs, a smaller chamfer or side angle, or change the limit "
-                f"{check.rule.key}."
+                f"{_REMEDIES[check.name]}, or change {check.rule.key}."
             )

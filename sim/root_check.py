@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
 
 from sim.flank import FLANKS, Flank
 from sim.geometry import Dog
 from sim.notch import Load, root_tension
 from sim.root_mesh import RootShape
 from sim.root_stress import Band, RootModel
-from sim.strength import Limits
+from sim.strength import Limits, root_load
 
 BANDS: tuple[Band, ...] = ("whole", "tip")
 
@@ -18,11 +21,12 @@ BANDS: tuple[Band, ...] = ("whole", "tip")
 class RootCheck:
     """Tension in the fillet of a loaded flank, Pa, by finite elements and by closed form.
 
-    ``lever`` is the height of the load's line above the floor, m; ``band`` what is pressed.
+    ``lever`` is the height of the load's line above the floor, m; ``band`` what is pressed, or
+    "load" for the load height of the load case, between the other two.
     """
 
     flank: Flank
-    band: Band
+    band: Band | Literal["load"]
     lever: float
     elements: float
     formula: float
@@ -41,4 +45,14 @@ def root_checks(dog: Dog, limits: Limits) -> list[RootCheck]:
             found = model.stress(flank, band, force)
             formula = root_tension(dog, radius, Load(force, flank, found.lever))
             rows.append(RootCheck(flank, band, found.lever, found.tension, formula))
+        rows.append(_between(dog, limits, rows[-2], rows[-1]))
     return rows
+
+
+def _between(dog: Dog, limits: Limits, low: RootCheck, high: RootCheck) -> RootCheck:
+    """Return the stress at the load height; its ratio to the closed form runs straight."""
+    load = root_load(dog, limits, low.flank)
+    formula = root_tension(dog, limits.root_radius, load)
+    levers, ratios = (low.lever, high.lever), [r.elements / r.formula for r in (low, high)]
+    ratio = float(np.interp(load.lever, levers, ratios))
+    return RootCheck(low.flank, "load", load.lever, ratio * formula, formula)

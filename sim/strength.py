@@ -26,10 +26,10 @@ from sim.flank import FLANKS, Flank, flank_contact
 from sim.geometry import Dog
 from sim.loadcase import LoadCase
 from sim.locking import locking_checks
-from sim.manufacture import ManufacturingLimits, manufacturing_checks
+from sim.manufacture import ManufacturingLimits, manufacturing_checks, tip_core_check
 from sim.materials import MATERIALS, STATIC_CYCLES, Material
 from sim.notch import Load, notch_factor, root_nominal, root_tension
-from sim.tolerance import Spread, Tolerances, contact_check, losses
+from sim.tolerance import Spread, Tolerances, clearance_check, contact_check, losses
 from sim.units import MPA
 
 #: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
@@ -122,7 +122,7 @@ def keeps_limits(dog: Dog, limits: Limits) -> bool:
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     """Return by how much each margin can fall within the tolerances, by the check's name.
 
-    The contact ratio is left out: it has all tolerances in it already.
+    Contact ratio and clearance are left out: they have the tolerances in them already.
     """
 
     def checks(shape: Dog, root_radius: float) -> list[Check]:
@@ -170,14 +170,14 @@ _RULES = {
         (
             "equivalent_stress",
             "equivalent stress of the core at the root, the worse flank",
-            "sqrt(sigma_c2 + 3 tau2), sigma_c the tension below the case",
+            "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
             "von Mises; limit: proof stress of the core over safety",
             "material.proof_stress_MPa",
         ),
         (
             "root_fatigue",
             "tension in the fillet, the worse flank, over the shifts of the life",
-            "as root bending; limit: sigma_Flim Y_ST Y_NT(shifts) Y_M/S_F",
+            "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
             "ISO 6336-3, ISO 6336-5",
             "load.shifts",
         ),
@@ -202,10 +202,14 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
 
 #: Groups of checks, cheap and often failing ones first.
 _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
-    lambda dog, limits: manufacturing_checks(dog, limits.manufacturing),
+    lambda dog, limits: (
+        *manufacturing_checks(dog, limits.manufacturing),
+        tip_core_check(dog, limits.manufacturing, limits.material.case_depth),
+    ),
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,
     lambda dog, limits: (
         contact_check(dog, limits.root_radius, limits.tolerances, limits.seated_tolerance),
+        clearance_check(dog, limits.tolerances),
     ),
 )

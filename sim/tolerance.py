@@ -33,7 +33,8 @@ class Tolerances:
     """Largest deviation of each dimension either way, rad and m.
 
     ``contact_ratio`` is the least share of the height that has to touch with all of them
-    at their worst and the rings short of full depth by the seated tolerance.
+    at their worst and the rings short of full depth by the seated tolerance; ``clearance``
+    is the least gap between the crests in neutral, m.
     """
 
     chamfer: float = 0.25 * DEG
@@ -45,12 +46,14 @@ class Tolerances:
     axial_gap: float = 0.1 * MM
     root_radius: float = 0.05 * MM
     contact_ratio: float = 0.5
+    clearance: float = 0.3 * MM
 
     def __post_init__(self) -> None:
         for name in ("chamfer", "traction", "braking"):
             value = getattr(self, name) / DEG
             require_between(f"tolerance.{name}_deg", value, 0.0, 5.0, "give an angle in degrees")
-        for name in ("height", "outer_diameter", "inner_diameter", "axial_gap", "root_radius"):
+        lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap", "root_radius")
+        for name in (*lengths, "clearance"):
             value = getattr(self, name) / MM
             require_between(f"tolerance.{name}_mm", value, 0.0, 2.0, "give a length in mm")
         ratio = self.contact_ratio
@@ -59,7 +62,8 @@ class Tolerances:
     @property
     def dimensions(self) -> dict[str, float]:
         """Dimensions with their tolerance, those without one left out."""
-        names = [f.name for f in fields(self) if f.name != "contact_ratio"]
+        limits = ("contact_ratio", "clearance")
+        names = [f.name for f in fields(self) if f.name not in limits]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
 
 
@@ -158,3 +162,21 @@ def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: 
         )
     ]
     return Check(CONTACT_RULE, max(min(left), -1.0), tolerances.contact_ratio)
+
+
+CLEARANCE_RULE = Rule(
+    "clearance",
+    "tolerance",
+    "gap between the crests in neutral, gap and both heights at their worst",
+    "axial gap - its tolerance - 2 tolerances of the height",
+    "dogs that meet in neutral ratchet; limit an assumption",
+    "mm",
+    "tolerance.clearance_mm",
+    False,
+)
+
+
+def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:
+    """Return the check of the gap that is left in neutral."""
+    left = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
+    return Check(CLEARANCE_RULE, left / MM, tolerances.clearance / MM)

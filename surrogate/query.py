@@ -46,7 +46,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], physics: str) -> Answer:
     outside = tuple(
         f"{name} = {value:.4g} is outside the simulated designs ({a:.4g} to {b:.4g})"
         for name, value, a, b in zip(data.variables, x, low, high, strict=True)
-        if not a <= value <= b
+        if not a - 1e-3 * (b - a) <= value <= b + 1e-3 * (b - a)
     )
     return Answer(
         time=float(prediction.time[0]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,10 +20,11 @@ from pipeline.executor import scratch_executor
 from pipeline.folder import StudyFolder
 from pipeline.options import Jobs, Json, Sets, StudyArg, app, default_out
 from pipeline.progress import ShiftProgress
-from pipeline.records import check_record, root_record
+from pipeline.records import check_record, number_or_none, root_record
 from pipeline.tolerances import margins_within, spread_record, time_spread
 from sim.checks import feasible
 from sim.errors import InputError, require_between
+from sim.landing import LANDING_RULES
 from sim.locking import blocking_force
 from sim.manufacture import manufacturing_checks, require_makeable
 from sim.mesh import to_stl
@@ -62,6 +64,7 @@ def strength(
     within = margins_within(given, design)
     data = {
         "feasible": design.feasible,
+        "not_checked": _not_checked(design),
         "checks": _checks(design, within),
         **_load_record(given),
     }
@@ -89,6 +92,12 @@ def _landed(given: Study, jobs: int) -> Design:
     return design_of(given, {}, found.landing)
 
 
+def _not_checked(design: Design) -> list[str]:
+    """Return the names of the checks that a simulation would add."""
+    known = {check.name for check in design.checks}
+    return [rule.name for rule in LANDING_RULES if rule.name not in known]
+
+
 def _notes(given: Study) -> list[str]:
     return outside_fit(given.clutch.dog, given.limits.root_radius)
 
@@ -98,7 +107,7 @@ def _checks(design: Design, within: dict[str, dict[str, float]]) -> list[dict[st
     return [
         check_record(check)
         | {
-            f"margin_{kind}": within.get(check.name, empty).get(kind)
+            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
             for kind in ("worst_case", "root_sum_square")
         }
         for check in design.checks
@@ -152,6 +161,7 @@ def check(
         "warnings": list(answer.warnings),
         "time_within_tolerances": spread_record(spread),
         "feasible": design.feasible,
+        "not_checked": _not_checked(design),
         "checks": _checks(design, within),
     }
     held = blocking_force(given.clutch.dog, given.limits.load)
@@ -186,6 +196,9 @@ def export(
         raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
+    if (design := design_of(given, {})) and not design.feasible:
+        failed = ", ".join(design.failed)
+        print(f"warning: not feasible ({failed}); see dogshape strength", file=sys.stderr)
     body = body_mm * MM
     if svg is not None:
         svg.write_text(dimensioned_svg(dog, given.limits), encoding="utf-8")

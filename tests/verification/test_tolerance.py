@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import pytest
 
 from sim.flank import flank_contact
 from sim.geometry import Dog
 from sim.strength import Limits, margin_losses, strength_checks
-from sim.tolerance import Spread, Tolerances, contact_check, losses, moved
+from sim.tolerance import (
+    Spread,
+    Tolerances,
+    clearance_check,
+    contact_check,
+    losses,
+    moved,
+)
 from sim.units import DEG
 from tests.conftest import dog_of
 
@@ -27,7 +35,7 @@ def test_worst_case_agrees_with_all_corners(prototype: Dog, values: tuple[float,
     for signs in itertools.product((-1.0, 1.0), repeat=len(sizes)):
         deviations = {n: s * t for s, (n, t) in zip(signs, sizes.items(), strict=True)}
         shape, radius = moved(dog, limits.root_radius, deviations)
-        for check in strength_checks(shape, limits.with_root_radius(radius))[:-1]:
+        for check in strength_checks(shape, limits.with_root_radius(radius))[:-2]:
             worst[check.name] = min(worst[check.name], check.margin)
     for name, spread in spreads.items():
         loss = nominal[name] - worst[name]
@@ -70,6 +78,14 @@ def test_a_deviation_out_of_range_counts_as_no_dog(tolerances: Tolerances) -> No
     dog = Dog(15, 0.1, 0.2, 0.2, 2.1e-3, 52e-3, 50.5e-3, 1e-3)
     (spread,) = losses(dog, 0.3e-3, tolerances, lambda d, _: [d.height])
     assert spread.worst_case == float("inf")
+
+
+def test_clearance_in_neutral_by_hand(prototype: Dog) -> None:
+    """1.0 mm less 0.1 of the gap and 0.05 of either height; 0.2 mm would not do."""
+    check = clearance_check(prototype, Tolerances())
+    assert check.value == pytest.approx(0.8)
+    assert check.passed
+    assert not clearance_check(replace(prototype, axial_gap=0.4e-3), Tolerances()).passed
 
 
 def test_contact_check_falls_with_wider_tolerances(prototype: Dog) -> None:
