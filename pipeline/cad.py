@@ -50,8 +50,8 @@ def _kernel() -> Any:
         return import_module("build123d")
     except ImportError as error:
         raise InputError(
-            "STEP files need build123d, which is not installed; "
-            "run: pip install -c constraints.txt 'dogshape[cad]'."
+            f"STEP files need build123d, which cannot be loaded ({error}); install "
+            "'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6."
         ) from error
 
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
 
+from pipeline.cad import cad_available
 from pipeline.config import load_study
 from pipeline.drawing import dimensioned_svg
 from sim.checks import GROUPS
+from sim.root_stress import fem_available
 from tests.conftest import Said, needed
 
 Call = Callable[..., Said]
@@ -76,7 +77,7 @@ def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
 
 
 def test_finite_elements_on_request(dogshape: Call) -> None:
-    needed(find_spec("skfem") is not None, "scikit-fem")
+    needed(fem_available(), "scikit-fem")
     said = dogshape("strength", "mq200", "--no-simulation", "--fem", "--json").json
     rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
     assert len(rows) == 6
@@ -129,7 +130,7 @@ def test_drawing_carries_every_dimension() -> None:
 
 
 def test_export_to_cad(dogshape: Call) -> None:
-    needed(find_spec("build123d") is not None, "build123d")
+    needed(cad_available(), "build123d")
     said = dogshape("export", "mq200", "--step", "rings.step")
     assert said.status == 0
     assert "wrote rings.step (both rings)" in said.out
