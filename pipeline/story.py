@@ -27,8 +27,7 @@ def why(result: Engagement) -> str:
     length = in_ms(longest.end - longest.start)
     if result.outcome is Outcome.BLOCKED:
         return _why_blocked(result)
-    name = "free flight" if longest.name == "free fly" else longest.name
-    share = f"{name} took {length} of {in_ms(end)} ms"
+    share = f"{longest.name} took {length} of {in_ms(end)} ms"
     if result.outcome is not Outcome.ENGAGED:
         return f"Not engaged: {result.detail}; until then {share}."
     return f"{share[0].upper()}{share[1:]}: {_REASONS[longest.name](result, longest)}."

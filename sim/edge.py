@@ -99,13 +99,21 @@ def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
     if error["type"] == "extra_forbidden":
         stem = "".join(f"{part}." for part in path[:-1])
         valid = [stem + name for name in _keys(model, path[:-1])]
-        return f"'{key}' is not a known key; {did_you_mean(key, valid)}"
+        whole = [name for name in _keys(model, []) for name in _below(model, name)]
+        meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
+        hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(key, valid)
+        return f"'{key}' is not a known key; {hint}"
     if error["type"] == "missing":
         return f"'{key}' is missing; add it"
     unit = unit_of(key)
     hint = f" in {unit}" if unit else ""
     rule = error["msg"][0].lower() + error["msg"][1:]
     return f"{key} is {given!r}, but {rule}; give a value of the right kind{hint}"
+
+
+def _below(model: type[BaseModel], section: str) -> list[str]:
+    """Return the keys of a section with its name before them."""
+    return [f"{section}.{name}" for name in _keys(model, [section])]
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:

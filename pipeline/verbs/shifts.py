@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Group
 
 from pipeline import tables
 from pipeline.animation import write_animation, write_trace
@@ -87,7 +88,8 @@ def shift(
             "contact_set": clutch.contact.name,
         },
     }
-    emit(data, json, lambda: tables.shift_table(result, peak))
+    written = [f"wrote {path}" for path in (html, trace) if path is not None]
+    emit(data, json, lambda: Group(tables.shift_table(result, peak), *written))
 
 
 def _point(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:

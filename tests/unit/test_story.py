@@ -27,7 +27,7 @@ Point = Callable[[float, float], OperatingPoint]
         ((50.0, 469.0, 10.0), ("Face contact took", "to the next slot", "mm/ms")),
         ((249.0, 641.5, 3.0), ("Face contact took", "past 1 slot", "mismatch fell from 249 to")),
         ((5.0, 235.2, 13.0), ("Seating took", "flanks met at")),
-        ((0.0, 641.5, 12.0), ("Free flight took", "gap of 1.00 mm")),
+        ((0.0, 641.5, 12.0), ("Free fly took", "gap of 1.00 mm")),
     ],
 )
 def test_sentence_names_the_longest_phase(

@@ -81,6 +81,8 @@ def test_rise_time_lies_between_the_table() -> None:
         ("solver.accuracy=1", "solver.accuracy is 1"),
         ("format=2", "format is 2, but this version reads format 1"),
         ("dog.count", "--set dog.count is not KEY=VALUE"),
+        ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
+        ("dog.torque_Nm=9", "did you mean 'load.torque_Nm'?"),
         ("name.x=1", "--set name.x=1: name is a value and not a table"),
     ],
 )
