@@ -44,7 +44,7 @@ from benchmarks.common import clutch_of, default_study
 from sim.flank import FlankContact, flank_contact
 from sim.geometry import Dog, section
 from sim.loadcase import LoadCase
-from sim.root_stress import POISSON, YOUNG
+from sim.materials import POISSON, YOUNG
 from sim.units import DEG, MM
 
 Array = NDArray[np.float64]

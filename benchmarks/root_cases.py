@@ -13,7 +13,7 @@ from sim.geometry import Dog
 from sim.manufacture import ManufacturingLimits, require_makeable
 from sim.notch import PRESSED, TENSION, Load, Pressed, Tension, mises_opposite, root_tension
 from sim.root_mesh import SIDES, RootShape
-from sim.root_stress import FINENESS, Band, Cut, RootModel, RootStress
+from sim.root_stress import BANDS, FINENESS, Band, Cut, RootModel, RootStress
 from sim.units import DEG, MM
 
 FORCE = 1666.7  #: N, the prototype's design load on one dog
@@ -21,7 +21,6 @@ LOW = np.array([0.0, 4.0, 4.0, 1.6, 6.0, 0.2])
 HIGH = np.array([20.0, 30.0, 30.0, 6.0, 36.0, 0.6])
 PROTOTYPE = (8.0, 12.0, 22.0, 3.7, 15, 0.3)
 SHARED = 0.2  #: least part of the height on which two braking flanks touch
-BANDS: tuple[Band, ...] = ("whole", "tip")
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs, root radius in mm.
 Design = tuple[float, float, float, float, int, float]

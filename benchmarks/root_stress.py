@@ -14,7 +14,6 @@ import math
 import numpy as np
 
 from benchmarks.root_cases import (
-    BANDS,
     FORCE,
     PROTOTYPE,
     Case,
@@ -27,7 +26,7 @@ from benchmarks.root_cases import (
 )
 from sim.notch import PRESSED, TENSION, mises_loaded, mises_opposite, root_mises, root_tension
 from sim.root_mesh import SIDES, RootShape
-from sim.root_stress import Cut, RootModel
+from sim.root_stress import BANDS, Cut, RootModel
 from sim.units import DEG, MM, MPA
 
 FINE: Design = (11.4, 7.2, 22.3, 1.95, 34, 0.2)

@@ -67,8 +67,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         if result["n_simulated_designs"] > MIN_DESIGNS:
             surrogate, validation = fit_surrogate(study, result["trials"], folder.surrogate)
             result["surrogate"] = validation.as_dict()
-            best = [result["best"]] if result["best"] is not None else []
-            for row in (*best, *result["front"], *result["trials"]):
+            for row in result["trials"]:  # best and front are among them
                 spread = time_spread(study, surrogate, row)
                 row["time_within_tolerances"] = spread_record(spread)
         else:
@@ -87,13 +86,14 @@ def _shifts(study: Study) -> int:
 def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
     """Return what a search has found so far."""
     study = search.study
+    rows = {trial.number: row_of(search, trial) for trial in search.trials}
     best = best_trial(search)
     return {
         "study": study.name,
         "objectives": study.file.search.objectives,
-        "best": row_of(search, best) if best is not None else None,
-        "front": [row_of(search, t) for t in front(search)],
-        "trials": [row_of(search, t) for t in search.trials],
+        "best": rows[best.number] if best is not None else None,
+        "front": [rows[trial.number] for trial in front(search)],
+        "trials": list(rows.values()),
         "n_simulated_designs": len(search.simulated),
         "n_simulated_shifts": len(journal.rows),
         "confirmation": None,

@@ -14,6 +14,7 @@ from diagnosis.comparison import Comparison, Difference
 from pipeline.config import Study
 from pipeline.console import in_ms
 from pipeline.report import is_clear
+from pipeline.tolerances import KINDS, Within
 from sim.checks import GROUPS, Check, feasible, smallest_margin
 from sim.engagement import Engagement
 from sim.expectation import Expectation
@@ -22,8 +23,6 @@ from sim.tolerance import Spread
 from sim.units import MM, MPA, RPM
 from surrogate.query import Answer
 from surrogate.validation import Validation
-
-WITHIN = ("worst_case", "root_sum_square")  #: margins within tolerances, as records name them
 
 
 def _table(*columns: str) -> Table:
@@ -105,7 +104,7 @@ def expectation_table(result: Expectation) -> RenderableType:
 
 def strength_table(
     checks: Sequence[Check],
-    within: dict[str, dict[str, float]],
+    within: Within,
     held: float,
     notes: Sequence[str] = (),
     explain: bool = False,
@@ -129,7 +128,7 @@ def strength_table(
                 f"{c.limit:.4g}",
                 c.unit,
                 percentage(c.margin),
-                *(percentage(left[k]) if k in left else "-" for k in WITHIN),
+                *(percentage(left[k]) if k in left else "-" for k in KINDS),
                 "yes" if c.passed else "NO",
             )
     weakest = smallest_margin(checks)
@@ -148,7 +147,7 @@ def strength_table(
     return Group(table, *lines, *([_rules_table(checks)] if explain else []))
 
 
-def _within_line(within: dict[str, dict[str, float]]) -> list[str]:
+def _within_line(within: Within) -> list[str]:
     """Return the smallest margin in the worst case, in words."""
     if not within:
         return []

@@ -20,6 +20,7 @@ from sim.units import suffix_of, to_si
 from surrogate.model import Surrogate
 from surrogate.query import half_difference
 
+KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 
 
@@ -36,12 +37,9 @@ def margins_within(study: Study, design: Design) -> Within:
     for check in design.checks:
         if check.name in spreads:
             spread = spreads[check.name]
-            found[check.name] = {
-                "worst_case": check.margin - spread.worst_case,
-                "root_sum_square": check.margin - spread.root_sum_square,
-            }
+            found[check.name] = {kind: check.margin - getattr(spread, kind) for kind in KINDS}
         elif check.rule.group == "tolerance":
-            found[check.name] = dict.fromkeys(("worst_case", "root_sum_square"), check.margin)
+            found[check.name] = dict.fromkeys(KINDS, check.margin)
     return found
 
 
@@ -50,7 +48,7 @@ def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
     rows = margins_within(study, design).values()
     return {
         f"margin_{kind}": number_or_none(min((row[kind] for row in rows), default=None))
-        for kind in ("worst_case", "root_sum_square")
+        for kind in KINDS
     }
 
 

@@ -30,6 +30,11 @@ FLANKS: tuple[Flank, ...] = ("traction", "braking")
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 
 
+def side_angle(dog: Dog, flank: Flank) -> float:
+    """Return the side angle of a flank, rad."""
+    return dog.traction if flank == "traction" else dog.braking
+
+
 @dataclass(frozen=True)
 class FlankContact:
     """What of a flank touches at full depth.
@@ -67,8 +72,7 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
 def _lost(dog: Dog, root_radius: float, flank: Flank, radius: float) -> float:
     """Return the height that a flank lacks at its tip, m."""
     drop = dog.edge_drop_at(radius) if flank == "braking" else 0.0
-    lean = dog.traction if flank == "traction" else dog.braking
-    return drop + root_radius * math.cos(lean) * _cut(dog, flank)
+    return drop + root_radius * math.cos(side_angle(dog, flank)) * _cut(dog, flank)
 
 
 def _cut(dog: Dog, flank: Flank) -> float:

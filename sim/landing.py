@@ -33,10 +33,9 @@ from sim.checks import Check, Rule
 from sim.flank import LAND, crest_cut
 from sim.geometry import Dog
 from sim.loads import OVERLAPS, Landing
+from sim.materials import POISSON, YOUNG
 from sim.strength import Limits
 from sim.units import MPA
-
-YOUNG, POISSON = 210e9, 0.3  #: steel, Pa
 
 
 def hardest(landings: Iterable[Landing]) -> Landing:

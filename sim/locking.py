@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 
 from sim.checks import Check, Rule
-from sim.flank import FLANKS, Flank
+from sim.flank import FLANKS, Flank, side_angle
 from sim.geometry import Dog
 from sim.loadcase import LoadCase
 from sim.units import DEG
@@ -63,8 +63,7 @@ def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float
 
 def separating_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
     """Return the axial force of a loaded flank at low friction, N; positive separates."""
-    angle = dog.traction if flank == "traction" else dog.braking
-    return axial_force(dog, load.design_torque, angle, load.friction_hold)
+    return axial_force(dog, load.design_torque, side_angle(dog, flank), load.friction_hold)
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:

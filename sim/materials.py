@@ -39,6 +39,7 @@ STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
 STATIC_CYCLES, ENDURANCE_CYCLES, LONG_CYCLES = 1e3, 3e6, 1e10
 LONG_FACTOR = 0.85  #: Y_NT at LONG_CYCLES
 HARDNESS = 9.80665 * MPA  #: Pa of one HV
+YOUNG, POISSON = 210e9, 0.3  #: of steel; Pa
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from sim.errors import require_between
-from sim.flank import Flank
+from sim.flank import Flank, side_angle
 from sim.geometry import Dog
 from sim.units import DEG, MM
 
@@ -86,7 +86,7 @@ MISES_FACTOR = 0.93
 
 def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
     """Return the tension at the root on the loaded side without the notch, Pa."""
-    width, lean = dog.root_width, math.tan(_angles(dog, load.flank)[0])
+    width, lean = dog.root_width, math.tan(side_angle(dog, load.flank))
     arm = 0.5 * width - load.lever * lean
     nominal = (
         6.0 * load.lever / width**2
@@ -107,7 +107,7 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
 
 def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSION) -> float:
     """Return the tension in the fillet over the nominal one, at least 1."""
-    lean = min(math.tan(_angles(dog, flank)[0]), STEEPEST)
+    lean = min(math.tan(side_angle(dog, flank)), STEEPEST)
     return max(1.0, _notch(dog, root_radius, by) * (1.0 + by.lean * lean))
 
 
@@ -133,7 +133,8 @@ def mises_loaded(dog: Dog, root_radius: float, load: Load) -> float:
 
 def mises_opposite(dog: Dog, root_radius: float, load: Load, by: Pressed = PRESSED) -> float:
     """Return the largest von Mises stress in the other flank's fillet, Pa."""
-    width, (loaded, other) = dog.root_width, _angles(dog, load.flank)
+    width, loaded = dog.root_width, side_angle(dog, load.flank)
+    other = side_angle(dog, "braking" if load.flank == "traction" else "traction")
     nominal = (
         6.0 * load.lever / width**2
         + by.near / math.sqrt(width * load.lever)
@@ -153,8 +154,3 @@ def _notch(dog: Dog, root_radius: float, by: Tension) -> float:
     sharp = 1.0 + by.notch * math.pow(dog.root_width / root_radius, by.sharpness)
     length = min(dog.radial_width / dog.root_width, LONGEST)
     return sharp * (1.0 + by.spread * length)
-
-
-def _angles(dog: Dog, flank: Flank) -> tuple[float, float]:
-    angles = (dog.traction, dog.braking)
-    return angles if flank == "traction" else angles[::-1]

@@ -11,10 +11,8 @@ from sim.flank import FLANKS, Flank
 from sim.geometry import Dog
 from sim.notch import Load, root_tension
 from sim.root_mesh import RootShape
-from sim.root_stress import Band, RootModel
+from sim.root_stress import BANDS, Band, RootModel
 from sim.strength import Limits, root_load
-
-BANDS: tuple[Band, ...] = ("whole", "tip")
 
 
 @dataclass(frozen=True)

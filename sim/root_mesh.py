@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from sim.errors import GeometryError, refusal, require_between
-from sim.flank import Flank
+from sim.flank import Flank, side_angle
 from sim.geometry import Dog
 from sim.units import MM
 
@@ -78,26 +78,20 @@ class RootShape:
             rule = "the fillet may take at most two thirds of it"
             raise GeometryError(refusal(f"{flank} flank", high * 1e3, "mm high", rule, remedy))
 
-    def lean(self, flank: Flank) -> float:
-        """Side angle of a flank, rad."""
-        return self.dog.traction if flank == "traction" else self.dog.braking
-
     def sweep(self, flank: Flank) -> float:
         """Angle that the fillet covers, rad."""
-        return 0.5 * math.pi - self.lean(flank)
+        return 0.5 * math.pi - side_angle(self.dog, flank)
 
     def fillet_height(self, flank: Flank) -> float:
         """Height above the floor at which the fillet runs into the flank, m."""
-        return self.root_radius * (1.0 - math.sin(self.lean(flank)))
+        return self.root_radius * (1.0 - math.sin(side_angle(self.dog, flank)))
 
     def top(self, flank: Flank, radius: float) -> float:
         """Upper end of a flank at a radius above the median plane, m."""
         dog = self.dog
         if flank == "traction":
             return 0.5 * dog.height
-        fall = math.tan(dog.chamfer)
-        edge = dog.tip_width_at(radius) * fall / (1.0 - fall * math.tan(dog.braking))
-        return 0.5 * dog.height - edge
+        return 0.5 * dog.height - dog.edge_drop_at(radius)
 
     @property
     def layer(self) -> float:
@@ -176,7 +170,7 @@ def _line(start: Points, end: Points, at: Points) -> Points:
 
 def _side(shape: RootShape, flank: Flank, radius: float, fineness: int) -> _Side:
     dog, rho, layer = shape.dog, shape.root_radius, shape.layer
-    lean, sweep = shape.lean(flank), shape.sweep(flank)
+    lean, sweep = side_angle(shape.dog, flank), shape.sweep(flank)
     quarter, floor = 0.25 * dog.pitch_angle * radius, -0.5 * dog.height
     foot = quarter - floor * math.tan(lean) + rho * math.tan(0.5 * sweep)
     cut = quarter - floor * math.tan(lean) + 0.5 * dog.tip_width_at(radius)

@@ -50,6 +50,7 @@ from numpy.typing import NDArray
 
 from sim.errors import InputError
 from sim.flank import Flank
+from sim.materials import POISSON, YOUNG
 from sim.plane_solver import PlaneSolver
 from sim.root_mesh import (
     SIDES,
@@ -62,10 +63,9 @@ from sim.root_mesh import (
 )
 
 Band = Literal["whole", "tip"]
+BANDS: tuple[Band, ...] = ("whole", "tip")
 Cut = Literal["periodic", "free", "fixed"]
 Matrix = Any  #: scipy's sparse matrix in compressed rows
-YOUNG = 210e9  #: Pa, steel
-POISSON = 0.3
 TIP_PART = 0.2  #: of the flank's height that the band at the tip takes
 FINENESS = 2  #: default: 8 cells over a fillet, 6 along the radius
 HUB_STIFFNESS = 1e11  #: N/m a node: thousands of times that of a cell

@@ -21,7 +21,7 @@ from pipeline.folder import StudyFolder
 from pipeline.options import Jobs, Json, Sets, StudyArg, app, default_out
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, number_or_none, root_record
-from pipeline.tolerances import margins_within, spread_record, time_spread
+from pipeline.tolerances import KINDS, Within, margins_within, spread_record, time_spread
 from sim.checks import feasible
 from sim.errors import InputError, require_between
 from sim.landing import LANDING_RULES
@@ -102,13 +102,13 @@ def _notes(given: Study) -> list[str]:
     return outside_fit(given.clutch.dog, given.limits.root_radius)
 
 
-def _checks(design: Design, within: dict[str, dict[str, float]]) -> list[dict[str, Any]]:
+def _checks(design: Design, within: Within) -> list[dict[str, Any]]:
     empty: dict[str, float] = {}
     return [
         check_record(check)
         | {
             f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
-            for kind in ("worst_case", "root_sum_square")
+            for kind in KINDS
         }
         for check in design.checks
     ]
@@ -196,7 +196,8 @@ def export(
         raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
-    if (design := design_of(given, {})) and not design.feasible:
+    design = design_of(given, {})
+    if not design.feasible:
         failed = ", ".join(design.failed)
         print(f"warning: not feasible ({failed}); see dogshape strength", file=sys.stderr)
     body = body_mm * MM

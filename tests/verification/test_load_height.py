@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from sim.geometry import Dog
-from sim.root_stress import POISSON, YOUNG, fem_available
+from sim.materials import POISSON, YOUNG
+from sim.root_stress import fem_available
 from sim.units import DEG
 from tests.conftest import needed
 

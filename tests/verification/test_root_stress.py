@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from sim import root_stress
+from sim.flank import Flank
 from sim.geometry import Dog
 from sim.notch import Load, root_mises, root_tension
-from sim.root_mesh import Flank, RootShape
-from sim.root_stress import Band, RootModel, fem_available
+from sim.root_mesh import RootShape
+from sim.root_stress import BANDS, RootModel, fem_available
 from tests.conftest import needed
 
 FORCE = 1000.0
-BANDS: tuple[Band, ...] = ("whole", "tip")
 FLANKS: list[tuple[Flank, float]] = [("traction", -1.0), ("braking", 1.0)]
 
 
