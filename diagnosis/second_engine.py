@@ -39,9 +39,10 @@ from diagnosis.second_model import (
     solver_reference,
 )
 from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import STILL_WINDOW, Outcome
+from sim.engagement import STILL_WINDOW
 from sim.errors import InputError
 from sim.events import stays_held
+from sim.outcome import Outcome
 from sim.trace import Series, Trace, trace_of
 
 CHUNK = 0.004  #: s of motion between two looks at it

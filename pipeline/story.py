@@ -8,7 +8,8 @@ import numpy as np
 
 from pipeline.console import in_ms
 from pipeline.tables import event_facts, load_facts
-from sim.engagement import Engagement, Outcome
+from sim.engagement import Engagement
+from sim.outcome import Outcome
 from sim.phases import Phase
 from sim.units import MM, MS, RPM
 

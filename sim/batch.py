@@ -17,9 +17,10 @@ from importlib import metadata
 from typing import Any
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, Outcome, engage
+from sim.engagement import Engagement, engage
 from sim.expectation import ShiftResult, even_phases
 from sim.loads import Landing
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG, MM, RPM
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 from pydrake.systems.framework import Context, EventStatus
@@ -17,34 +16,13 @@ from pydrake.systems.framework import Context, EventStatus
 from sim.clutch import Clutch, OperatingPoint
 from sim.events import Events, events_of, stays_held
 from sim.loads import Loads, loads_of
+from sim.outcome import Outcome
 from sim.phases import Phase, phases_of
 from sim.plant import ClutchPlant
 from sim.trace import Series, Trace, crossing, trace_of
 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 STEP_LIMIT = 400_000  #: steps after which a run counts as diverged
-
-
-class Outcome(Enum):
-    """How a shift ended."""
-
-    ENGAGED = "engaged"
-    BLOCKED = "blocked"
-    TIMED_OUT = "timed_out"
-    DIVERGED = "diverged"
-
-    @property
-    def message(self) -> str:
-        """What the outcome means, in words."""
-        return _MESSAGES[self]
-
-
-_MESSAGES = {
-    Outcome.ENGAGED: "the sliding ring reached full depth",
-    Outcome.BLOCKED: "the rings stand still on each other, dog on dog, held by friction",
-    Outcome.TIMED_OUT: "full depth was not reached before the time-out",
-    Outcome.DIVERGED: "the integration failed",
-}
 
 
 @dataclass(frozen=True)

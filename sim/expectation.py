@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.clutch import OperatingPoint
-from sim.engagement import Outcome
+from sim.outcome import Outcome
 
 Phases = NDArray[np.float64]
 

@@ -12,9 +12,10 @@ import pytest
 from pipeline.scene import ring_body, solids
 from pipeline.story import facts, why
 from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Outcome, engage
+from sim.engagement import engage
 from sim.geometry import Dog
 from sim.mesh import dog_planes, dog_solid
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG
 

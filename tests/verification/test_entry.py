@@ -11,7 +11,8 @@ from pydrake.systems.framework import Context, EventStatus
 
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint, Rings
-from sim.engagement import Outcome, engage
+from sim.engagement import engage
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
 

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, Outcome, engage
+from sim.engagement import Engagement, engage
 from sim.loads import energy_lost, torque_peak
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
 from tests.conftest import dog_of

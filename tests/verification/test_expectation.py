@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from sim.clutch import OperatingPoint
-from sim.engagement import Outcome
 from sim.expectation import ShiftResult, even_phases, expect, expect_point
+from sim.outcome import Outcome
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -11,7 +11,8 @@ import pytest
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint, solver_for
 from sim.contact import CONTACT_SETS
-from sim.engagement import Engagement, Outcome, engage
+from sim.engagement import Engagement, engage
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
 from tests.conftest import RISE, dog_of

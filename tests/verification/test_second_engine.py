@@ -27,9 +27,10 @@ from diagnosis.second_model import (
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint, solver_for
 from sim.contact import contact_set
-from sim.engagement import Outcome, engage
+from sim.engagement import engage
 from sim.errors import InputError
 from sim.expectation import even_phases
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.trace import Trace
 from sim.units import DEG, RPM

@@ -1,0 +1,27 @@
+"""How a shift ended: a value, so that what only reads results needs no simulation."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+
+class Outcome(Enum):
+    """How a shift ended."""
+
+    ENGAGED = "engaged"
+    BLOCKED = "blocked"
+    TIMED_OUT = "timed_out"
+    DIVERGED = "diverged"
+
+    @property
+    def message(self) -> str:
+        """What the outcome means, in words."""
+        return _MESSAGES[self]
+
+
+_MESSAGES = {
+    Outcome.ENGAGED: "the sliding ring reached full depth",
+    Outcome.BLOCKED: "the rings stand still on each other, dog on dog, held by friction",
+    Outcome.TIMED_OUT: "full depth was not reached before the time-out",
+    Outcome.DIVERGED: "the integration failed",
+}
