@@ -12,9 +12,10 @@ import math
 from dataclasses import dataclass
 
 from diagnosis.bench import Bench, Cell
-from sim.batch import Block, Record, even_blocks, result_of
+from sim.blocks import Block, even_blocks
 from sim.expectation import PointExpectation, expect_point
 from sim.numerical import Runner, numerical_error
+from sim.records import Record, result_of
 
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
 

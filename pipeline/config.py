@@ -15,7 +15,6 @@ import numpy as np
 
 from pipeline.schema import FORMAT, StudyFile
 from sim.actuation import ForceProfile
-from sim.batch import Record, clutch_record, content_key
 from sim.bundled import bundled_root
 from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
@@ -26,6 +25,7 @@ from sim.loadcase import LoadCase
 from sim.loads import torque_peak
 from sim.manufacture import ManufacturingLimits
 from sim.materials import material_of
+from sim.records import Record, clutch_record, content_key
 from sim.strength import Limits
 from sim.tolerance import Tolerances
 from sim.units import MM, RPM, unit_of

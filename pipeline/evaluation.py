@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.config import Study
 from pipeline.executor import Executor
-from sim.batch import Record, even_blocks, landing_of, result_of
+from sim.blocks import even_blocks
 from sim.clutch import OperatingPoint
 from sim.expectation import Expectation, expect, expect_point
 from sim.geometry import Dog
@@ -15,6 +15,7 @@ from sim.landing import hardest
 from sim.loads import Landing
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
+from sim.records import Record, landing_of, result_of
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ from pathlib import Path
 from joblib import Parallel, delayed, parallel_config
 
 from pipeline.journal import ShiftJournal, append
-from sim.batch import Block, Record, run_block
+from sim.batch import run_block
+from sim.blocks import Block
+from sim.records import Record
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 

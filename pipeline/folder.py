@@ -19,9 +19,9 @@ from typing import Any
 
 from pipeline.config import Study, build_study
 from pipeline.schema import FORMAT, StudyFile
-from sim.batch import versions
 from sim.edge import validate
 from sim.errors import StorageError
+from sim.versions import versions
 
 
 class StudyFolder:

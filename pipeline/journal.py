@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from sim.batch import Record, landing_of, result_of
 from sim.errors import StorageError
+from sim.records import Record, landing_of, result_of
 
 
 class ShiftJournal:

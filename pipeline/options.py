@@ -8,9 +8,9 @@ from typing import Annotated
 import typer
 
 from pipeline.config import Study
-from sim.batch import versions
 from sim.errors import InputError
 from sim.units import DEG
+from sim.versions import versions
 
 app = typer.Typer(
     name="dogshape",

@@ -14,9 +14,10 @@ from pipeline.config import Study
 from pipeline.evaluation import expectation_of
 from pipeline.executor import Executor
 from pipeline.progress import ShiftProgress
-from sim.batch import Block, Record, even_blocks
+from sim.blocks import Block, even_blocks
 from sim.clutch import OperatingPoint
 from sim.expectation import Expectation
+from sim.records import Record
 
 FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed

@@ -27,8 +27,8 @@ from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
 from pipeline.sampler import search_space
-from sim.batch import content_key, landing_of, landing_record
 from sim.errors import StorageError
+from sim.records import content_key, landing_of, landing_record
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 

@@ -20,8 +20,8 @@ from pipeline.report import write_report
 from pipeline.sampler import dataset_of, sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
 from pipeline.tolerances import smallest_within, spread_record, time_spread
-from sim.batch import versions
 from sim.checks import smallest_margin
+from sim.versions import versions
 from surrogate.model import MIN_DESIGNS, Surrogate, fit
 from surrogate.store import save
 from surrogate.validation import Validation, validate

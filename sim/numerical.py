@@ -7,7 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.batch import Block, Record, result_of
+from sim.blocks import Block
+from sim.records import Record, result_of
 
 CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.batch import versions
 from sim.errors import DataError
+from sim.versions import versions
 from surrogate.dataset import Dataset
 from surrogate.model import Surrogate, restore
 from surrogate.validation import Validation

@@ -19,7 +19,8 @@ from pipeline.options import Jobs, Json, Sets, StudyArg, angles_of, app
 from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.records import expectation_record
-from sim.batch import Block, even_blocks, events_record, loads_record
+from sim.batch import events_record, loads_record
+from sim.blocks import Block, even_blocks
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between

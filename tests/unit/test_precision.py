@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.batch import Block, Record
+from sim.blocks import Block
 from sim.clutch import Clutch, OperatingPoint
 from sim.expectation import even_phases
 from sim.numerical import CHECKED, numerical_error
+from sim.records import Record
 from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sim.batch import landing_of, landing_record
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import engage
 from sim.geometry import Dog
@@ -19,6 +18,7 @@ from sim.loadcase import LoadCase
 from sim.loads import OVERLAPS, Landing
 from sim.phases import face_overlap
 from sim.plant import ClutchPlant
+from sim.records import landing_of, landing_record
 from sim.strength import Limits
 from sim.units import MPA
 

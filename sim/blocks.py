@@ -1,0 +1,45 @@
+"""Blocks of work: one clutch at one operating point with its relative angles.
+
+A block is a value that can be sent to another process; ``sim.batch`` simulates it there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sim.clutch import Clutch, OperatingPoint
+from sim.expectation import even_phases
+from sim.records import content_key, inputs
+
+
+@dataclass(frozen=True)
+class Block:
+    """One clutch at one operating point, at relative angles in rad."""
+
+    clutch: Clutch
+    point: OperatingPoint
+    angles: tuple[float, ...]
+
+    @property
+    def keys(self) -> list[str]:
+        """Content keys of the block's shifts, in the order of the angles."""
+        return [content_key(inputs(self.clutch, self.point, angle)) for angle in self.angles]
+
+
+def even_blocks(
+    clutch: Clutch,
+    points: Sequence[OperatingPoint],
+    count: int,
+    seed: int,
+    base: int | None = None,
+) -> list[Block]:
+    """Return a block for each operating point, at ``count`` evenly spaced angles of its own.
+
+    ``seed`` and ``base`` as for ``sim.expectation.even_phases``.
+    """
+    blocks = []
+    for index, point in enumerate(points):
+        angles = even_phases(count, seed, index, base) * clutch.dog.pitch_angle
+        blocks.append(Block(clutch, point, tuple(angles.tolist())))
+    return blocks

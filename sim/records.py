@@ -1,0 +1,86 @@
+"""Shifts as flat records of what went in and came out, in the edge's units.
+
+Nothing here simulates, so what only reads results starts without the simulation.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+from sim.clutch import Clutch, OperatingPoint
+from sim.expectation import ShiftResult
+from sim.loads import Landing
+from sim.outcome import Outcome
+from sim.units import DEG, MM, RPM
+
+Record = dict[str, Any]
+
+
+def clutch_record(clutch: Clutch) -> Record:
+    """Return everything about a clutch that a simulation uses, in the edge's units."""
+    dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
+    return {
+        "count": dog.count,
+        "chamfer_deg": dog.chamfer / DEG,
+        "traction_deg": dog.traction / DEG,
+        "braking_deg": dog.braking / DEG,
+        "height_mm": dog.height / MM,
+        "outer_diameter_mm": dog.outer_diameter / MM,
+        "inner_diameter_mm": dog.inner_diameter / MM,
+        "axial_gap_mm": dog.axial_gap / MM,
+        "sliding_mass_kg": rings.mass,
+        "sliding_inertia_kgm2": rings.sliding_inertia,
+        "output_inertia_kgm2": rings.output_inertia,
+        "initial_speed_rpm": rings.initial_speed / RPM,
+        "contact_set": contact.name,
+        "static_friction": contact.static_friction,
+        "dynamic_friction": contact.dynamic_friction,
+        "stiction_velocity_m_s": contact.stiction_velocity,
+        "stiffness_Pa_m": contact.stiffness,
+        "dissipation_s_m": contact.dissipation,
+        "timeout_s": clutch.timeout,
+        "seated_tolerance_mm": clutch.seated_tolerance / MM,
+        "rebound_mm": clutch.rebound / MM,
+        "scheme": solver.scheme,
+        "accuracy": solver.accuracy,
+        "max_step_s": solver.max_step,
+        "all_dogs": solver.all_dogs,
+    }
+
+
+def inputs(clutch: Clutch, point: OperatingPoint, angle: float) -> Record:
+    """Return the inputs of one shift as a flat record."""
+    return {
+        **clutch_record(clutch),
+        "mismatch_rpm": point.mismatch / RPM,
+        "force_N": point.profile.force,
+        "force_rise_s": point.profile.rise,
+        "relative_angle_deg": angle / DEG,
+    }
+
+
+def content_key(record: Record) -> str:
+    """Return a short hash of a record; equal inputs share it.
+
+    Floats are rounded to twelve digits, which a change of unit does not reach.
+    """
+    rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
+    text = json.dumps(rounded, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def result_of(record: Record) -> ShiftResult:
+    """Return what an expectation needs from a record."""
+    return ShiftResult(Outcome(record["outcome"]), record["shift_time_s"])
+
+
+def landing_record(landing: Landing) -> Record:
+    """Return a landing as a flat record in the edge's units."""
+    return {"landing_loads_N_mm": [load * MM for load in landing.line_loads]}
+
+
+def landing_of(record: Record) -> Landing:
+    """Return what a record says of the hardest landing, dog on dog."""
+    return Landing(tuple(load / MM for load in record["landing_loads_N_mm"]))
