@@ -73,4 +73,4 @@ def run_block(block: Block) -> Iterator[Record]:
     """Simulate the shifts of a block one after the other and yield their records."""
     plant = plant_of(block.clutch)
     for angle in block.angles:
-        yield shift_record(engage(plant, block.point, angle))
+        yield {**shift_record(engage(plant, block.point, angle)), "seed": block.seed}

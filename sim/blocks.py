@@ -15,11 +15,15 @@ from sim.records import content_key, inputs
 
 @dataclass(frozen=True)
 class Block:
-    """One clutch at one operating point, at relative angles in rad."""
+    """One clutch at one operating point, at relative angles in rad.
+
+    ``seed`` is that of the angles' draw, None where they were given.
+    """
 
     clutch: Clutch
     point: OperatingPoint
     angles: tuple[float, ...]
+    seed: int | None = None
 
     @property
     def keys(self) -> list[str]:
@@ -41,5 +45,5 @@ def even_blocks(
     blocks = []
     for index, point in enumerate(points):
         angles = even_phases(count, seed, index, base) * clutch.dog.pitch_angle
-        blocks.append(Block(clutch, point, tuple(angles.tolist())))
+        blocks.append(Block(clutch, point, tuple(angles.tolist()), seed))
     return blocks
