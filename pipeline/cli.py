@@ -1,12 +1,79 @@
-"""The command line ``dogshape``: all verbs of the program, in the order of its help.
+"""The command line ``dogshape``: all verbs of the program, each loaded when it is called.
 
 Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
 
-from pipeline.options import app
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any
 
-from pipeline.verbs import shifts, designs, studies, benches  # isort: skip
+import typer
+from typer.core import TyperGroup
 
-__all__ = ["app", "benches", "designs", "shifts", "studies"]
+from sim.versions import versions
+
+#: Module of each verb, in which a function bears the verb's name; in the order of the help.
+VERBS = {
+    "shift": "pipeline.verbs.shifts",
+    "expect": "pipeline.verbs.shifts",
+    "strength": "pipeline.verbs.designs",
+    "check": "pipeline.verbs.asking",
+    "export": "pipeline.verbs.designs",
+    "study": "pipeline.verbs.studies",
+    "report": "pipeline.verbs.studies",
+    "fit": "pipeline.verbs.studies",
+    "validate": "pipeline.verbs.benches",
+}
+#: Plain text for people and programs alike.
+PLAIN: dict[str, Any] = {
+    "add_completion": False,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+}
+
+
+class _Commands(UserDict[str, Any]):
+    """Commands by verb. Names are known at once; a command's module is loaded with it.
+
+    Simulation, search and report take seconds to load, and no verb needs all of them.
+    """
+
+    def __getitem__(self, name: str) -> Any:
+        module = import_module(super().__getitem__(name))
+        program = typer.Typer(**PLAIN)
+        program.command(name)(getattr(module, name))
+        return typer.main.get_command(program)
+
+
+class _Verbs(TyperGroup):
+    """The program's verbs."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = _Commands(VERBS)
+
+
+app = typer.Typer(
+    cls=_Verbs,
+    name="dogshape",
+    help="Simulate, search and check the shape of the dogs of a dog clutch.",
+    no_args_is_help=True,
+    **PLAIN,
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
+    ] = False,
+) -> None:
+    """Simulate, search and check the shape of the dogs of a dog clutch."""

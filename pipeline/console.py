@@ -11,6 +11,7 @@ from typing import Any, ParamSpec
 
 import typer
 from rich.console import Console, RenderableType
+from rich.table import Table
 
 from sim.errors import DogshapeError
 
@@ -51,3 +52,11 @@ def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]
 def in_ms(seconds: float | None) -> str:
     """Return a time in ms to a tenth, or a dash where there is none."""
     return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
+
+
+def columns(*names: str) -> Table:
+    """Return an empty table: words in its first column, numbers in the others."""
+    table = Table(box=None, pad_edge=False, header_style="bold")
+    for index, name in enumerate(names):
+        table.add_column(name, justify="left" if index == 0 else "right")
+    return table

@@ -16,9 +16,10 @@ from sim.errors import GeometryError, InputError, did_you_mean
 from sim.expectation import Expectation
 from sim.flank import FLANKS
 from sim.geometry import Dog
-from sim.landing import landing_checks
+from sim.landing import LANDING_RULES, landing_checks
 from sim.loads import Landing
 from sim.locking import separating_force
+from sim.notch import outside_fit
 from sim.strength import keeps_limits, strength_checks
 from sim.units import MM
 
@@ -56,6 +57,12 @@ class Design:
             return ["geometry"]
         return [check.name for check in self.checks if not check.passed]
 
+    @property
+    def not_checked(self) -> list[str]:
+        """Names of the checks that a simulation would add."""
+        known = {check.name for check in self.checks}
+        return [rule.name for rule in LANDING_RULES if rule.name not in known]
+
 
 def design_of(study: Study, params: dict[str, float], landing: Landing | None = None) -> Design:
     """Work out a design; an impossible shape is a design that is not feasible.
@@ -70,6 +77,11 @@ def design_of(study: Study, params: dict[str, float], landing: Landing | None = 
     if landing is not None:
         checks += landing_checks(dog, landing, study.limits)
     return Design(params, dog, checks, "")
+
+
+def root_notes(study: Study) -> list[str]:
+    """Return warnings where the root of the study's own dog lies outside its formula's fit."""
+    return outside_fit(study.clutch.dog, study.limits.root_radius)
 
 
 def worth_simulating(study: Study, params: dict[str, float]) -> bool:

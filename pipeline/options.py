@@ -1,4 +1,4 @@
-"""The program ``dogshape`` and the options that its verbs share."""
+"""The options that the verbs share."""
 
 from __future__ import annotations
 
@@ -10,16 +10,6 @@ import typer
 from pipeline.config import Study
 from sim.errors import InputError
 from sim.units import DEG
-from sim.versions import versions
-
-app = typer.Typer(
-    name="dogshape",
-    help="Simulate, search and check the shape of the dogs of a dog clutch.",
-    no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-)
 
 StudyArg = Annotated[
     str, typer.Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
@@ -30,21 +20,6 @@ Sets = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
-
-
-def _print_version(wanted: bool) -> None:
-    if wanted:
-        print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
-        raise typer.Exit
-
-
-@app.callback()
-def options(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
-    ] = False,
-) -> None:
-    """Simulate, search and check the shape of the dogs of a dog clutch."""
 
 
 def default_out(given: Study) -> Path:

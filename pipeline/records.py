@@ -7,8 +7,7 @@ from typing import Any
 
 from sim.checks import Check
 from sim.expectation import Expectation
-from sim.root_check import RootCheck
-from sim.units import MM, MPA, RPM
+from sim.units import RPM
 
 
 def expectation_record(expectation: Expectation) -> dict[str, Any]:
@@ -59,12 +58,8 @@ def check_record(check: Check) -> dict[str, Any]:
     }
 
 
-def root_record(root: RootCheck) -> dict[str, Any]:
-    """Return the root stress of one load by finite elements and by the closed form."""
-    return {
-        "flank": root.flank,
-        "band": root.band,
-        "lever_mm": root.lever / MM,
-        "finite_elements_MPa": root.elements / MPA,
-        "closed_form_MPa": root.formula / MPA,
-    }
+def is_clear(confirmation: dict[str, Any]) -> bool:
+    """Tell whether a confirmed gain is at least twice its standard error."""
+    gain: float = confirmation["gain_s"]
+    error: float = confirmation["gain_standard_error_s"]
+    return abs(gain) >= 2.0 * error and gain != 0.0

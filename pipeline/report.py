@@ -21,7 +21,7 @@ from pipeline.figures import (
     points_figure,
 )
 from pipeline.folder import StudyFolder
-from pipeline.records import check_record
+from pipeline.records import check_record, is_clear
 from sim.checks import GROUPS, Check
 from sim.landing import landing_checks
 from sim.loads import Landing
@@ -38,13 +38,6 @@ def write_report(folder: StudyFolder) -> Path:
     page = render("report.html.j2", **_content(study, result))
     folder.report.write_text(page, encoding="utf-8")
     return folder.report
-
-
-def is_clear(confirmation: Row) -> bool:
-    """Tell whether a confirmed gain is at least twice its standard error."""
-    gain: float = confirmation["gain_s"]
-    error: float = confirmation["gain_standard_error_s"]
-    return abs(gain) >= 2.0 * error and gain != 0.0
 
 
 def percent(margin: float) -> str:

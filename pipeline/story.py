@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.console import in_ms
-from pipeline.tables import event_facts, load_facts
+from pipeline.tables.shifts import event_facts, load_facts
 from sim.engagement import Engagement
 from sim.outcome import Outcome
 from sim.phases import Phase

@@ -13,7 +13,7 @@ from typing import Any
 
 from pipeline.config import Study
 from pipeline.design import Design
-from pipeline.records import number_or_none
+from pipeline.records import check_record, number_or_none
 from sim.strength import margin_losses
 from sim.tolerance import Spread
 from sim.units import suffix_of, to_si
@@ -41,6 +41,19 @@ def margins_within(study: Study, design: Design) -> Within:
         elif check.rule.group == "tolerance":
             found[check.name] = dict.fromkeys(KINDS, check.margin)
     return found
+
+
+def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
+    """Return every check as a record, with its margins ``within`` the tolerances."""
+    empty: dict[str, float] = {}
+    return [
+        check_record(check)
+        | {
+            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
+            for kind in KINDS
+        }
+        for check in design.checks
+    ]
 
 
 def smallest_within(study: Study, design: Design) -> dict[str, float | None]:

@@ -8,16 +8,15 @@ import typer
 
 from diagnosis.bench import load_bench
 from diagnosis.comparison import ANGLES, compare
-from pipeline import tables
 from pipeline.console import emit, verb
 from pipeline.executor import scratch_executor
-from pipeline.options import Jobs, Json, angles_of, app
+from pipeline.options import Jobs, Json, angles_of
 from pipeline.progress import ShiftProgress
+from pipeline.tables.benches import comparison_table, difference_record
 from sim.errors import InputError
 from sim.numerical import CHECKED, LEAST
 
 
-@app.command()
 @verb
 def validate(
     bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
@@ -46,9 +45,9 @@ def validate(
         result = compare(given, run, chosen, checked=True)
     data = {
         "name": given.name,
-        "points": [tables.difference_record(d) for d in result.differences],
+        "points": [difference_record(d) for d in result.differences],
         "rmse_s": result.rmse,
         "relative_rms": result.relative_rms,
         "numerical_error_s": result.numerical_error,
     }
-    emit(data, json, lambda: tables.comparison_table(result))
+    emit(data, json, lambda: comparison_table(result))

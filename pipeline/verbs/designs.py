@@ -1,4 +1,4 @@
-"""``strength``, ``check`` and ``export``: one design, its checks, its predicted time, its part."""
+"""``strength`` and ``export``: one design, its checks and its part."""
 
 from __future__ import annotations
 
@@ -9,34 +9,28 @@ from typing import Annotated, Any
 import typer
 from rich.console import Group, RenderableType
 
-from pipeline import tables
 from pipeline.cad import write_step
 from pipeline.config import Study, load_study
 from pipeline.console import emit, verb
-from pipeline.design import Design, design_of
+from pipeline.design import Design, design_of, root_notes
 from pipeline.drawing import dimensioned_svg
 from pipeline.evaluation import evaluate
 from pipeline.executor import scratch_executor
-from pipeline.folder import StudyFolder
-from pipeline.options import Jobs, Json, Sets, StudyArg, app, default_out
+from pipeline.options import Jobs, Json, Sets, StudyArg
 from pipeline.progress import ShiftProgress
-from pipeline.records import check_record, number_or_none, root_record
-from pipeline.tolerances import KINDS, Within, margins_within, spread_record, time_spread
+from pipeline.tables.checks import strength_table
+from pipeline.tables.designs import export_text, root_record, root_table
+from pipeline.tolerances import checks_within, margins_within
 from sim.checks import feasible
 from sim.errors import InputError, require_between
-from sim.landing import LANDING_RULES
 from sim.locking import blocking_force
 from sim.manufacture import manufacturing_checks, require_makeable
 from sim.mesh import to_stl
-from sim.notch import outside_fit
 from sim.part import part_volume, ring_part
 from sim.root_check import root_checks
 from sim.units import MM, MPA
-from surrogate.query import ask
-from surrogate.store import load
 
 
-@app.command()
 @verb
 def strength(
     study: StudyArg,
@@ -64,8 +58,8 @@ def strength(
     within = margins_within(given, design)
     data = {
         "feasible": design.feasible,
-        "not_checked": _not_checked(design),
-        "checks": _checks(design, within),
+        "not_checked": design.not_checked,
+        "checks": checks_within(design, within),
         **_load_record(given),
     }
     if fem:
@@ -73,8 +67,8 @@ def strength(
     held = blocking_force(given.clutch.dog, given.limits.load)
 
     def text() -> RenderableType:
-        table = tables.strength_table(design.checks, within, held, _notes(given), explain)
-        return Group(table, tables.root_table(roots)) if fem else table
+        table = strength_table(design.checks, within, held, root_notes(given), explain)
+        return Group(table, root_table(roots)) if fem else table
 
     emit(data, json, text)
     if not design.feasible:
@@ -92,32 +86,10 @@ def _landed(given: Study, jobs: int) -> Design:
     return design_of(given, {}, found.landing)
 
 
-def _not_checked(design: Design) -> list[str]:
-    """Return the names of the checks that a simulation would add."""
-    known = {check.name for check in design.checks}
-    return [rule.name for rule in LANDING_RULES if rule.name not in known]
-
-
-def _notes(given: Study) -> list[str]:
-    return outside_fit(given.clutch.dog, given.limits.root_radius)
-
-
-def _checks(design: Design, within: Within) -> list[dict[str, Any]]:
-    empty: dict[str, float] = {}
-    return [
-        check_record(check)
-        | {
-            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
-            for kind in KINDS
-        }
-        for check in design.checks
-    ]
-
-
 def _load_record(given: Study) -> dict[str, Any]:
     dog, limits = given.clutch.dog, given.limits
     return {
-        "warnings": _notes(given),
+        "warnings": root_notes(given),
         "load": {
             **given.file.load.model_dump(),
             "force_per_dog_N": limits.load.force_per_dog(dog),
@@ -132,50 +104,6 @@ def _load_record(given: Study) -> dict[str, Any]:
     }
 
 
-@app.command()
-@verb
-def check(
-    study: StudyArg,
-    surrogate: Annotated[
-        Path | None, typer.Option(help="default: results/NAME/surrogate.json")
-    ] = None,
-    set_: Sets = None,
-    json: Json = False,
-) -> None:
-    """Quick check of one design, without simulating it.
-
-    Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
-    """
-    given = load_study(study, set_)
-    model, validation = load(surrogate or StudyFolder(default_out(given)).surrogate)
-    answer = ask(model, given.prototype, given.physics_hash)
-    design = design_of(given, {})
-    within = margins_within(given, design)
-    spread = time_spread(given, model, given.prototype)
-    data = {
-        "expected_shift_time_s": answer.time,
-        "low_s": answer.low,
-        "high_s": answer.high,
-        "in_range": answer.in_range,
-        "q2": validation.q2,
-        "warnings": list(answer.warnings),
-        "time_within_tolerances": spread_record(spread),
-        "feasible": design.feasible,
-        "not_checked": _not_checked(design),
-        "checks": _checks(design, within),
-    }
-    held = blocking_force(given.clutch.dog, given.limits.load)
-
-    def text() -> RenderableType:
-        table = tables.strength_table(design.checks, within, held, _notes(given))
-        return tables.answer_text(answer, validation, spread, table)
-
-    emit(data, json, text)
-    if not design.feasible:
-        raise typer.Exit(1)
-
-
-@app.command()
 @verb
 def export(
     study: StudyArg,
@@ -213,5 +141,5 @@ def export(
     emit(
         {**written, "ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm},
         json,
-        lambda: tables.export_text(written, volume),
+        lambda: export_text(written, volume),
     )

@@ -9,16 +9,16 @@ from typing import Annotated
 import typer
 from rich.console import Group
 
-from pipeline import tables
 from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study, profile_for
 from pipeline.console import emit, verb
 from pipeline.evaluation import expectation_of
 from pipeline.executor import scratch_executor
-from pipeline.options import Jobs, Json, Sets, StudyArg, angles_of, app
+from pipeline.options import Jobs, Json, Sets, StudyArg, angles_of
 from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.records import expectation_record
+from pipeline.tables.shifts import expectation_table, shift_table
 from sim.batch import events_record, loads_record
 from sim.blocks import Block, even_blocks
 from sim.clutch import OperatingPoint
@@ -35,7 +35,6 @@ Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
-@app.command()
 @verb
 def shift(
     study: StudyArg,
@@ -90,14 +89,13 @@ def shift(
         },
     }
     written = [f"wrote {path}" for path in (html, trace) if path is not None]
-    emit(data, json, lambda: Group(tables.shift_table(result, peak), *written))
+    emit(data, json, lambda: Group(shift_table(result, peak), *written))
 
 
 def _point(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:
     return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise))
 
 
-@app.command()
 @verb
 def expect(
     study: StudyArg,
@@ -135,7 +133,7 @@ def expect(
         result = _expect_to(given, points, precision, jobs)
     else:
         result = _expect_at(given, points, angles, jobs)
-    emit(expectation_record(result), json, lambda: tables.expectation_table(result))
+    emit(expectation_record(result), json, lambda: expectation_table(result))
 
 
 def _expect_to(

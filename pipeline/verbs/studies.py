@@ -7,17 +7,16 @@ from typing import Annotated
 
 import typer
 
-from pipeline import tables
 from pipeline.config import load_study
 from pipeline.console import emit, verb
 from pipeline.folder import StudyFolder
-from pipeline.options import Jobs, Json, Sets, StudyArg, app, default_out
+from pipeline.options import Jobs, Json, Sets, StudyArg, default_out
 from pipeline.report import write_report
 from pipeline.study import Run, fit_study, run_study
+from pipeline.tables.studies import study_table, validation_text
 from sim.errors import InputError
 
 
-@app.command()
 @verb
 def study(
     study: StudyArg,
@@ -42,12 +41,11 @@ def study(
     result = run_study(given, Run(folder, jobs, storage, resume))
     keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
     data = {key: result[key] for key in keys} | {"report": str(folder.report)}
-    emit(data, json, lambda: tables.study_table(given, result, folder.report))
+    emit(data, json, lambda: study_table(given, result, folder.report))
     if result["best"] is None:
         raise typer.Exit(1)
 
 
-@app.command()
 @verb
 def report(
     directory: Annotated[Path, typer.Argument(metavar="DIR", help="folder of a study")],
@@ -61,7 +59,6 @@ def report(
     emit({"report": str(path)}, json, lambda: f"report: {path}")
 
 
-@app.command()
 @verb
 def fit(
     where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
@@ -88,4 +85,4 @@ def fit(
         folder = StudyFolder(Path("results") / f"{given.name}-space")
     validation, path = fit_study(folder, given, out, jobs)
     data = {**validation.as_dict(), "file": str(path)}
-    emit(data, json, lambda: tables.validation_text(validation, path))
+    emit(data, json, lambda: validation_text(validation, path))

@@ -1,0 +1,46 @@
+"""Bench data beside the simulation."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Group, RenderableType
+
+from diagnosis.comparison import Comparison, Difference
+from pipeline.console import columns, in_ms
+from sim.units import RPM
+
+
+def difference_record(d: Difference) -> dict[str, Any]:
+    """Return one operating point of a comparison by the contract's names."""
+    return {
+        "mismatch_rpm": d.cell.point.mismatch / RPM,
+        "force_N": d.cell.point.profile.force,
+        "bench_s": d.cell.time,
+        "simulated_s": d.simulated.mean_engaged,
+        "standard_error_s": d.standard_error,
+        "z": d.z,
+        "engaged": d.simulated.engaged,
+        "n": d.simulated.n,
+    }
+
+
+def comparison_table(result: Comparison) -> RenderableType:
+    """Return bench and simulation side by side."""
+    head = ("mismatch, 1/min", "force, N", "bench, ms", "simulated, ms", "s.e., ms", "ratio", "z")
+    table = columns(*head)
+    for d in result.differences:
+        bench, simulated = d.cell.time, d.simulated.mean_engaged
+        ratio = f"{simulated / bench:.2f}" if bench and simulated else "-"
+        z = f"{d.z:+.1f}" if d.z is not None else "-"
+        mismatch = f"{d.cell.point.mismatch / RPM:.4g}"
+        force = f"{d.cell.point.profile.force:.1f}"
+        error = in_ms(d.standard_error)
+        table.add_row(mismatch, force, in_ms(bench), in_ms(simulated), error, ratio, z)
+    total = (
+        f"{result.bench.name}: root-mean-square gap {in_ms(result.rmse)} ms, "
+        f"relative {result.relative_rms:.1%}"
+    )
+    if result.numerical_error is not None:
+        total += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"
+    return Group(table, total)

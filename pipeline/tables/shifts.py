@@ -1,0 +1,82 @@
+"""What one shift did, and the mean of many."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+
+from pipeline.console import columns, in_ms
+from sim.engagement import Engagement
+from sim.expectation import Expectation
+from sim.units import MM, RPM
+
+
+def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
+    """Return outcome, phases, events and loads of one shift; ``torque_peak`` in N m."""
+    table = columns("phase", "start, ms", "end, ms", "length, ms")
+    for phase in result.phases:
+        length = phase.end - phase.start
+        table.add_row(phase.name, in_ms(phase.start), in_ms(phase.end), in_ms(length))
+    outcome = result.outcome.value.replace("_", " ")
+    time = f" in {in_ms(result.shift_time)} ms" if result.shift_time is not None else ""
+    happened = "; ".join(event_facts(result))
+    loads = "\n".join(load_facts(result, torque_peak))
+    return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
+
+
+def event_facts(result: Engagement) -> list[str]:
+    """Return what happened in a shift, in words."""
+    events = result.events
+    slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
+    return [
+        _counted(events.face_contacts, "face contact"),
+        f"{_counted(events.slots_skipped, 'slot')} skipped",
+        f"thrown back {events.rebound / MM:.2f} mm",
+        f"held dog on dog {in_ms(events.time_blocked)} ms",
+        slid,
+    ]
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number or 'no'} {thing}{'' if number == 1 else 's'}"
+
+
+def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
+    """Return the loads of a shift, in words; ``torque_peak`` in N m."""
+    loads = result.loads
+    facts = [
+        f"peak force axial {loads.peak_axial_force:.0f} N, "
+        f"tangential {loads.peak_tangential_force:.0f} N",
+        f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
+        f"energy dissipated {loads.energy_dissipated:.3g} J",
+    ]
+    if loads.residual_mismatch is not None:
+        facts.append(f"mismatch as the flanks close {loads.residual_mismatch / RPM:.3g} 1/min")
+    if torque_peak is not None:
+        facts.append(f"driveline torque peak from that mismatch {torque_peak:.3g} N m")
+    return facts
+
+
+def expectation_table(result: Expectation) -> RenderableType:
+    """Return the expected shift time of each operating point and over all."""
+    table = columns("mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n")
+    for p in result.points:
+        table.add_row(
+            f"{p.point.mismatch / RPM:.4g}",
+            f"{p.point.profile.force:.1f}",
+            in_ms(p.mean),
+            in_ms(p.standard_error),
+            in_ms(p.sd),
+            f"{p.engaged:.0%}",
+            str(p.n),
+        )
+    total = (
+        f"expected shift time {in_ms(result.mean)} +- {in_ms(result.standard_error)} ms "
+        "(one standard error)"
+    )
+    if result.numerical_error is not None and not math.isnan(result.numerical_error):
+        total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
+    if result.is_lower_bound:
+        total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
+    return Group(table, total)
