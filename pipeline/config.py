@@ -7,6 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -81,11 +82,11 @@ class Study:
 
     @property
     def physics(self) -> Record:
-        """Everything that an expected shift time depends on except the searched keys."""
-        record = clutch_record(self.clutch)
-        fixed = {k: v for k, v in record.items() if k not in VARIABLES}
-        points = [[p.mismatch / RPM, p.profile.force, p.profile.rise] for p in self.points]
-        return {**fixed, "points": points, "retraction_s": self.retraction}
+        """Everything that a shift depends on except the searched keys and the operating point.
+
+        The rise of the force belongs to it: it follows from the final force by a table.
+        """
+        return physics_of(clutch_record(self.clutch), list(self.variables), self.file)
 
     @property
     def physics_hash(self) -> str:
@@ -96,6 +97,13 @@ class Study:
     def config_hash(self) -> str:
         """Content key of the whole study file."""
         return content_key(self.file.model_dump())
+
+
+def physics_of(record: Record, variables: Sequence[str], file: StudyFile) -> Record:
+    """Return what ``record``, that of a clutch, fixes beside the variables, and the rise table."""
+    fixed = {key: value for key, value in record.items() if key not in variables}
+    table = file.actuation
+    return {**fixed, "rise_force_N": table.force_N, "rise_s": table.rise_s}
 
 
 def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:

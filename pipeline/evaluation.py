@@ -16,14 +16,21 @@ from sim.loads import Landing
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
 from sim.records import Record, landing_of, result_of
+from surrogate.covariance import Array
+from surrogate.dataset import rows_of
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """What the shifts of a design gave: expected shift time, and the hardest landing."""
+    """What the shifts of a design gave.
+
+    Expected shift time, hardest landing, and a row for the surrogate from each operating point,
+    as ``surrogate.dataset.rows_of`` gives them.
+    """
 
     expectation: Expectation
     landing: Landing
+    rows: Array
 
 
 def evaluate(
@@ -52,7 +59,8 @@ def evaluate(
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
         landing = hardest(landing_of(row) for block in mine for row in block)
-        results.append(Simulated(result, landing))
+        found = rows_of(tuple(study.variables), [row for block in mine for row in block])
+        results.append(Simulated(result, landing, found))
     return results
 
 

@@ -4,7 +4,9 @@
 ``trials.log``       Optuna's journal
 ``shifts.jsonl``     every finished shift
 ``result.json``      front, best design and confirmation
-``surrogate.json``   the Gaussian process
+``surrogate.json``   the surrogate with its data
+``points.csv``       its data as a table: simulated operating points
+``references.jsonl`` shifts of designs apart, by which a surrogate is judged
 ``report.html``      the report
 """
 
@@ -33,6 +35,8 @@ class StudyFolder:
         self.trials = root / "trials.log"
         self.shifts = root / "shifts.jsonl"
         self.result = root / "result.json"
+        self.references = root / "references.jsonl"
+        self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
         self.report = root / "report.html"
 
@@ -124,9 +128,10 @@ def _whole(result: dict[str, Any]) -> bool:
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Return what must not change between runs in one folder; the number of trials may."""
+    """Return what must not change between runs in one folder; numbers of designs may."""
     content = file.model_dump()
     del content["search"]["trials"]
+    del content["surrogate"]["designs"], content["surrogate"]["references"]
     return content
 
 

@@ -7,9 +7,10 @@ from typing import Annotated
 
 import typer
 
-from pipeline.config import Study
+from pipeline.config import Study, profile_for
+from sim.clutch import OperatingPoint
 from sim.errors import InputError
-from sim.units import DEG
+from sim.units import DEG, RPM
 
 StudyArg = Annotated[
     str, typer.Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
@@ -20,6 +21,26 @@ Sets = Annotated[
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
+
+
+OneMismatch = Annotated[float | None, typer.Option(help="one operating point only")]
+OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")]
+
+
+def point_of(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:
+    """Return an operating point from 1/min, N and a rise time in s, None for the study's."""
+    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise))
+
+
+def points_of(
+    study: Study, mismatch: float | None, force: float | None, rise: float | None = None
+) -> tuple[OperatingPoint, ...]:
+    """Return the one operating point that is asked for, or all of the study's."""
+    if (mismatch is None) != (force is None):
+        raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
+    if mismatch is None or force is None:
+        return study.points
+    return (point_of(study, mismatch, force, rise),)
 
 
 def default_out(given: Study) -> Path:

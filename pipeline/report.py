@@ -26,7 +26,7 @@ from sim.checks import GROUPS, Check
 from sim.landing import landing_checks
 from sim.loads import Landing
 from sim.strength import strength_checks
-from surrogate.validation import Validation
+from surrogate.figures import validation_of
 
 Row = dict[str, Any]
 
@@ -98,7 +98,7 @@ def _content(study: Study, result: Row) -> Row:
         "drawings": drawings,
         "designs": _designs(result),
         "is_clear": is_clear,
-        "surrogate_useful": bool(fitted) and Validation(**fitted).useful,
+        "surrogate_useful": bool(fitted) and validation_of(fitted).useful,
         "percent": percent,
         "sheet": sheet,
         "groups": GROUPS,

@@ -26,12 +26,18 @@ from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
 from pipeline.design import SIMULATED, Design, design_of, exact_values, worth_simulating
+from pipeline.rows import study_mix, with_rows
 from sim.errors import InputError, did_you_mean
-from surrogate.dataset import Array, Dataset
-from surrogate.model import MIN_DESIGNS, Surrogate, fit
+from surrogate.covariance import Array
+from surrogate.dataset import Dataset
+from surrogate.fitting import Effort
+from surrogate.learning import fit
+from surrogate.model import MIN_DESIGNS
+from surrogate.over import Over
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 POOL = 400  #: feasible candidates of the whole space; half as many again near the front
+QUICK = Effort(rows=400, steps=30)  #: of the process that is fitted anew in each round
 DRAWS = 1000  #: draws for a candidate before the feasible space counts as empty
 
 
@@ -96,7 +102,7 @@ class SurrogateSampler(BaseSampler):
         self._seed = seed
         self._startup = max(startup, MIN_DESIGNS)
         self._distributions = search_space(study)
-        self._process: Surrogate | None = None
+        self._process: tuple[int, Over] | None = None
         bounds = np.array(list(study.variables.values()), dtype=float).reshape(-1, 2)
         names = tuple(study.variables)
         whole = np.array([name == "count" for name in names])
@@ -182,20 +188,14 @@ class SurrogateSampler(BaseSampler):
     ) -> Array:
         """Return the candidate that a draw from the process finds best; none twice."""
         index = self._study.file.search.objectives.index(SIMULATED)
-        data = dataset_of(
-            self._study,
-            [t.params for t in finished],
-            [t.values[index] for t in finished],
-            [t.user_attrs["standard_error_s"] for t in finished],
-        )
-        front = self._scaled(data.x[_front(self._values(data.x, data.time))])
+        designs = self._points(finished)
+        reference = self._values(designs, np.array([t.values[index] for t in finished]))
+        over = self._over(finished)
+        front = self._scaled(designs[_front(reference)])
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
         pool = pool[~known]
-        if self._process is None or self._process.data.digest != data.digest:
-            self._process = fit(data, seed=self._seed)  # once for all proposals of a round
-        values = self._values(pool, self._process.sample(pool, rng))
-        reference = self._values(data.x, data.time)
+        values = self._values(pool, over.sample(pool, rng))
         low, span = reference.min(axis=0), np.ptp(reference, axis=0)
         unit = (values - low) / np.where(span > 0.0, span, 1.0)
         weights = rng.dirichlet(np.ones(values.shape[1]))
@@ -203,6 +203,16 @@ class SurrogateSampler(BaseSampler):
         scale = weighted.max(axis=1) + 0.05 * weighted.sum(axis=1)
         best: Array = pool[np.argmin(scale)]
         return best
+
+    def _over(self, finished: Sequence[FrozenTrial]) -> Over:
+        """Return the process of the expected time, fitted once for all proposals of a round."""
+        count = len(finished)
+        if self._process is None or self._process[0] != count:
+            data = dataset_of_trials(self._study, finished)
+            effort = Effort(QUICK.rows, QUICK.steps, self._seed)
+            model = fit(data, effort=effort)
+            self._process = count, Over(model, study_mix(self._study))
+        return self._process[1]
 
     def _values(self, points: Array, times: Array) -> Array:
         """Return all objectives (m, k) with the expected shift time given."""
@@ -236,21 +246,7 @@ def _front(values: Array) -> Any:
     return ~(better & strictly).any(axis=0)
 
 
-def dataset_of(
-    study: Study,
-    designs: Sequence[dict[str, float]],
-    times: Sequence[float],
-    errors: Sequence[float],
-) -> Dataset:
-    """Return simulated designs as data for the surrogate; times and their errors in s."""
-    names = tuple(study.variables)
-    bounds = np.array(list(study.variables.values()), dtype=float)
-    return Dataset(
-        variables=names,
-        low=bounds[:, 0],
-        high=bounds[:, 1],
-        x=np.array([[design[n] for n in names] for design in designs], dtype=float),
-        time=np.array(times, dtype=float),
-        error=np.array(errors, dtype=float),
-        physics=study.physics_hash,
-    )
+def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:
+    """Return the rows that simulated trials carry."""
+    rows = [row for trial in trials for row in trial.user_attrs["rows"]]
+    return with_rows(study, np.array(rows, dtype=float))

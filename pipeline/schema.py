@@ -157,9 +157,18 @@ class SolverSection(Section):
 
 
 class SurrogateSection(Section):
-    """Designs that ``fit`` simulates when no study has been run."""
+    """What ``fit`` simulates: designs that fill their space, and references to judge it by.
 
-    designs: Annotated[int, Field(ge=10)] = 40
+    Each design gets ``points`` operating points of its own with ``angles`` angles; a reference
+    gets all of the study's with ``reference_angles``.
+    """
+
+    designs: Annotated[int, Field(ge=10)] = 400
+    points: Annotated[int, Field(ge=1)] = 5
+    angles: Annotated[int, Field(ge=3)] = 8
+    references: Annotated[int, Field(ge=0)] = 40
+    reference_angles: Annotated[int, Field(ge=3)] = 12
+    seed: Annotated[int, Field(ge=0)] = 1
 
 
 class StudyFile(Section):

@@ -26,6 +26,7 @@ from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
+from pipeline.rows import row_record
 from pipeline.sampler import search_space
 from sim.errors import StorageError
 from sim.records import content_key, landing_of, landing_record
@@ -177,6 +178,7 @@ def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated 
         trial.set_user_attr("standard_error_s", found.expectation.standard_error)
         for name, value in landing_record(found.landing).items():
             trial.set_user_attr(name, value)
+        trial.set_user_attr("rows", row_record(found.rows))
     if design.failed:
         trial.set_user_attr("failed", design.failed)
     expectation = found.expectation if found is not None else None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 from optuna.trial import FrozenTrial
@@ -17,14 +16,14 @@ from pipeline.journal import ShiftJournal
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.report import write_report
-from pipeline.sampler import dataset_of, sampler_factory
+from pipeline.rows import study_mix
+from pipeline.sampler import sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
 from pipeline.tolerances import smallest_within, spread_record, time_spread
+from pipeline.training import train
 from sim.checks import smallest_margin
 from sim.versions import versions
-from surrogate.model import MIN_DESIGNS, Surrogate, fit
-from surrogate.store import save
-from surrogate.validation import Validation, validate
+from surrogate.model import MIN_DESIGNS
 
 FRESH = 7919  #: added to the seed of the search for angles that it did not use
 
@@ -64,14 +63,15 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
                 raise
         result = collect(search, journal)
         result["confirmation"] = confirmation
-        if result["n_simulated_designs"] > MIN_DESIGNS:
-            surrogate, validation = fit_surrogate(study, result["trials"], folder.surrogate)
-            result["surrogate"] = validation.as_dict()
+        if result["n_simulated_designs"] >= MIN_DESIGNS:
+            with ShiftProgress(0) as progress:
+                stored = train(folder, say=progress.say)
+            result["surrogate"] = stored.validation.as_dict()
             for row in result["trials"]:  # best and front are among them
-                spread = time_spread(study, surrogate, row)
+                spread = time_spread(study, stored.surrogate, row, study_mix(study))
                 row["time_within_tolerances"] = spread_record(spread)
         else:
-            progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
+            progress.say(f"no surrogate: it needs {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
         write_report(folder)
     return result
@@ -168,37 +168,3 @@ def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict
         **expectation_record(found.expectation),
         "checks": [check_record(check) for check in design.checks],
     }
-
-
-def fit_study(
-    folder: StudyFolder, study: Study | None, out: Path | None, jobs: int
-) -> tuple[Validation, Path]:
-    """Fit the surrogate to a study's folder.
-
-    Given a ``study``, designs that fill the feasible space are simulated into
-    the folder first, going on where an earlier call stopped.
-    """
-    if study is not None:
-        search = study.file.search.model_copy(
-            update={"sampler": "space_filling", "trials": study.file.surrogate.designs}
-        )
-        filled = replace(study, file=study.file.model_copy(update={"search": search}))
-        run_study(filled, Run(folder, jobs, resume=True))
-    rows = folder.stored_result()["trials"]
-    path = out or folder.surrogate
-    return fit_surrogate(folder.stored_study(), rows, path)[1], path
-
-
-def fit_surrogate(
-    study: Study, rows: list[dict[str, Any]], path: Path
-) -> tuple[Surrogate, Validation]:
-    """Fit the surrogate to the simulated designs among ``rows``, validate and store it."""
-    done = [row for row in rows if row["standard_error_s"] is not None]
-    times = [row["expected_shift_time_s"] for row in done]
-    errors = [row["standard_error_s"] for row in done]
-    data = dataset_of(study, done, times, errors)
-    seed = study.file.search.seed
-    surrogate = fit(data, seed)
-    validation = validate(data, seed)
-    save(path, surrogate, validation)
-    return surrogate, validation

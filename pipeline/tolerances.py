@@ -11,12 +11,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.config import Study
+from pipeline.config import Study, profile_for
 from pipeline.design import Design
 from pipeline.records import check_record, number_or_none
 from sim.strength import margin_losses
 from sim.tolerance import Spread
 from sim.units import suffix_of, to_si
+from surrogate.mix import Mix
 from surrogate.model import Surrogate
 from surrogate.query import half_difference
 
@@ -65,29 +66,31 @@ def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
     }
 
 
-def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float]) -> Spread:
-    """Return how far the expected shift time moves, s, by dimension."""
+def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
+    """Return how far the expected shift time over a mix moves, s, by dimension."""
     tolerances = study.limits.tolerances.dimensions
     moves = {}
     for key in surrogate.data.variables:
         name = key.removesuffix(suffix_of(key))
         if name in tolerances:
             step = tolerances[name] / to_si(key, 1.0)
-            moves[name] = half_difference(surrogate, params, key, step)
+            moves[name] = half_difference(surrogate, params, mix, key, step)
     if gap := tolerances.get("axial_gap"):
-        moves["axial_gap"] = _gap_time(study, gap)
+        moves["axial_gap"] = _gap_time(study, mix, gap)
     return Spread(moves, sum(abs(move) for move in moves.values()))
 
 
-def _gap_time(study: Study, tolerance: float) -> float:
+def _gap_time(study: Study, mix: Mix, tolerance: float) -> float:
     """Return the free flight that a wider gap adds, s, mean over the operating points."""
     mass, gap = study.clutch.rings.mass, study.clutch.dog.axial_gap
     ends = (gap + tolerance, max(0.0, gap - tolerance))
+    profiles = [profile_for(study.file, force) for force in mix.points[:, 1].tolist()]
     times = [
-        [point.profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
-        for point in study.points
+        [profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
+        for profile in profiles
     ]
-    return sum(wide - narrow for wide, narrow in times) / (2.0 * len(times))
+    added = [0.5 * (wide - narrow) for wide, narrow in times]
+    return float(mix.weights @ added)
 
 
 def spread_record(spread: Spread) -> dict[str, Any]:

@@ -1,67 +1,190 @@
-"""Designs with their simulated expected shift time, as arrays and as a table."""
+"""Simulated operating points as data of the surrogate: one row a design at a point.
+
+A row holds what the shifts of one design at one operating point gave: mean of those that
+engaged, its standard error, their standard deviation, how many engaged of how many, and the
+seed that drew their angles. Rows of different physics never meet in one data set.
+"""
 
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sim.clutch import OperatingPoint
+from sim.errors import DataError
+from sim.expectation import expect_point, variance_of_mean
+from sim.records import Record, content_key, result_of
+from surrogate.covariance import Array, Places
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+#: Columns of a row beside the design's variables, in edge units.
+COLUMNS = (
+    "mismatch_rpm", "force_N", "mean_s", "standard_error_s", "sd_s", "engaged", "shifts", "seed",
+)  # fmt: skip
+GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 
 @dataclass(frozen=True)
 class Dataset:
-    """Simulated designs.
+    """Rows of simulated operating points.
 
     Parameters
     ----------
     variables : names of the d design variables, in edge units.
     low, high : search range of each variable, (d,).
-    x : designs, (n, d), edge units.
-    time : expected shift time, (n,), s.
-    error : its standard error, (n,), s.
-    physics : hash of everything else that the times depend on; rows of
-        different physics never share a data set.
+    rows : designs and then ``COLUMNS``, (n, d + 8); the mean is NaN where none engaged.
+    physics : everything else that a shift depends on; rows share it.
+    engine : versions of the programs that simulated the rows.
     """
 
     variables: tuple[str, ...]
     low: Array
     high: Array
-    x: Array
-    time: Array
-    error: Array
-    physics: str
+    rows: Array
+    physics: Record
+    engine: Record
 
     def __len__(self) -> int:
-        return len(self.time)
+        return len(self.rows)
+
+    def column(self, name: str) -> Array:
+        """Return one of ``COLUMNS``, (n,)."""
+        column: Array = self.rows[:, len(self.variables) + COLUMNS.index(name)]
+        return column
+
+    @property
+    def x(self) -> Array:
+        """Designs, (n, d), edge units."""
+        designs: Array = self.rows[:, : len(self.variables)]
+        return designs
+
+    @property
+    def points(self) -> Array:
+        """Mismatch in 1/min and force in N, (n, 2)."""
+        cut = len(self.variables)
+        points: Array = self.rows[:, cut : cut + 2]
+        return points
+
+    @cached_property
+    def designs(self) -> Array:
+        """Distinct designs, (k, d)."""
+        return self._distinct[0]
+
+    @cached_property
+    def design_of_row(self) -> Places:
+        """Place of each row's design in ``designs``, (n,)."""
+        return self._distinct[1]
+
+    @cached_property
+    def _distinct(self) -> tuple[Array, Places]:
+        designs, places = np.unique(self.x, axis=0, return_inverse=True)
+        return designs, places.ravel()
+
+    @property
+    def shifts(self) -> int:
+        """Number of simulated shifts behind the rows."""
+        return int(self.column("shifts").sum())
 
     def scaled(self, x: Array) -> Array:
         """Scale designs (m, d) to the unit cube of the search range."""
         scaled: Array = (np.atleast_2d(x) - self.low) / (self.high - self.low)
         return scaled
 
-    def subset(self, rows: NDArray[np.bool_] | NDArray[np.int64]) -> Dataset:
-        """Return the data set with only ``rows``."""
-        return Dataset(
-            self.variables,
-            self.low,
-            self.high,
-            self.x[rows],
-            self.time[rows],
-            self.error[rows],
-            self.physics,
-        )
+    def subset(self, rows: Any) -> Dataset:
+        """Return the data set with only ``rows``: places or (n,) of bool."""
+        return replace(self, rows=self.rows[rows])
+
+    def joined(self, other: Dataset) -> Dataset:
+        """Return both sets of rows, each once; DataError where physics or programs differ."""
+        if self.variables != other.variables:
+            raise DataError(
+                f"rows over {', '.join(other.variables)} cannot join rows over "
+                f"{', '.join(self.variables)}; fit them apart"
+            )
+        for kind, mine, theirs in (
+            ("physics", self.physics, other.physics),
+            ("programs", self.engine, other.engine),
+        ):
+            if apart := differences(mine, theirs):
+                raise DataError(
+                    f"rows of different {kind} cannot be mixed: {apart}; fit them apart"
+                )
+        both = np.unique(np.concatenate([self.rows, other.rows]), axis=0)
+        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
+        return replace(self, rows=both, low=low, high=high)
 
     @property
     def digest(self) -> str:
-        """Hash of designs, times and errors."""
-        data = np.column_stack([self.x, self.time, self.error])
-        return hashlib.sha256(np.ascontiguousarray(data).tobytes()).hexdigest()[:20]
+        """Hash of rows and physics."""
+        content = np.ascontiguousarray(self.rows).tobytes()
+        return hashlib.sha256(content + content_key(self.physics).encode()).hexdigest()[:20]
 
     def frame(self) -> pd.DataFrame:
-        """Return the data set as a table, one row a design."""
-        table = pd.DataFrame(self.x, columns=list(self.variables))
-        return table.assign(expected_shift_time_s=self.time, standard_error_s=self.error)
+        """Return the rows as a table with contact set and versions."""
+        import pandas as pd  # noqa: PLC0415  slow to load, and asking does without
+
+        table = pd.DataFrame(self.rows, columns=[*self.variables, *COLUMNS])
+        whole = {c: int for c in ("count", "engaged", "shifts", "seed") if c in table}
+        known = {"contact_set": self.physics.get("contact_set"), **self.engine}
+        return table.astype(whole).assign(**known)
+
+
+def differences(mine: Record, theirs: Record) -> str:
+    """Say in which keys two records differ, the first three of them."""
+    keys = [k for k in {**mine, **theirs} if not _same(mine.get(k), theirs.get(k))]
+    parts = [f"{k} is {mine.get(k)} here and {theirs.get(k)} there" for k in keys[:3]]
+    return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
+
+
+def _same(mine: Any, theirs: Any) -> bool:
+    return content_key({"v": mine}) == content_key({"v": theirs})
+
+
+def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:
+    """Return the row of a design's shifts at one operating point and of one seed.
+
+    ``design`` in edge units. None for fewer than three shifts, and for angles that lack a part
+    of an evenly spaced draw: a run that was cut off says nothing of the mean yet.
+    """
+    ordered = sorted(shifts, key=lambda shift: float(shift["relative_angle_deg"]))
+    angles = np.array([shift["relative_angle_deg"] for shift in ordered])
+    seed, pitch = shifts[0].get("seed"), 360.0 / shifts[0]["count"]
+    gaps = np.diff(angles, append=angles[:1] + pitch)
+    even = bool(np.allclose(gaps, pitch / len(ordered), rtol=1e-6))
+    if len(ordered) < 3 or (seed is not None and not even):
+        return None
+    first = ordered[0]
+    results = [result_of(shift) for shift in ordered]
+    times = np.array([r.shift_time for r in results if r.shift_time is not None])
+    found = expect_point(_ANY, results, first["timeout_s"], 0.0, even=even)
+    every = even and len(times) == len(ordered)
+    error = variance_of_mean(times, even=every) ** 0.5 if len(times) else np.nan
+    mean = found.mean_engaged if found.mean_engaged is not None else np.nan
+    origin = GIVEN if seed is None else seed
+    return [
+        *design, first["mismatch_rpm"], first["force_N"], mean, error, found.sd,
+        len(times), found.n, origin,
+    ]  # fmt: skip
+
+
+_ANY: OperatingPoint = None  # type: ignore[assignment]  # an expectation only carries it
+
+
+def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
+    """Return the rows of many shifts, grouped by design, operating point and seed, (n, d + 8)."""
+    groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
+    for shift in shifts:
+        design = tuple(float(shift[name]) for name in variables)
+        where = (shift["mismatch_rpm"], shift["force_N"], shift["force_rise_s"])
+        groups[design, where, shift.get("seed")].append(shift)
+    found = [row_of(design, group) for (design, _, _), group in groups.items()]
+    rows = [row for row in found if row is not None]
+    return np.array(rows, dtype=float).reshape(-1, len(variables) + len(COLUMNS))

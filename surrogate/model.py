@@ -1,111 +1,165 @@
-r"""Gaussian process of the expected shift time over the shape of the dog.
+r"""The surrogate: shift time, spread and share engaged over designs and operating points.
 
-The process models :math:`y = \ln t`, which keeps times positive and makes errors
-relative: :math:`y(x) = m + f(x) + \epsilon`, :math:`f` with a Matern 5/2 covariance and
-a length scale for each variable (scaled to its search range), :math:`\epsilon` with
-the known variance :math:`(s/t)^2` of each row. Rasmussen and Williams 2006, ch. 2.
+Times are modelled by their logarithm :math:`y = \ln t`, which keeps them positive and makes
+errors relative; t is the mean of the shifts that engage. The covariance has a term over
+operating points alone, a smooth one over both, and a rough one with short length scales that
+grows with the mismatch: at high mismatch a dog is thrown back once more or once less, and the
+mean runs in steps that no design nearby foretells. ``ALTERNATIVES`` are what this was chosen
+from by the likelihood of designs left out (``surrogate.comparison``).
+
+Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
+logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
+
+.. math:: T_j = e^{\mu_j + C_{jj}/2}, \qquad E = \sum_j w_j T_j + w_j \frac{1 - p_j}{p_j} t_r,
+   \qquad s^2 = \sum_{jk} w_j w_k T_j T_k (e^{C_{jk}} - 1) + s_p^2
+
+Retries after a time :math:`t_r` (time-out and retraction) follow the share *p*
+(``surrogate.share``); its errors :math:`s_p` go together as far as the points are near.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-from sklearn.exceptions import ConvergenceWarning
-from sklearn.gaussian_process import GaussianProcessRegressor
-from sklearn.gaussian_process.kernels import ConstantKernel, Kernel, Matern, WhiteKernel
 
 from sim.errors import InputError
-from surrogate.dataset import Array, Dataset
+from surrogate.covariance import Array, Term, distance
+from surrogate.dataset import Dataset
+from surrogate.mix import Mix
+from surrogate.process import Process
+from surrogate.share import Share
+from surrogate.targets import FLOOR, design_coordinates, point_coordinates
 
 MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 
+SMOOTH = Term(design=True, point=True)
+POINT = Term(design=False, point=True)
+ROUGH = Term(design=True, point=True, grows=True, scales=(0.03, 3.0), first=0.1)
+EVEN = Term(design=True, point=True, scales=(0.03, 3.0), first=0.1)
+
 
 @dataclass(frozen=True)
-class Prediction:
-    """Median of the expected shift time with its 95 % interval, each (m,), s."""
+class Form:
+    """What a surrogate is made of: terms of its covariance, and whether designs have a ridge."""
 
-    time: Array
-    low: Array
-    high: Array
-    log_sd: Array
+    terms: tuple[Term, ...]
+    ridge: bool = False
 
 
+#: Forms that are compared, by name.
+ALTERNATIVES = {
+    "smooth": Form((SMOOTH,)),
+    "smooth, rough": Form((SMOOTH, EVEN)),
+    "smooth, growing rough": Form((SMOOTH, ROUGH)),
+    "point, smooth, growing rough": Form((POINT, SMOOTH, ROUGH)),
+    "point, smooth, growing rough, ridge": Form((POINT, SMOOTH, ROUGH), ridge=True),
+}
+USUAL = "point, smooth, growing rough"  #: the form that is used where none is named
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Expected shift time over a mix with its 95 % interval, s.
+
+    ``error`` is its standard error, ``sd`` the standard deviation of a single shift of the mix,
+    ``engaged`` the least share engaged at a point.
+    """
+
+    time: float
+    low: float
+    high: float
+    error: float
+    sd: float
+    engaged: float
+
+
+@dataclass(frozen=True)
 class Surrogate:
-    """A fitted process; build with ``fit`` or, from known length scales, ``restore``."""
+    """Fitted processes with their data; ``surrogate.learning.fit`` makes one."""
 
-    def __init__(self, data: Dataset, kernel: Kernel, optimise: bool, seed: int = 0) -> None:
-        self.data = data
-        log_time = np.log(data.time)
-        self._mean = float(log_time.mean())
-        noise = (data.error / data.time) ** 2 + 1e-8
-        self._process = GaussianProcessRegressor(
-            kernel,
-            alpha=noise,
-            optimizer="fmin_l_bfgs_b" if optimise else None,
-            n_restarts_optimizer=2 if optimise else 0,
-            random_state=seed,
+    data: Dataset
+    form: str
+    times: Process
+    spreads: Process
+    share: Share
+
+    def coordinates(self, x: Array) -> Array:
+        """Return coordinates of designs (m, d) in edge units, (m, c)."""
+        return design_coordinates(self.data, x, ALTERNATIVES[self.form].ridge)
+
+    @cached_property
+    def known(self) -> Array:
+        """Coordinates of the distinct simulated designs, (k, c)."""
+        return self.coordinates(self.data.designs)
+
+    def inputs(self, x: Array, points: Array) -> Array:
+        """Return coordinates of designs (m, d) at operating points (m, 2), (m, c + 2)."""
+        return np.concatenate([self.coordinates(x), point_coordinates(points)], axis=1)
+
+    def expected(self, x: Array, mix: Mix) -> Expected:
+        """Predict one design (d,) over a mix."""
+        inputs = self.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+        return self._summed(inputs, *self.times.joint(inputs), mix)
+
+    def mean(self, x: Array, mix: Mix) -> float:
+        """Predict one design (d,) over a mix without its error, at once, s."""
+        inputs = self.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+        share = self.share.at(inputs)[0]
+        times = np.exp(self.times.mean(inputs)) + (1.0 - share) / share * mix.retry
+        return float(mix.weights @ times)
+
+    def _summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
+        times = np.exp(mean + 0.5 * np.diag(covariance))
+        share, unsure = self.share.at(inputs)
+        parts = mix.weights * times
+        time = float(parts.sum())
+        variance = float(parts @ np.expm1(covariance) @ parts)
+        retries = float(mix.weights @ ((1.0 - share) / share)) * mix.retry
+        lost = mix.weights * np.sqrt(unsure) / share**2 * mix.retry
+        retry_error = float(lost @ self.share.alike(inputs) @ lost) ** 0.5
+        within = self.spread(inputs) ** 2 + (times - time) ** 2
+        error = (max(variance, 0.0) + retry_error**2) ** 0.5
+        low, high = interval(np.array([time + retries]), np.array([error]))
+        sd = float(mix.weights @ within) ** 0.5
+        return Expected(
+            time + retries, float(low[0]), float(high[0]), error, sd, float(share.min())
         )
-        with warnings.catch_warnings():
-            # A length scale at its bound only says that a variable does not matter.
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            self._process.fit(data.scaled(data.x), log_time - self._mean)
 
-    @property
-    def theta(self) -> list[float]:
-        """Logarithms of signal variance, d length scales and roughness."""
-        return [float(v) for v in self._process.kernel_.theta]
+    def spread(self, inputs: Array) -> Array:
+        """Return the standard deviation of a shift at inputs (m, c + 2), (m,), s."""
+        spread: Array = np.maximum(np.exp(self.spreads.mean(inputs)) - FLOOR, 0.0)
+        return spread
 
-    @property
-    def roughness(self) -> float:
-        """Variance of the logarithm that neither the shape nor the standard error explains.
+    @cached_property
+    def spacing(self) -> float:
+        """Median distance of a simulated design to the next one, in shares of the range."""
+        known = self.data.scaled(self.data.designs)
+        apart = distance(known, known)
+        np.fill_diagonal(apart, np.inf)
+        return float(np.median(apart.min(axis=1)))
 
-        A few angles see the jumps of the shift time here or there as the dogs change, which
-        makes the simulated mean rough; it belongs to the sample and not to the design.
-        """
-        return float(self._process.kernel_.k2.noise_level)
-
-    def predict(self, x: Array) -> Prediction:
-        """Predict the expected shift time of designs (m, d) in edge units."""
-        mean, sd = self._process.predict(self.data.scaled(x), return_std=True)
-        sd = np.sqrt(np.maximum(sd**2 - self.roughness, 0.0))
-        centre = mean + self._mean
-        return Prediction(
-            time=np.exp(centre),
-            low=np.exp(centre - 1.96 * sd),
-            high=np.exp(centre + 1.96 * sd),
-            log_sd=sd,
-        )
-
-    def sample(self, x: Array, rng: np.random.Generator) -> Array:
-        """Draw the expected shift times of designs (m, d) from the posterior, (m,), s."""
-        mean, covariance = self._process.predict(self.data.scaled(x), return_cov=True)
-        covariance -= self.roughness * np.eye(len(covariance))
-        jitter = 1e-7 * float(self._process.kernel_.diag(self.data.scaled(x[:1]))[0])
-        root = np.linalg.cholesky(covariance + jitter * np.eye(len(covariance)))
-        draw: Array = np.exp(mean + root @ rng.standard_normal(len(mean)) + self._mean)
-        return draw
+    def distance(self, x: Array) -> Array:
+        """Return the distance of designs (m, d) to the next simulated one, in ``spacing``, (m,)."""
+        known = self.data.scaled(self.data.designs)
+        apart: Array = distance(self.data.scaled(x), known).min(axis=1) / self.spacing
+        return apart
 
 
-def _kernel(dimensions: int) -> Kernel:
-    scales = np.full(dimensions, 0.5)
-    matern = Matern(scales, length_scale_bounds=(0.05, 20.0), nu=2.5)
-    smooth = ConstantKernel(0.02, constant_value_bounds=(1e-4, 10.0)) * matern
-    return smooth + WhiteKernel(1e-4, noise_level_bounds=(1e-7, 1e-2))
+def interval(time: Array, error: Array) -> tuple[Array, Array]:
+    """Return the 95 % interval of positive times with their standard errors, each (m,), s."""
+    relative = np.sqrt(np.log1p((error / time) ** 2))
+    centre = np.log(time) - 0.5 * relative**2
+    low: Array = np.exp(centre - 1.96 * relative)
+    high: Array = np.exp(centre + 1.96 * relative)
+    return low, high
 
 
-def fit(data: Dataset, seed: int = 0) -> Surrogate:
-    """Fit the process to a data set; fewer than ``MIN_DESIGNS`` raise InputError."""
-    if len(data) < MIN_DESIGNS:
+def require_enough(data: Dataset) -> None:
+    """Raise InputError for fewer than ``MIN_DESIGNS`` designs."""
+    if len(data.designs) < MIN_DESIGNS:
         raise InputError(
-            f"the surrogate has {len(data)} simulated designs, but it needs more than "
-            f"{MIN_DESIGNS}; run more trials"
+            f"the surrogate has {len(data.designs)} simulated designs, but it needs at least "
+            f"{MIN_DESIGNS}; simulate more"
         )
-    return Surrogate(data, _kernel(data.x.shape[1]), optimise=True, seed=seed)
-
-
-def restore(data: Dataset, theta: list[float]) -> Surrogate:
-    """Rebuild a fitted process from its data and the logarithms of its parameters."""
-    kernel = _kernel(data.x.shape[1]).clone_with_theta(np.array(theta))
-    return Surrogate(data, kernel, optimise=False)

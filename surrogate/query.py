@@ -7,57 +7,97 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim.errors import InputError
-from surrogate.model import Surrogate
+from sim.records import Record
+from surrogate.covariance import Array, Mask
+from surrogate.dataset import Dataset, differences
+from surrogate.mix import Mix
+from surrogate.model import Expected, Surrogate
+
+FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
 
 
 @dataclass(frozen=True)
 class Answer:
-    """Expected shift time with its 95 % interval, s, and what speaks against trusting it.
+    """Expected shift time of a design with what speaks against trusting it.
 
-    ``warnings`` is empty exactly when the design lies in the trained range.
+    ``distance`` is that to the next simulated design, in the usual distance of one to the next.
+    ``warnings`` is empty exactly when the question lies in the trained range.
     """
 
-    time: float
-    low: float
-    high: float
+    expected: Expected
+    distance: float
     warnings: tuple[str, ...]
 
     @property
     def in_range(self) -> bool:
-        """Whether every variable lies within the simulated designs."""
+        """Whether design and operating points lie within what was simulated."""
         return not self.warnings
 
 
-def ask(surrogate: Surrogate, design: dict[str, float], physics: str) -> Answer:
-    """Predict the expected shift time of ``design`` (edge units).
+def require_same_physics(data: Dataset, physics: Record) -> None:
+    """Raise InputError where the data are of other physics: their times would not apply."""
+    if apart := differences(physics, data.physics):
+        raise InputError(
+            f"the surrogate was fitted to other physics than the study's: {apart}; fit one for "
+            "this study with 'dogshape fit'"
+        )
 
-    ``physics`` is the hash of the study that asks; another than the data's
-    raises InputError, because the times would be of something else.
+
+def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Record) -> Answer:
+    """Predict the expected shift time of ``design`` (edge units) over a mix.
+
+    ``physics`` is that of the study that asks; another than the data's raises InputError.
     """
     data = surrogate.data
-    if physics != data.physics:
-        raise InputError(
-            f"the surrogate was fitted to other physics (hash {data.physics}) than this study "
-            f"has ({physics}), so its times do not apply; fit it again with 'dogshape fit'"
-        )
+    require_same_physics(data, physics)
     x = np.array([design[name] for name in data.variables], dtype=float)
-    prediction = surrogate.predict(x)
-    low, high = data.x.min(axis=0), data.x.max(axis=0)
-    outside = tuple(
-        f"{name} = {value:.4g} is outside the simulated designs ({a:.4g} to {b:.4g})"
-        for name, value, a, b in zip(data.variables, x, low, high, strict=True)
-        if not a - 1e-3 * (b - a) <= value <= b + 1e-3 * (b - a)
-    )
+    distance = float(surrogate.distance(x[None, :])[0])
     return Answer(
-        time=float(prediction.time[0]),
-        low=float(prediction.low[0]),
-        high=float(prediction.high[0]),
-        warnings=outside,
+        surrogate.expected(x, mix), distance, tuple(_warnings(data, x, mix.points, distance))
     )
+
+
+def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[str]:
+    found = [
+        f"{name} = {value:.4g} is outside the simulated designs ({low:.4g} to {high:.4g})"
+        for name, value, low, high in zip(
+            data.variables, x, data.x.min(axis=0), data.x.max(axis=0), strict=True
+        )
+        if not _within(value, low, high)
+    ]
+    for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
+        known, asked = data.points[:, column], points[:, column]
+        low, high = known.min(), known.max()
+        outside = [v for v in (asked.min(), asked.max()) if not _within(v, low, high)]
+        found += [
+            f"{name} {value:.4g} {unit} is outside what was simulated ({low:.4g} to {high:.4g})"
+            for value in dict.fromkeys(outside)
+        ]
+    if distance > FAR and not found:
+        found.append(
+            f"the next simulated design is {distance:.1f} times as far as designs usually are "
+            "from each other"
+        )
+    return found
+
+
+def _within(value: float, low: float, high: float) -> bool:
+    slack = 0.01 * (high - low)
+    return bool(low - slack <= value <= high + slack)
+
+
+def in_range(surrogate: Surrogate, x: Array) -> Mask:
+    """Tell which designs (m, d) lie within the simulated ones and near one, (m,) of bool."""
+    data = surrogate.data
+    low, high = data.x.min(axis=0), data.x.max(axis=0)
+    slack = 0.01 * (high - low)
+    inside: Mask = ((x >= low - slack) & (x <= high + slack)).all(axis=1)
+    near: Mask = surrogate.distance(x) <= FAR
+    return inside & near
 
 
 def half_difference(
-    surrogate: Surrogate, design: dict[str, float], variable: str, step: float
+    surrogate: Surrogate, design: dict[str, float], mix: Mix, variable: str, step: float
 ) -> float:
     """Return half of the predicted time's change from ``step`` below to above, s.
 
@@ -66,5 +106,5 @@ def half_difference(
     names = surrogate.data.variables
     x = np.array([[design[name] for name in names]] * 2, dtype=float)
     x[:, names.index(variable)] += [-step, step]
-    below, above = surrogate.predict(x).time
-    return float(0.5 * (above - below))
+    below, above = (surrogate.mean(row, mix) for row in x)
+    return 0.5 * (above - below)

@@ -1,8 +1,14 @@
-"""The surrogate on disk: JSON with data, parameters, validation and versions."""
+"""The surrogate on disk: JSON with data, parameters, figures and versions.
+
+The file holds its own hash, so a byte that changed is noticed; nothing in it is run.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,63 +16,153 @@ import numpy as np
 
 from sim.errors import DataError
 from sim.versions import versions
-from surrogate.dataset import Dataset
-from surrogate.model import Surrogate, restore
-from surrogate.validation import Validation
+from surrogate.covariance import Array, Covariance, Term, starting
+from surrogate.dataset import COLUMNS, Dataset
+from surrogate.figures import Validation, validation_of
+from surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
+from surrogate.process import Process
+from surrogate.share import Share
+from surrogate.targets import Targets, design_coordinates, row_inputs, spread_targets, time_targets
 
-FORMAT = 1  #: version of the file
+FORMAT = 2  #: version of the file
+AGAIN = "fit the surrogate again with 'dogshape fit'"
 
 
-def save(path: Path, surrogate: Surrogate, validation: Validation) -> None:
-    """Write a fitted surrogate; the file holds all that ``load`` needs."""
-    data = surrogate.data
+@dataclass(frozen=True)
+class Stored:
+    """A surrogate with its figures, and the scores of the forms it was chosen from."""
+
+    surrogate: Surrogate
+    validation: Validation
+    comparison: tuple[dict[str, Any], ...] = ()
+
+
+def save(path: Path, stored: Stored) -> None:
+    """Write a surrogate; the file holds all that ``load`` needs."""
+    surrogate, data = stored.surrogate, stored.surrogate.data
     content = {
         "format": FORMAT,
+        "form": surrogate.form,
+        "physics": data.physics,
+        "engine": data.engine,
         "variables": list(data.variables),
         "low": data.low.tolist(),
         "high": data.high.tolist(),
-        "x": data.x.tolist(),
-        "time_s": data.time.tolist(),
-        "error_s": data.error.tolist(),
-        "physics": data.physics,
-        "digest": data.digest,
-        "theta": surrogate.theta,
-        "validation": validation.as_dict(),
+        "columns": [*data.variables, *COLUMNS],
+        "rows": [[_number(v) for v in row] for row in data.rows.tolist()],
+        "data_hash": data.digest,
+        "times": _process_record(surrogate.times),
+        "spreads": _process_record(surrogate.spreads),
+        "share": {
+            "length": _number(surrogate.share.length),
+            "strength": surrogate.share.strength,
+        },
+        "validation": stored.validation.as_dict(),
+        "comparison": list(stored.comparison),
         "versions": versions(),
     }
+    content["hash"] = _hash(content)
     temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(content, indent=1), encoding="utf-8")
+    temporary.write_text(_text(content), encoding="utf-8")
     temporary.replace(path)
 
 
-def load(path: Path) -> tuple[Surrogate, Validation]:
+def load(path: Path) -> Stored:
     """Read a surrogate; a damaged file or one of another format raises DataError."""
     content = _read(path)
-    if content.get("format") != FORMAT:
-        raise DataError(
-            f"{path} has format {content.get('format')!r}, but this version reads format "
-            f"{FORMAT}; fit the surrogate again with 'dogshape fit'"
-        )
+    _require_format(path, content.get("format"))
+    given = content.pop("hash", None)
+    if given != _hash(content):
+        raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
-        data = Dataset(
-            variables=tuple(content["variables"]),
-            low=np.array(content["low"], dtype=float),
-            high=np.array(content["high"], dtype=float),
-            x=np.array(content["x"], dtype=float),
-            time=np.array(content["time_s"], dtype=float),
-            error=np.array(content["error_s"], dtype=float),
-            physics=content["physics"],
+        return Stored(
+            _surrogate(content),
+            validation_of(content["validation"]),
+            tuple(content["comparison"]),
         )
-        intact = data.digest == content["digest"]
-        validation = Validation(**content["validation"])
-        theta = [float(v) for v in content["theta"]]
     except (KeyError, TypeError, ValueError) as error:
-        raise DataError(f"{path} is incomplete ({error}); fit the surrogate again") from error
-    if not intact:
-        raise DataError(
-            f"{path} was changed: its data do not match their hash; fit the surrogate again"
-        )
-    return restore(data, theta), validation
+        raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
+
+
+def _surrogate(content: dict[str, Any]) -> Surrogate:
+    data = Dataset(
+        variables=tuple(content["variables"]),
+        low=np.array(content["low"], dtype=float),
+        high=np.array(content["high"], dtype=float),
+        rows=np.array(content["rows"], dtype=float),
+        physics=content["physics"],
+        engine=content["engine"],
+    )
+    form = ALTERNATIVES[content["form"]]
+    designs = design_coordinates(data, data.x[:1], form.ridge).shape[1]
+    times, spreads = time_targets(data, form.ridge), spread_targets(data, form.ridge)
+    share = content["share"]
+    return Surrogate(
+        data=data,
+        form=content["form"],
+        times=_process(content["times"], form.terms, designs, times),
+        spreads=_process(content["spreads"], (SMOOTH,), designs, spreads),
+        share=Share(
+            designs,
+            row_inputs(data, form.ridge),
+            data.column("engaged"),
+            data.column("shifts"),
+            np.inf if share["length"] is None else float(share["length"]),
+            float(share["strength"]),
+        ),
+    )
+
+
+def _process_record(process: Process) -> dict[str, list[float]]:
+    return {
+        "theta": process.covariance.theta.tolist(),
+        "weights": process.weights.tolist(),
+    }
+
+
+def _process(
+    record: dict[str, Any], terms: Sequence[Term], designs: int, targets: Targets
+) -> Process:
+    inputs, values, noise = targets
+    theta: Array = np.array(record["theta"], dtype=float)
+    covariance = Covariance(tuple(terms), designs, inputs.shape[1] - designs, theta)
+    size = len(starting(covariance.terms, designs, covariance.points)[0])
+    if len(theta) != size:
+        raise ValueError(f"{len(theta)} parameters instead of {size}")
+    weights: Array = np.array(record["weights"], dtype=float)
+    return replace(Process(covariance, inputs, values, noise), known=weights)
+
+
+def _number(value: float) -> float | None:
+    """Return a number that JSON can hold: None where it is not finite."""
+    return value if np.isfinite(value) else None
+
+
+def _text(content: dict[str, Any]) -> str:
+    """Return the file's text: a line for each key and for each row."""
+    lines = []
+    for key, value in content.items():
+        if key == "rows":
+            rows = ",\n".join(json.dumps(row) for row in value)
+            lines.append(f'"rows": [\n{rows}\n]')
+        else:
+            lines.append(f"{json.dumps(key)}: {json.dumps(value, allow_nan=False)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def _hash(content: dict[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def _require_format(path: Path, found: Any) -> None:
+    if found == FORMAT:
+        return
+    newer = isinstance(found, int) and found > FORMAT
+    remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
+    raise DataError(
+        f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -78,7 +174,7 @@ def _read(path: Path) -> dict[str, Any]:
             "or name a file with --surrogate"
         ) from error
     except (OSError, ValueError) as error:
-        raise DataError(f"{path} is not a surrogate file; fit the surrogate again") from error
+        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
     if not isinstance(content, dict):
-        raise DataError(f"{path} is not a surrogate file; fit the surrogate again")
+        raise DataError(f"{path} is not a surrogate file; {AGAIN}")
     return content

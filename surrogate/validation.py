@@ -1,69 +1,59 @@
-"""How good the surrogate is on designs that it has not seen."""
+"""Validation of a surrogate by references apart, or by designs held out of its own data."""
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import fields
 
 import numpy as np
 
-from surrogate.dataset import Array, Dataset
-from surrogate.model import MIN_DESIGNS, fit
+from surrogate.dataset import Dataset
+from surrogate.figures import Prediction, Validation, figures, predict
+from surrogate.fitting import Effort
+from surrogate.learning import fit
+from surrogate.mix import Mix
+from surrogate.model import MIN_DESIGNS, Surrogate
+from surrogate.reference import Reference, reference_of
+
+QUICK = Effort(rows=300, steps=20)  #: of the fits to parts of the data
 
 
-@dataclass(frozen=True)
-class Validation:
-    """Figures of a cross-validation by design.
+def held_out(
+    data: Dataset, mix: Mix, surrogate: Surrogate, effort: Effort = QUICK, folds: int = 6
+) -> tuple[Reference, Prediction]:
+    """Predict every fully simulated design from fits that never saw it.
 
-    ``q2`` is 1 less the squared error over the variance, ``coverage_95`` the share
-    of held-out times within the 95 % interval (noise of the row included),
-    ``rmse_s`` the root-mean-square error in s, ``n`` the number of designs.
+    Returns the references and their predictions.
     """
-
-    q2: float
-    coverage_95: float
-    rmse_s: float
-    n: int
-
-    @property
-    def useful(self) -> bool:
-        """Whether the surrogate explains at least half of the variance."""
-        return self.q2 >= 0.5
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the figures by name."""
-        return asdict(self)
-
-
-def held_out(data: Dataset, folds: int = 8, seed: int = 0) -> tuple[Array, Array]:
-    """Predict every design from fits that never saw it.
-
-    Returns the predicted time (n,), s, and the standard deviation of its
-    logarithm with the noise of the row, (n,).
-    """
-    n = len(data)
-    folds = n if n < 2 * MIN_DESIGNS else folds
-    order = np.random.default_rng(seed).permutation(n)
-    time, sd = np.empty(n), np.empty(n)
+    reference = reference_of(data, mix)
+    count = len(reference)
+    folds = count if count < 2 * MIN_DESIGNS else folds
+    order = np.random.default_rng(0).permutation(count)
+    parts: list[Prediction] = []
     for fold in range(folds):
-        out = order[fold::folds]
-        keep = np.setdiff1d(order, out)
-        model = fit(data.subset(keep), seed)
-        prediction = model.predict(data.x[out])
-        time[out] = prediction.time
-        sample = (data.error[out] / data.time[out]) ** 2 + model.roughness
-        sd[out] = np.sqrt(prediction.log_sd**2 + sample)
-    return time, sd
-
-
-def validate(data: Dataset, seed: int = 0) -> Validation:
-    """Cross-validate the surrogate of a data set of more than ``MIN_DESIGNS`` designs."""
-    time, sd = held_out(data, seed=seed)
-    miss = data.time - time
-    inside = np.abs(np.log(data.time / time)) <= 1.96 * sd
-    spread = float(((data.time - data.time.mean()) ** 2).sum())
-    return Validation(
-        q2=1.0 - float((miss**2).sum()) / spread if spread > 0.0 else 0.0,
-        coverage_95=float(inside.mean()),
-        rmse_s=float(np.sqrt((miss**2).mean())),
-        n=len(data),
+        out = reference.x[order[fold::folds]]
+        seen = ~(data.x[:, None, :] == out[None, :, :]).all(axis=2).any(axis=1)
+        model = fit(data.subset(seen), form=surrogate.form, like=surrogate, effort=effort)
+        parts.append(predict(model, out, mix))
+    back = np.argsort(np.concatenate([order[fold::folds] for fold in range(folds)]))
+    return reference, Prediction(
+        *(
+            np.concatenate([getattr(part, field.name) for part in parts])[back]
+            for field in fields(Prediction)
+        )
     )
+
+
+def validate(
+    surrogate: Surrogate, mix: Mix, reference: Reference | None = None, effort: Effort = QUICK
+) -> Validation:
+    """Judge a surrogate by references apart, or else by holding out designs of its own data.
+
+    ``effort`` is that of each fit to a part of the data.
+    """
+    source = "references"
+    if reference is None:
+        reference, prediction = held_out(surrogate.data, mix, surrogate, effort)
+        source = "held out"
+    else:
+        prediction = predict(surrogate, reference.x, mix)
+    return figures(reference, prediction, source, surrogate.data.shifts)

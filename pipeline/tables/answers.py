@@ -2,26 +2,31 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from rich.console import Group, RenderableType
 
 from pipeline.console import in_ms
 from sim.tolerance import Spread
+from surrogate.figures import Validation
 from surrogate.query import Answer
-from surrogate.validation import Validation
 
 
 def answer_text(
     answer: Answer, validation: Validation, spread: Spread, checks: RenderableType
 ) -> RenderableType:
     """Return the surrogate's answer with warnings, its move within tolerances, and checks."""
+    expected = answer.expected
     lines = [
-        f"expected shift time {in_ms(answer.time)} ms, 95 % interval {in_ms(answer.low)} to "
-        f"{in_ms(answer.high)} ms (surrogate)"
+        f"expected shift time {in_ms(expected.time)} ms, 95 % interval {in_ms(expected.low)} to "
+        f"{in_ms(expected.high)} ms (surrogate); single shifts scatter by {in_ms(expected.sd)} ms, "
+        f"{expected.engaged:.1%} engage where fewest do",
+        f"next simulated design: {answer.distance:.1f} times as far as one usually is from another",
     ]
     lines += [f"warning: {w}; the prediction extrapolates" for w in answer.warnings]
     if not validation.useful:
         lines.append(
-            f"warning: on designs held out the surrogate has Q2 {validation.q2:.2f}; "
+            f"warning: on designs that it has not seen the surrogate has Q2 {validation.q2:.2f}; "
             "simulate more designs before relying on it"
         )
     lines.append(
@@ -29,3 +34,11 @@ def answer_text(
         f"{spread.root_sum_square * 1e3:.2g} ms by root sum of squares"
     )
     return Group(*lines, "", checks)
+
+
+def many_text(data: dict[str, Any]) -> str:
+    """Return what was asked of a table of designs."""
+    return (
+        f"wrote {data['file']}: {data['n']} designs, {data['in_range']} of them in the trained "
+        f"range; least predicted time {in_ms(data['best']['expected_shift_time_s'])} ms"
+    )

@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 from pipeline.config import Study
 from pipeline.console import columns, in_ms
 from pipeline.records import is_clear
-from surrogate.validation import Validation
+from surrogate.store import Stored
 
 
 def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
@@ -42,10 +42,33 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
     return Group(*lines)
 
 
-def validation_text(validation: Validation, path: Path) -> str:
-    """Return the validation figures of a surrogate."""
-    return (
-        f"{validation.n} designs, held out in turn: Q2 {validation.q2:.3f}, "
-        f"rmse {in_ms(validation.rmse_s)} ms, {validation.coverage_95:.0%} within the 95 % "
-        f"interval; written to {path}"
+def validation_text(stored: Stored, path: Path) -> RenderableType:
+    """Return the figures of a surrogate, and the scores of the forms it was chosen from."""
+    data, v = stored.surrogate.data, stored.validation
+    how = "references apart" if v.source == "references" else "designs held out in turn"
+    table = columns("judged by", "Q2", "rmse, ms", "within 95 %")
+    noise = f"{v.n} {how}, expected time, s.e. {in_ms(v.noise_s)} ms"
+    table.add_row(noise, f"{v.q2:.3f}", in_ms(v.rmse_s), f"{v.coverage_95:.0%}")
+    table.add_row(
+        "single operating points",
+        f"{v.q2_points:.3f}",
+        in_ms(v.rmse_points_s),
+        f"{v.coverage_points:.0%}",
     )
+    lines: list[RenderableType] = [
+        f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
+        table,
+    ]
+    if v.rank_best is not None:
+        lines.append(f"rank correlation among the best tenth {v.rank_best:.2f}")
+    if stored.comparison:
+        scores = columns("form", "mean log density", "rmse of ln t", "within 95 %")
+        for s in stored.comparison:
+            scores.add_row(
+                s["form"],
+                f"{s['log_density']:.3f}",
+                f"{s['log_rmse']:.3f}",
+                f"{s['coverage_95']:.0%}",
+            )
+        lines += ["", "forms by what they foretold of designs left out", scores]
+    return Group(*lines, f"written to {path}")

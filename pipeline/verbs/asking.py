@@ -1,4 +1,4 @@
-"""``check``: one design without simulation, by its closed forms and the surrogate.
+"""``check``: designs without simulation, by their closed forms and the surrogate.
 
 Whoever asks often wants the answer at once, so nothing that is slow to load belongs here.
 """
@@ -6,7 +6,7 @@ Whoever asks often wants the answer at once, so nothing that is slow to load bel
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import RenderableType
@@ -14,13 +14,17 @@ from rich.console import RenderableType
 from pipeline.config import load_study
 from pipeline.console import emit, verb
 from pipeline.design import design_of, root_notes
-from pipeline.folder import StudyFolder
-from pipeline.options import Json, Sets, StudyArg, default_out
-from pipeline.tables.answers import answer_text
+from pipeline.known import surrogate_file
+from pipeline.many import ask_many
+from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, points_of
+from pipeline.rows import mix_over
+from pipeline.tables.answers import answer_text, many_text
 from pipeline.tables.checks import strength_table
 from pipeline.tolerances import checks_within, margins_within, spread_record, time_spread
+from sim.errors import InputError
 from sim.locking import blocking_force
-from surrogate.query import ask
+from surrogate.mix import Mix
+from surrogate.query import Answer, ask
 from surrogate.store import load
 
 
@@ -28,28 +32,42 @@ from surrogate.store import load
 def check(
     study: StudyArg,
     surrogate: Annotated[
-        Path | None, typer.Option(help="default: results/NAME/surrogate.json")
+        Path | None, typer.Option(help="default: of results/NAME, or the package's")
     ] = None,
+    mismatch_rpm: OneMismatch = None,
+    force_N: OneForce = None,
+    designs: Annotated[
+        Path | None, typer.Option(help="CSV of designs to ask about, columns as chamfer_deg")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="with --designs: CSV of the answers")] = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Quick check of one design, without simulating it.
+    """Quick check of one design, or predicted times of many, without simulating them.
+
+    The time is expected over the study's operating points, or at the one that is given.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
     given = load_study(study, set_)
-    model, validation = load(surrogate or StudyFolder(default_out(given)).surrogate)
-    answer = ask(model, given.prototype, given.physics_hash)
+    path = surrogate or surrogate_file(given)
+    mix = mix_over(given, points_of(given, mismatch_rpm, force_N))
+    stored = load(path)
+    if designs is not None:
+        data = ask_many(given, stored.surrogate, mix, designs, out)
+        emit(data, json, lambda: many_text(data))
+        return
+    if out is not None:
+        raise InputError("--out is for the answers to --designs; give both or neither")
+    model = stored.surrogate
+    answer = ask(model, given.prototype, mix, given.physics)
     design = design_of(given, {})
     within = margins_within(given, design)
-    spread = time_spread(given, model, given.prototype)
-    data = {
-        "expected_shift_time_s": answer.time,
-        "low_s": answer.low,
-        "high_s": answer.high,
-        "in_range": answer.in_range,
-        "q2": validation.q2,
-        "warnings": list(answer.warnings),
+    spread = time_spread(given, model, given.prototype, mix)
+    record = {
+        **_answer_record(answer, mix),
+        "q2": stored.validation.q2,
+        "surrogate": str(path),
         "time_within_tolerances": spread_record(spread),
         "feasible": design.feasible,
         "not_checked": design.not_checked,
@@ -59,8 +77,24 @@ def check(
 
     def text() -> RenderableType:
         table = strength_table(design.checks, within, held, root_notes(given))
-        return answer_text(answer, validation, spread, table)
+        return answer_text(answer, stored.validation, spread, table)
 
-    emit(data, json, text)
+    emit(record, json, text)
     if not design.feasible:
         raise typer.Exit(1)
+
+
+def _answer_record(answer: Answer, mix: Mix) -> dict[str, Any]:
+    expected = answer.expected
+    return {
+        "expected_shift_time_s": expected.time,
+        "low_s": expected.low,
+        "high_s": expected.high,
+        "standard_error_s": expected.error,
+        "sd_s": expected.sd,
+        "engaged": expected.engaged,
+        "operating_points": len(mix.points),
+        "in_range": answer.in_range,
+        "distance": answer.distance,
+        "warnings": list(answer.warnings),
+    }

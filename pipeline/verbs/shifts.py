@@ -10,11 +10,21 @@ import typer
 from rich.console import Group
 
 from pipeline.animation import write_animation, write_trace
-from pipeline.config import Study, load_study, profile_for
+from pipeline.config import Study, load_study
 from pipeline.console import emit, verb
 from pipeline.evaluation import expectation_of
 from pipeline.executor import scratch_executor
-from pipeline.options import Jobs, Json, Sets, StudyArg, angles_of
+from pipeline.options import (
+    Jobs,
+    Json,
+    OneForce,
+    OneMismatch,
+    Sets,
+    StudyArg,
+    angles_of,
+    point_of,
+    points_of,
+)
 from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.records import expectation_record
@@ -28,7 +38,7 @@ from sim.expectation import Expectation
 from sim.manufacture import require_makeable
 from sim.numerical import CHECKED, LEAST, numerical_error
 from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from sim.units import DEG
 
 Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
@@ -60,7 +70,7 @@ def shift(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     solver = replace(given.clutch.solver, all_dogs=all_dogs)
     clutch = replace(given.clutch, solver=solver)
-    point = _point(given, mismatch_rpm, force_N, force_rise_s)
+    point = point_of(given, mismatch_rpm, force_N, force_rise_s)
     if not abs(relative_angle_deg) <= 1e6:
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
@@ -92,15 +102,11 @@ def shift(
     emit(data, json, lambda: Group(shift_table(result, peak), *written))
 
 
-def _point(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:
-    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise))
-
-
 @verb
 def expect(
     study: StudyArg,
-    mismatch_rpm: Annotated[float | None, typer.Option(help="one operating point only")] = None,
-    force_N: Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")] = None,
+    mismatch_rpm: OneMismatch = None,
+    force_N: OneForce = None,
     force_rise_s: Rise = None,
     angles: Annotated[
         str | None,
@@ -119,13 +125,9 @@ def expect(
     """
     given = load_study(study, set_)
     require_makeable(given.clutch.dog, given.limits.manufacturing)
-    if (mismatch_rpm is None) != (force_N is None):
-        raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
-    points = given.points
-    if mismatch_rpm is not None and force_N is not None:
-        points = (_point(given, mismatch_rpm, force_N, force_rise_s),)
+    points = points_of(given, mismatch_rpm, force_N, force_rise_s)
     if precision is not None:
         if angles is not None:
             raise InputError("--precision finds the number of angles itself; leave out --angles")

@@ -7,13 +7,16 @@ from typing import Annotated
 
 import typer
 
-from pipeline.config import load_study
+from pipeline.config import load_study, require_variables
 from pipeline.console import emit, verb
 from pipeline.folder import StudyFolder
+from pipeline.known import space_out
 from pipeline.options import Jobs, Json, Sets, StudyArg, default_out
+from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
-from pipeline.study import Run, fit_study, run_study
+from pipeline.study import Run, run_study
 from pipeline.tables.studies import study_table, validation_text
+from pipeline.training import fill, train
 from sim.errors import InputError
 
 
@@ -63,26 +66,38 @@ def report(
 def fit(
     where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
     out: Annotated[Path | None, typer.Option(help="default: surrogate.json of the folder")] = None,
+    choose: Annotated[
+        bool, typer.Option("--choose", help="compare forms of the model, minutes; take the best")
+    ] = False,
     jobs: Jobs = 0,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Fit the surrogate and validate it on designs held out.
+    """Fit the surrogate and judge it on designs that it has not seen.
 
-    A folder of a study is fitted as it is. For a study without results, designs
-    that fill the space are simulated first into results/NAME-space.
+    A folder of results is fitted as it is. For a study, designs that fill its space are
+    simulated first into results/NAME-space, and references apart to judge by.
 
     Example: dogshape fit results/mq200
     """
     folder = StudyFolder(Path(where))
-    given = None
     if folder.manifest.is_file() and set_:
         raise InputError(
             "--set cannot change a study that was run; leave it out, or name the study"
         )
     if not folder.manifest.is_file():
         given = load_study(where, set_)
-        folder = StudyFolder(Path("results") / f"{given.name}-space")
-    validation, path = fit_study(folder, given, out, jobs)
-    data = {**validation.as_dict(), "file": str(path)}
-    emit(data, json, lambda: validation_text(validation, path))
+        folder = StudyFolder(space_out(given))
+        require_variables(given)
+        fill(given, folder, jobs)
+    with ShiftProgress(0) as progress:
+        stored = train(folder, out, choose=choose, say=progress.say)
+    path = out or folder.surrogate
+    data = {
+        **stored.validation.as_dict(),
+        "designs": len(stored.surrogate.data.designs),
+        "form": stored.surrogate.form,
+        "comparison": list(stored.comparison),
+        "file": str(path),
+    }
+    emit(data, json, lambda: validation_text(stored, path))

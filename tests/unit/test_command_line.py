@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import pytest
 
 from sim.bundled import bundled_root
@@ -139,10 +140,21 @@ def test_study_then_report_fit_and_check(
 
 
 def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) -> None:
-    said = dogshape("fit", "mq200", *SETS, "--set", "surrogate.designs=11", "--json")
+    small = {"designs": 11, "points": 2, "angles": 3, "references": 3, "reference_angles": 3}
+    sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
+    said = dogshape("fit", "mq200", *SETS, *sets, "--json")
     assert said.status == 0, said.err
-    assert said.json["n"] == 11
-    assert Path(said.json["file"]).is_file()
+    assert said.json["n"] == 3
+    assert said.json["source"] == "references"
+    assert said.json["designs"] == 11
+    assert said.json["shifts"] == 66
+    table = pd.read_csv("results/mq200-space/points.csv")
+    assert len(table) == 22
+    assert table["shifts"].eq(3).all()
+    checked = dogshape("check", "mq200", *SETS, "--json")
+    assert checked.json["surrogate"] == said.json["file"]
+    again = dogshape("fit", "results/mq200-space", "--json")
+    assert again.json == {**said.json, "file": "results/mq200-space/surrogate.json"}
 
 
 def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:

@@ -1,0 +1,42 @@
+"""From data to a surrogate: fitting it to what was simulated."""
+
+from __future__ import annotations
+
+from surrogate.covariance import Array
+from surrogate.dataset import Dataset
+from surrogate.fitting import WHOLE, Effort, fit_process
+from surrogate.model import ALTERNATIVES, SMOOTH, USUAL, Surrogate, require_enough
+from surrogate.share import Share, fit_share
+from surrogate.targets import design_coordinates, row_inputs, spread_targets, time_targets
+
+
+def fit(
+    data: Dataset,
+    form: str = USUAL,
+    like: Surrogate | None = None,
+    effort: Effort = WHOLE,
+) -> Surrogate:
+    """Fit the surrogate to a data set; ``like`` is a fitted one to begin with.
+
+    An effort of no steps keeps all parameters of ``like``.
+
+    Raises InputError for fewer designs than ``surrogate.model.MIN_DESIGNS``.
+    """
+    require_enough(data)
+    ridge = ALTERNATIVES[form].ridge
+    designs = design_coordinates(data, data.x[:1], ridge).shape[1]
+    known = (None, None) if like is None or like.form != form else _thetas(like)
+    terms = ALTERNATIVES[form].terms
+    times = fit_process(terms, designs, time_targets(data, ridge), known[0], effort)
+    spreads = fit_process((SMOOTH,), designs, spread_targets(data, ridge), known[1], effort)
+    counts = data.column("engaged"), data.column("shifts")
+    where = row_inputs(data, ridge)
+    if like is not None and effort.steps == 0:
+        share = Share(designs, where, *counts, like.share.length, like.share.strength)
+    else:
+        share = fit_share(designs, where, counts, data.design_of_row)
+    return Surrogate(data, form, times, spreads, share)
+
+
+def _thetas(like: Surrogate) -> tuple[Array, Array]:
+    return like.times.covariance.theta, like.spreads.covariance.theta

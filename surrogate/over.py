@@ -1,0 +1,162 @@
+"""The surrogate of the expected time over one mix, for many designs at once.
+
+Terms are products, so the operating points are summed once and each design costs its
+covariance with the known designs alone. What the covariance of the points of each design
+would say is taken the same for all: its variances for the mean of the logarithm's exponential,
+and the shares of the points in the expected time for its error. Against
+``Surrogate.expected``, which leaves nothing out, times agree to 0.1 % and errors to a few
+percent.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from surrogate.covariance import Array, Part
+from surrogate.mix import Mix
+from surrogate.model import Surrogate
+from surrogate.targets import point_coordinates, timed
+
+BETWEEN = 20  #: pairs of designs between which the typical variance is found
+CHUNK = 2000  #: designs that are worked out at a time
+
+
+class Over:
+    """A mix of operating points summed once: the expected time over designs alone."""
+
+    def __init__(self, surrogate: Surrogate, mix: Mix) -> None:
+        self._surrogate, self._mix, data = surrogate, mix, surrogate.data
+        process = surrogate.times
+        covariance = process.covariance
+        #: design of each row of the process, which lacks rows that never engaged
+        self._place_of_row = data.design_of_row[timed(data)]
+        self._known = surrogate.known
+        self._nodes = point_coordinates(mix.points)
+        rows = covariance.split(process.inputs)[1]
+        self._links = [part.point_factor(self._nodes, rows) for part in covariance.parts]
+        weighted = [link * process.weights for link in self._links]
+        self._sums = [
+            self._by_design(*both) for both in zip(covariance.parts, weighted, strict=True)
+        ]
+        self._rest = self._typical_variance()
+        same = np.tile(self._known[:1], (len(self._nodes), 1))
+        self._alike = surrogate.share.alike(np.concatenate([same, self._nodes], axis=1))
+
+    def _typical_variance(self) -> Array:
+        """Return the variance at each point half way between known designs, mean, (q,)."""
+        known, count = self._known, len(self._nodes)
+        pairs = np.random.default_rng(0).integers(len(known), size=(2, BETWEEN))
+        halfway = 0.5 * (known[pairs[0]] + known[pairs[1]])
+        inputs = np.concatenate(
+            [np.repeat(halfway, count, axis=0), np.tile(self._nodes, (BETWEEN, 1))], axis=1
+        )
+        variance = self._surrogate.times.predict(inputs)[1]
+        typical: Array = variance.reshape(BETWEEN, count).mean(axis=0)
+        return typical
+
+    def times(self, x: Array) -> Array:
+        """Return the expected time at each point of designs (m, c), (m, q), s."""
+        process = self._surrogate.times
+        total = np.full((len(x), len(self._nodes)), process.centre)
+        for part, summed in zip(process.covariance.parts, self._sums, strict=True):
+            total += self._feature(part, x) @ summed
+        return np.exp(total + 0.5 * self._rest)
+
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s."""
+        where = self._surrogate.coordinates(x)
+        found = [self._predict(where[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+
+    def _predict(self, x: Array) -> tuple[Array, Array]:
+        times, mix = self.times(x), self._mix
+        data, share_of = self._surrogate.data, self._surrogate.share
+        share, unsure = share_of.over(x, self._nodes, self._known, data.design_of_row)
+        engaged = times @ mix.weights
+        retries = (1.0 - share) / share @ mix.weights * mix.retry
+        lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
+        retry_error = np.sqrt(np.einsum("ij,ij->i", lost @ self._alike, lost))
+        error = np.sqrt((engaged**2) * self.relative_variance(x) + retry_error**2)
+        return engaged + retries, error
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Share of each operating point in the expected time, mean over known designs, (q,)."""
+        parts = self.times(self._known).mean(axis=0) * self._mix.weights
+        shares: Array = parts / parts.sum()
+        return shares
+
+    @cached_property
+    def _quadratic(self) -> Array:
+        """Form whose value is the variance that the rows take away, (f, f), f features."""
+        process, count = self._surrogate.times, len(self._known)
+        place = self._place_of_row
+        blocks = []
+        for part, link in zip(process.covariance.parts, self._links, strict=True):
+            summed = self._shares @ link
+            block = np.zeros((len(place), count))
+            block[np.arange(len(place)), place] = summed
+            blocks.append(block if part.design is not None else summed[:, None])
+        wide = np.concatenate(blocks, axis=1)
+        form: Array = wide.T @ process.inverse @ wide
+        return form
+
+    def _feature(self, part: Part, x: Array) -> Array:
+        """Return a term's factor of designs (m, d) and the known ones; (m, 1) if it has none."""
+        if part.design is None:
+            return np.ones((len(x), 1))
+        return part.design_factor(x, self._known)
+
+    def _by_design(self, part: Part, link: Array) -> Array:
+        """Sum what rows (q, n) give, by their design, (k, q), or over all, (1, q)."""
+        if part.design is None:
+            whole: Array = link.sum(axis=1)[None, :]
+            return whole
+        summed = np.zeros((len(self._known), len(link)))
+        np.add.at(summed, self._place_of_row, link.T)
+        return summed
+
+    def _features(self, x: Array) -> Array:
+        parts = self._surrogate.times.covariance.parts
+        return np.concatenate([self._feature(part, x) for part in parts], axis=1)
+
+    @cached_property
+    def _alone(self) -> list[float]:
+        """Variance of each term's relative error before any data."""
+        nodes, shares = self._nodes, self._shares
+        parts = self._surrogate.times.covariance.parts
+        return [float(shares @ part.point_factor(nodes, nodes) @ shares) for part in parts]
+
+    def relative_variance(self, x: Array) -> Array:
+        """Return the variance of the relative error of designs (m, c), (m,)."""
+        features = self._features(x)
+        known = np.einsum("ij,ij->i", features @ self._quadratic, features)
+        variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
+        return variance
+
+    def covariance(self, a: Array, b: Array) -> Array:
+        """Return the covariance of the smooth part's relative errors, (m, d) and (k, d), (m, k)."""
+        parts = self._surrogate.times.covariance.parts
+        smooth = [float(not part.growth) for part in parts]
+        total = np.zeros((len(a), len(b)))
+        for part, alone, counts in zip(parts, self._alone, smooth, strict=True):
+            total += counts * alone * part.design_factor(a, b)
+        sizes = [1 if part.design is None else len(self._known) for part in parts]
+        counted = np.repeat(smooth, sizes)
+        left, right = self._features(a) * counted, self._features(b) * counted
+        covariance: Array = total - left @ self._quadratic @ right.T
+        return covariance
+
+    def sample(self, x: Array, rng: np.random.Generator) -> Array:
+        """Draw the smooth part of the expected time of designs (m, d), edge units, (m,), s.
+
+        Roughness is left out: a candidate is not to be chosen for the luck of its own draw.
+        """
+        where = self._surrogate.coordinates(x)
+        covariance = self.covariance(where, where)
+        values, vectors = np.linalg.eigh(covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        drawn: Array = self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))
+        return drawn

@@ -1,0 +1,83 @@
+r"""A Gaussian process given its data: what is known anywhere, and how well.
+
+With covariance *k*, noise variances :math:`s_i^2` of the rows and targets *y* about their
+mean *c*,
+
+.. math:: \mu(z) = c + k(z)^T \alpha, \quad \alpha = (K + S)^{-1} (y - c), \qquad
+   C(z, z') = k(z, z') - k(z)^T (K + S)^{-1} k(z')
+
+(Rasmussen and Williams 2006, ch. 2). Numpy alone: asking must start fast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from surrogate.covariance import Array, Covariance
+
+
+@dataclass(frozen=True)
+class Process:
+    """Covariance with the data that it is given.
+
+    Parameters
+    ----------
+    covariance : with fitted parameters.
+    inputs : (n, d + p), coordinates of designs and operating points.
+    targets : (n,).
+    noise : variance of each target, (n,).
+    known : weights worked out before, (n,); None to have them worked out.
+    """
+
+    covariance: Covariance
+    inputs: Array
+    targets: Array
+    noise: Array
+    known: Array | None = None
+
+    @cached_property
+    def centre(self) -> float:
+        """Mean of the targets."""
+        return float(self.targets.mean())
+
+    @cached_property
+    def matrix(self) -> Array:
+        """Covariance of the targets, noise included, (n, n)."""
+        matrix = self.covariance.among(self.inputs)
+        matrix[np.diag_indices_from(matrix)] += self.noise
+        return matrix
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Inverse of ``matrix``, (n, n)."""
+        inverse: Array = np.linalg.inv(self.matrix).astype(float)
+        return inverse
+
+    @cached_property
+    def weights(self) -> Array:
+        """What each row adds to a prediction, (n,)."""
+        if self.known is not None:
+            return self.known
+        weights: Array = np.linalg.solve(self.matrix, self.targets - self.centre).astype(float)
+        return weights
+
+    def mean(self, inputs: Array) -> Array:
+        """Predict inputs (m, d + p), (m,)."""
+        mean: Array = self.centre + self.covariance.between(inputs, self.inputs) @ self.weights
+        return mean
+
+    def predict(self, inputs: Array) -> tuple[Array, Array]:
+        """Return mean and variance of inputs (m, d + p), each (m,)."""
+        cross = self.covariance.between(inputs, self.inputs)
+        taken = np.einsum("ij,ij->i", cross @ self.inverse, cross)
+        variance = np.maximum(self.covariance.variance(inputs) - taken, 0.0)
+        return self.centre + cross @ self.weights, variance
+
+    def joint(self, inputs: Array) -> tuple[Array, Array]:
+        """Return mean (m,) and covariance (m, m) of inputs (m, d + p)."""
+        cross = self.covariance.between(inputs, self.inputs)
+        known = cross @ np.linalg.solve(self.matrix, cross.T)
+        return self.centre + cross @ self.weights, self.covariance.between(inputs, inputs) - known
