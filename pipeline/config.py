@@ -7,7 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -73,6 +73,11 @@ class Study:
         if stiffness is None or mismatch is None:
             return None
         return torque_peak(mismatch, stiffness, self.clutch.rings.reduced_inertia)
+
+    def named(self, values: Iterable[float]) -> dict[str, float]:
+        """Return values of the searched keys by name, the count as a whole number."""
+        pairs = zip(self.variables, values, strict=True)
+        return {key: round(v) if key == "count" else float(v) for key, v in pairs}
 
     @property
     def prototype(self) -> dict[str, float]:

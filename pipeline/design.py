@@ -7,8 +7,10 @@ turned, feasible at or below zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from pipeline.config import Study
 from sim.checks import Check, feasible
@@ -22,6 +24,7 @@ from sim.locking import separating_force
 from sim.notch import outside_fit
 from sim.strength import keeps_limits, strength_checks
 from sim.units import MM
+from surrogate.covariance import Array, Mask
 
 SIMULATED = "expected_shift_time_s"  #: the one objective that needs a simulation
 
@@ -159,3 +162,21 @@ def values_of(study: Study, design: Design, expectation: Expectation | None) -> 
     return [
         exact.get(o.name, time if o.exact is None else float("inf")) for o in objectives_of(study)
     ]
+
+
+def objective_rows(study: Study, designs: Sequence[dict[str, float]], times: Array) -> Array:
+    """Return all objectives of designs, (m, k), with their expected shift times given, (m,), s."""
+    names = study.file.search.objectives
+    rows = []
+    for params, time in zip(designs, times.tolist(), strict=True):
+        exact = exact_values(study, design_of(study, params))
+        rows.append([time if name == SIMULATED else exact[name] for name in names])
+    return np.array(rows)
+
+
+def not_dominated(values: Array) -> Mask:
+    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
+    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
+    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
+    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
+    return kept

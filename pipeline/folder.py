@@ -7,6 +7,7 @@
 ``surrogate.json``   the surrogate with its data
 ``points.csv``       its data as a table: simulated operating points
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
+``best.json``        which of them are of the best tenth
 ``report.html``      the report
 """
 
@@ -36,6 +37,7 @@ class StudyFolder:
         self.shifts = root / "shifts.jsonl"
         self.result = root / "result.json"
         self.references = root / "references.jsonl"
+        self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
         self.report = root / "report.html"
@@ -131,7 +133,8 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     """Return what must not change between runs in one folder; numbers of designs may."""
     content = file.model_dump()
     del content["search"]["trials"]
-    del content["surrogate"]["designs"], content["surrogate"]["references"]
+    for key in ("designs", "references", "best_references"):
+        del content["surrogate"][key]
     return content
 
 

@@ -1,33 +1,56 @@
 """References: designs simulated so densely that a surrogate can be judged by them.
 
-Every operating point of the study starts with some evenly spaced angles. Points that put more
-than their part into the error of the design's expected time get twice the angles, the
-earlier ones among them, until the error is small enough. Where a shift hung crest on crest that
-goes furthest: one such angle of twelve would otherwise stand for a twelfth of the pitch.
+Some fill the feasible space; others are of the tenth that the surrogate finds best, where a
+search has to tell designs apart. Every operating point of the study starts with some evenly
+spaced angles. Points that put more than their part into the error of the design's expected time
+get twice the angles, the earlier ones among them, until the error is small enough.
+
+Only shifts that engage decide that. To look closer where a shift hung, and only there, would
+make such shifts seem rarer than they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+
 from pipeline.config import Study
-from pipeline.evaluation import expectation_of
 from pipeline.executor import Executor
 from pipeline.filling import filling_designs
+from pipeline.rows import study_mix
 from sim.blocks import Block, even_blocks
 from sim.clutch import Clutch
-from sim.expectation import Expectation
+from sim.records import Record
+from surrogate.covariance import Array
+from surrogate.dataset import rows_of
+from surrogate.model import Surrogate
+from surrogate.over import Over
 
 APART = 90_000  #: added to the seed of the surrogate's data for designs that it never sees
 PRECISE = 0.006  #: relative standard error of a reference's expected time
 MOST = 96  #: angles of an operating point at most
 
 
-def reference_designs(study: Study) -> list[dict[str, float]]:
+def reference_designs(study: Study, count: int) -> list[dict[str, float]]:
     """Return feasible designs that fill the space and are not among the surrogate's data."""
-    settings = study.file.surrogate
-    designs = filling_designs(study, settings.seed + APART, border=False)
-    return [next(designs) for _ in range(settings.references)]
+    designs = filling_designs(study, study.file.surrogate.seed + APART, border=False)
+    return [next(designs) for _ in range(count)]
+
+
+def best_designs(study: Study, surrogate: Surrogate) -> list[dict[str, float]]:
+    """Return designs of the tenth that the surrogate finds best, as many as references.
+
+    They are drawn after those of ``reference_designs``, and so are others.
+    """
+    count = study.file.surrogate.best_references
+    fill = study.file.surrogate.references
+    pool = reference_designs(study, fill + 10 * count)[fill:]
+    if not pool:
+        return []
+    x = np.array([[design[name] for name in study.variables] for design in pool], dtype=float)
+    time = Over(surrogate, study_mix(study)).predict(x)[0]
+    return [pool[place] for place in sorted(np.argsort(time)[:count].tolist())]
 
 
 def simulate_references(
@@ -49,8 +72,7 @@ def simulate_references(
         found = executor.run(whole)
         groups = [found[k : k + len(study.points)] for k in range(0, len(found), len(study.points))]
         finer = [
-            _finer(expectation_of(study, study.points, rows), count)
-            for rows, count in zip(groups, counts, strict=True)
+            _finer(_rows(study, rows), count) for rows, count in zip(groups, counts, strict=True)
         ]
         if finer == counts:
             return
@@ -64,16 +86,23 @@ def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
     return [finest[count][index] for index, count in enumerate(counts)]
 
 
-def _finer(found: Expectation, counts: Sequence[int]) -> list[int]:
+def _rows(study: Study, found: Sequence[Sequence[Record]]) -> Array:
+    """Return mean and standard error of the shifts that engage at each point, (m, 2), s."""
+    names = tuple(study.variables)
+    both = [rows_of(names, shifts)[0, len(names) + 2 : len(names) + 4] for shifts in found]
+    return np.nan_to_num(np.array(both))
+
+
+def _finer(found: Array, counts: Sequence[int]) -> list[int]:
     """Return the angles of the next round: twice at points with more than their part in the error.
 
     The same as before where the error is small enough.
     """
-    if found.standard_error <= PRECISE * found.mean:
+    size, (mean, error) = len(counts), found.T
+    if np.hypot.reduce(error) / size <= PRECISE * mean.mean():
         return list(counts)
-    size = len(counts)
-    part = PRECISE * found.mean * size**0.5
+    part = PRECISE * mean.mean() * size**0.5
     return [
-        2 * count if point.standard_error > part and 2 * count <= MOST else count
-        for point, count in zip(found.points, counts, strict=True)
+        2 * count if own > part and 2 * count <= MOST else count
+        for own, count in zip(error.tolist(), counts, strict=True)
     ]

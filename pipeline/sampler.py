@@ -25,7 +25,7 @@ from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESample
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
-from pipeline.design import SIMULATED, Design, design_of, exact_values, worth_simulating
+from pipeline.design import SIMULATED, not_dominated, objective_rows, worth_simulating
 from pipeline.rows import study_mix, with_rows
 from sim.errors import InputError, did_you_mean
 from surrogate.covariance import Array
@@ -82,10 +82,6 @@ class _Space:
     high: Array
     whole: Array  # (d,) of bool: counts are whole numbers
 
-    def design(self, point: Array) -> dict[str, float]:
-        pairs = zip(self.names, point, self.whole, strict=True)
-        return {name: round(v) if whole else float(v) for name, v, whole in pairs}
-
 
 class SurrogateSampler(BaseSampler):
     """Thompson sampling on a Gaussian process, within exact constraints.
@@ -131,8 +127,8 @@ class SurrogateSampler(BaseSampler):
         taken = self._points(t for t in seen if _simulated(t) or t.state == TrialState.RUNNING)
         if len(finished) < self._startup:
             pool = self._wide
-            return self._space.design(pool[_farthest(self._scaled(pool), self._scaled(taken))])
-        return self._space.design(self._thompson(rng, finished, taken))
+            return self._study.named(pool[_farthest(self._scaled(pool), self._scaled(taken))])
+        return self._study.named(self._thompson(rng, finished, taken))
 
     def sample_independent(
         self,
@@ -172,7 +168,7 @@ class SurrogateSampler(BaseSampler):
                 unit = np.clip(centre + rng.normal(0.0, 0.08, len(centre)), 0.0, 1.0)
             point = space.low + unit * (space.high - space.low)
             point = np.where(space.whole, np.round(point), point)
-            if worth_simulating(self._study, space.design(point)):
+            if worth_simulating(self._study, self._study.named(point)):
                 found.append(point)
                 if len(found) == size:
                     return np.array(found)
@@ -191,7 +187,7 @@ class SurrogateSampler(BaseSampler):
         designs = self._points(finished)
         reference = self._values(designs, np.array([t.values[index] for t in finished]))
         over = self._over(finished)
-        front = self._scaled(designs[_front(reference)])
+        front = self._scaled(designs[not_dominated(reference)])
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
         pool = pool[~known]
@@ -216,15 +212,7 @@ class SurrogateSampler(BaseSampler):
 
     def _values(self, points: Array, times: Array) -> Array:
         """Return all objectives (m, k) with the expected shift time given."""
-        names = self._study.file.search.objectives
-        rows = []
-        for point, time in zip(points, times, strict=True):
-            exact = exact_values(self._study, self._design(point))
-            rows.append([time if name == SIMULATED else exact[name] for name in names])
-        return np.array(rows)
-
-    def _design(self, point: Array) -> Design:
-        return design_of(self._study, self._space.design(point))
+        return objective_rows(self._study, [self._study.named(p) for p in points], times)
 
 
 def _simulated(trial: FrozenTrial) -> bool:
@@ -237,13 +225,6 @@ def _farthest(pool: Array, taken: Array) -> int:
         return 0
     distance = np.linalg.norm(pool[:, None, :] - taken[None, :, :], axis=2).min(axis=1)
     return int(np.argmax(distance))
-
-
-def _front(values: Array) -> Any:
-    """Tell which rows (n, k) no other row dominates, (n,) of bool."""
-    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
-    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
-    return ~(better & strictly).any(axis=0)
 
 
 def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:

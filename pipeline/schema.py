@@ -159,14 +159,17 @@ class SolverSection(Section):
 class SurrogateSection(Section):
     """What ``fit`` simulates: designs that fill their space, and references to judge it by.
 
+    ``references`` fill the space too, ``best_references`` are of the tenth found best.
+
     Each design gets ``points`` operating points of its own with ``angles`` angles; a reference
     gets all of the study's with ``reference_angles``.
     """
 
-    designs: Annotated[int, Field(ge=10)] = 400
+    designs: Annotated[int, Field(ge=10)] = 500
     points: Annotated[int, Field(ge=1)] = 5
     angles: Annotated[int, Field(ge=3)] = 8
     references: Annotated[int, Field(ge=0)] = 40
+    best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
     seed: Annotated[int, Field(ge=0)] = 1
 

@@ -7,20 +7,25 @@ designs that fill their space, in ``shifts.jsonl``, and references apart, in
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Sequence
 from pathlib import Path
+
+import numpy as np
 
 from pipeline.config import Study
 from pipeline.executor import Executor
 from pipeline.filling import filling_blocks, first_designs
-from pipeline.folder import StudyFolder
+from pipeline.folder import StudyFolder, read_json, write_json
+from pipeline.inquiry import Inquiry, inquire
 from pipeline.journal import ShiftJournal
 from pipeline.known import known_surrogate
 from pipeline.progress import ShiftProgress
-from pipeline.references import reference_designs, simulate_references
+from pipeline.references import best_designs, reference_designs, simulate_references
 from pipeline.rows import dataset_of, study_mix
 from surrogate.comparison import compare
 from surrogate.dataset import Dataset, differences
+from surrogate.figures import Validation, predict, ranked
 from surrogate.fitting import Effort
 from surrogate.learning import fit
 from surrogate.model import USUAL, Surrogate
@@ -36,23 +41,52 @@ def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
     settings = study.file.surrogate
     with folder.writing():
         folder.open(study, resume=True)
-        designs, apart = first_designs(study, settings.designs), reference_designs(study)
-        shifts = settings.designs * settings.points * settings.angles
-        with ShiftProgress(shifts) as progress:
+        designs = first_designs(study, settings.designs)
+        with ShiftProgress(settings.designs * settings.points * settings.angles) as progress:
             try:
-                executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance)
-                executor.run(
-                    [
-                        block
-                        for index, design in enumerate(designs)
-                        for block in filling_blocks(study, design, index, settings.seed)
-                    ]
-                )
+                _fill(study, designs, Executor(ShiftJournal(folder.shifts), jobs, progress.advance))
                 executor = Executor(ShiftJournal(folder.references), jobs, progress.advance)
+                apart = reference_designs(study, settings.references)
                 simulate_references(study, apart, executor, progress.extend)
+                best = _best(study, folder, progress.say)
+                simulate_references(study, best, executor, progress.extend)
             except KeyboardInterrupt:
                 progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
                 raise
+
+
+def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int) -> None:
+    """Simulate more about a question into a folder that has shifts already."""
+    study = folder.stored_study()
+    with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
+        executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance)
+        try:
+            deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
+        except KeyboardInterrupt:
+            progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
+            raise
+
+
+def _fill(study: Study, designs: Sequence[dict[str, float]], executor: Executor) -> None:
+    seed = study.file.surrogate.seed
+    executor.run(
+        [
+            block
+            for index, design in enumerate(designs)
+            for block in filling_blocks(study, design, index, seed)
+        ]
+    )
+
+
+def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
+    """Return designs of the best tenth, by a quick fit; chosen once and kept."""
+    if not folder.best.exists():
+        say("choosing references among the best designs")
+        model = fit(dataset_of(study, ShiftJournal(folder.shifts).rows.values()), effort=QUICK)
+        write_json(folder.best, {"designs": best_designs(study, model)})
+    remedy = "remove it and fit again"
+    kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
+    return kept
 
 
 def train(
@@ -75,20 +109,32 @@ def train(
     keeps = known is not None and not choose
     effort = Effort(steps=0) if keeps else Effort(seed=study.file.surrogate.seed)
     surrogate = fit(data, form, known, effort)
-    parts = effort if keeps else QUICK
-    figures = validate(surrogate, study_mix(study), references_of(study, folder), parts)
+    figures = _judged(study, folder, surrogate, effort if keeps else QUICK)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
     save(out or folder.surrogate, stored)
     data.frame().to_csv(folder.points, index=False)
     return stored
 
 
-def references_of(study: Study, folder: StudyFolder) -> Reference | None:
-    """Return the references of a folder that was filled, None where it has none."""
+def _judged(study: Study, folder: StudyFolder, surrogate: Surrogate, parts: Effort) -> Validation:
+    """Return the figures of a surrogate, by the folder's references where it has some."""
+    mix = study_mix(study)
     if not folder.references.exists():
-        return None
-    journal = ShiftJournal(folder.references)
-    return reference_of(dataset_of(study, journal.rows.values()), study_mix(study))
+        return validate(surrogate, mix, None, parts)
+    space, best = references_of(study, folder)
+    found = validate(surrogate, mix, space)
+    return ranked(found, best, predict(surrogate, best.x, mix).time) if len(best) else found
+
+
+def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Reference]:
+    """Return the references of a filled folder that fill the space, and those of the best."""
+    data = dataset_of(study, ShiftJournal(folder.references).rows.values())
+    whole = reference_of(data, study_mix(study))
+    kept = read_json(folder.best, "fit again").get("designs", []) if folder.best.exists() else []
+    chosen = np.array([[design[name] for name in study.variables] for design in kept])
+    best = whole.of(chosen.reshape(-1, len(study.variables)))
+    others = (whole.x[:, None, :] != best.x[None, :, :]).any(axis=2).all(axis=1)
+    return whole.of(whole.x[others]), best
 
 
 def _known_for(study: Study, data: Dataset, folder: StudyFolder, say: Say) -> Surrogate | None:

@@ -16,8 +16,7 @@ import numpy as np
 
 from surrogate.covariance import Array, Mask
 from surrogate.dataset import Dataset
-from surrogate.fitting import Effort
-from surrogate.learning import fit
+from surrogate.fitting import Effort, fit_process
 from surrogate.model import ALTERNATIVES
 from surrogate.targets import time_targets
 
@@ -60,9 +59,11 @@ def _left_out(data: Dataset, form: str, first: Mask) -> tuple[Array, Array]:
     """Return errors of ln t and their foretold standard deviations for all rows, each (n,)."""
     errors, deviations = [], []
     for seen in (first, ~first):
-        model = fit(data.subset(seen), form, effort=EFFORT)
-        inputs, targets, noise = time_targets(data.subset(~seen), ALTERNATIVES[form].ridge)
-        mean, variance = model.times.predict(inputs)
+        made = ALTERNATIVES[form]
+        known = time_targets(data.subset(seen), made.ridge)
+        inputs, targets, noise = time_targets(data.subset(~seen), made.ridge)
+        process = fit_process(made.terms, known[0].shape[1] - 2, known, effort=EFFORT)
+        mean, variance = process.predict(inputs)
         errors.append(targets - mean)
         deviations.append(np.sqrt(variance + noise))
     return np.concatenate(errors), np.concatenate(deviations)

@@ -27,22 +27,29 @@ CHUNK = 64  #: rows worked out at a time, so that they stay in the processor's c
 
 @dataclass(frozen=True)
 class Term:
-    """One term: which factors it has, whether it grows with the mismatch, how short it may be.
+    """One term: which factors it has, and whether it grows with the mismatch.
 
-    ``scales`` bounds the length scales of designs, whose ranges are scaled to one.
+    ``scales`` bounds its length scales, ranges of designs being scaled to one; a fit starts from
+    ``first``. Equal bounds fix them: what is so short is rough, and nothing near foretells it.
     """
 
     design: bool
     point: bool
     grows: bool = False
     scales: tuple[float, float] = (0.2, 30.0)
-    first: float = 1.0  #: length scale that a fit starts from
+    first: float = 1.0
+
+    @property
+    def rough(self) -> bool:
+        """Whether the length scales are fixed."""
+        return self.scales[0] == self.scales[1]
 
 
 @dataclass(frozen=True)
 class Part:
     """A term with its numbers: variance, growth, length scales of its factors, None if left out."""
 
+    rough: bool
     variance: float
     growth: float
     design: Array | None
@@ -89,10 +96,18 @@ class Covariance:
         for term in self.terms:
             variance = float(np.exp(rest.pop(0)))
             growth = float(rest.pop(0)) if term.grows else 0.0
-            design = _taken(rest, self.designs) if term.design else None
-            point = _taken(rest, self.points) if term.point else None
-            found.append(Part(variance, growth, design, point))
+            design = self._scales(term, rest, self.designs) if term.design else None
+            point = self._scales(term, rest, self.points) if term.point else None
+            found.append(Part(term.rough, variance, growth, design, point))
         return found
+
+    @staticmethod
+    def _scales(term: Term, rest: list[float], number: int) -> Array:
+        if term.rough:
+            return np.full(number, term.first)
+        taken = np.exp(rest[:number])
+        del rest[:number]
+        return taken
 
     def split(self, inputs: Array) -> tuple[Array, Array]:
         """Return coordinates of designs (n, d) and of operating points (n, p)."""
@@ -140,9 +155,9 @@ class Covariance:
             if term.grows:
                 size = np.abs(o[:, 0])
                 slopes.append(0.5 * whole * (size[:, None] + size[None, :]))
-            if part.design is not None:
+            if part.design is not None and not term.rough:
                 slopes += _slopes(x / part.design, point)
-            if part.point is not None:
+            if part.point is not None and not term.rough:
                 grown = np.outer(part.amplitude(o), part.amplitude(o)) * design
                 slopes += _slopes(o / part.point, grown)
         return total, np.stack(slopes, axis=-1)
@@ -157,12 +172,9 @@ def starting(terms: tuple[Term, ...], designs: int, points: int) -> tuple[Array,
         if term.grows:
             theta.append(0.0)
             bounds.append(np.array([0.0, 8.0]))
-        if term.design:
-            theta += [np.log(term.first)] * designs
-            bounds += [np.log(term.scales)] * designs
-        if term.point:
-            theta += [np.log(0.5 * term.first)] * points
-            bounds += [np.log([0.01, 30.0])] * points
+        free = 0 if term.rough else term.design * designs + term.point * points
+        theta += [np.log(term.first)] * free
+        bounds += [np.log(term.scales)] * free
     return np.array(theta), np.array(bounds)
 
 
@@ -184,12 +196,6 @@ def distance(a: Array, b: Array) -> Array:
     squares += (b * b).sum(axis=1)[None, :]
     np.maximum(squares, 0.0, out=squares)
     return np.sqrt(squares, out=squares)
-
-
-def _taken(rest: list[float], number: int) -> Array:
-    taken = np.exp(rest[:number])
-    del rest[:number]
-    return taken
 
 
 def _factor(a: Array, b: Array, scale: Array | None) -> Array:

@@ -6,7 +6,7 @@ at other operating points would foretell it.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,9 @@ from surrogate.covariance import Array
 from surrogate.mix import Mix
 from surrogate.model import Surrogate
 from surrogate.reference import Reference
+from surrogate.targets import FLOOR
 
-BEST = 0.1  #: share of designs that a search cares for
+LEAST = 10  #: designs that a rank correlation needs
 
 
 @dataclass(frozen=True)
@@ -25,13 +26,17 @@ class Validation:
 
     Parameters
     ----------
-    q2 : of the expected time over the study's operating points: 1 less squared error over variance.
+    q2 : of the expected time over the study's operating points (of shifts that engage): 1 less
+        squared error over variance.
     coverage_95 : share of expected times within their 95 % interval.
-    rmse_s : root-mean-square error of the expected time, s.
+    rmse_s, bias_s : root-mean-square and mean error of the expected time, s.
     n : number of designs.
     noise_s : root-mean-square standard error of the simulated expected times themselves, s.
     q2_points, coverage_points, rmse_points_s : the same for means at single operating points.
-    rank_best : rank correlation (Spearman) among the best tenth of designs, if there are ten.
+    spread_error : root-mean-square error of the logarithm of a single shift's deviation.
+    lost, lost_expected : shifts that did not engage, and how many the surrogate expected.
+    rank_best, n_best : rank correlation (Spearman) among designs of the best tenth, and their
+        number; None for fewer than ten.
     source : ``references``, dense simulations of designs apart, or ``held out``.
     shifts : simulated shifts behind the fit.
     """
@@ -39,12 +44,17 @@ class Validation:
     q2: float
     coverage_95: float
     rmse_s: float
+    bias_s: float
     n: int
     noise_s: float
     q2_points: float
     coverage_points: float
     rmse_points_s: float
+    spread_error: float
+    lost: int
+    lost_expected: float
     rank_best: float | None
+    n_best: int
     source: str
     shifts: int
 
@@ -67,20 +77,23 @@ def validation_of(record: dict[str, Any]) -> Validation:
 class Prediction:
     """What the surrogate says of reference designs.
 
-    ``time`` and ``error`` are of the expected time, (k,); ``means`` of the shifts that engage
-    at each point, ``relative`` the standard deviation of its logarithm, (k, m).
+    ``time`` and ``error`` are of the expected time of shifts that engage, (k,); ``means`` is
+    that at each point, ``relative`` the standard deviation of its logarithm, ``spreads`` the
+    standard deviation of a single shift, ``shares`` the share engaged, (k, m).
     """
 
     time: Array
     error: Array
     means: Array
     relative: Array
+    spreads: Array
+    shares: Array
 
 
 def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
     """Predict designs (k, d) over a mix and at each of its points."""
-    expected = [surrogate.expected(row, mix) for row in x]
-    size = len(mix.points)
+    engaging, size = replace(mix, retry=0.0), len(mix.points)
+    expected = [surrogate.expected(row, engaging) for row in x]
     inputs = surrogate.inputs(np.repeat(x, size, axis=0), np.tile(mix.points, (len(x), 1)))
     mean, variance = surrogate.times.predict(inputs)
     return Prediction(
@@ -88,6 +101,8 @@ def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
         error=np.array([e.error for e in expected]),
         means=np.exp(mean + 0.5 * variance).reshape(len(x), size),
         relative=np.sqrt(variance).reshape(len(x), size),
+        spreads=surrogate.spread(inputs).reshape(len(x), size),
+        shares=surrogate.share.at(inputs)[0].reshape(len(x), size),
     )
 
 
@@ -98,28 +113,39 @@ def figures(reference: Reference, prediction: Prediction, source: str, shifts: i
     points = prediction.means - reference.means
     apart = np.abs(np.log(prediction.means / reference.means))
     noise = np.hypot(prediction.relative, reference.errors / reference.means)
+    spread = np.log((prediction.spreads + FLOOR) / (reference.spreads + FLOOR))
     return Validation(
         q2=_q2(miss, reference.time),
         coverage_95=float((np.abs(miss) <= 1.96 * within).mean()),
         rmse_s=_rms(miss),
+        bias_s=float(miss.mean()),
         n=len(reference),
         noise_s=_rms(reference.error),
         q2_points=_q2(points.ravel(), reference.means.ravel()),
         coverage_points=float((apart <= 1.96 * noise).mean()),
         rmse_points_s=_rms(points),
-        rank_best=rank_correlation(reference.time, prediction.time),
+        spread_error=_rms(spread),
+        lost=int(reference.lost.sum()),
+        lost_expected=float(((1.0 - prediction.shares) * reference.shifts).sum()),
+        rank_best=None,
+        n_best=0,
         source=source,
         shifts=shifts,
     )
 
 
-def rank_correlation(time: Array, predicted: Array, share: float = BEST) -> float | None:
-    """Return Spearman's rank correlation among the best ``share`` of designs, None below ten."""
-    best = np.argsort(time)[: round(share * len(time))]
-    if len(best) < 10:
-        return None
-    ranks, guessed = (np.argsort(np.argsort(values[best])) for values in (time, predicted))
-    return float(np.corrcoef(ranks, guessed)[0, 1])
+def ranked(validation: Validation, reference: Reference, predicted: Array) -> Validation:
+    """Return the figures with the rank correlation of references that are all of the best."""
+    if len(reference) < LEAST:
+        return validation
+    rank = rank_correlation(reference.time, predicted)
+    return replace(validation, rank_best=rank, n_best=len(reference))
+
+
+def rank_correlation(one: Array, other: Array) -> float:
+    """Return Spearman's rank correlation of two series without ties, each (n,)."""
+    ranks, others = (np.argsort(np.argsort(values)) for values in (one, other))
+    return float(np.corrcoef(ranks, others)[0, 1])
 
 
 def _q2(miss: Array, truth: Array) -> float:

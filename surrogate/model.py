@@ -2,9 +2,9 @@ r"""The surrogate: shift time, spread and share engaged over designs and operati
 
 Times are modelled by their logarithm :math:`y = \ln t`, which keeps them positive and makes
 errors relative; t is the mean of the shifts that engage. The covariance has a term over
-operating points alone, a smooth one over both, and a rough one with short length scales that
-grows with the mismatch: at high mismatch a dog is thrown back once more or once less, and the
-mean runs in steps that no design nearby foretells. ``ALTERNATIVES`` are what this was chosen
+operating points alone, a smooth one over both, and two that grow with the mismatch: there a
+dog is thrown back once more or once less, and the mean runs in steps, of which short ones are
+rough: no design nearby foretells them. ``ALTERNATIVES`` are what this was chosen
 from by the likelihood of designs left out (``surrogate.comparison``).
 
 Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
@@ -36,8 +36,9 @@ MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 
 SMOOTH = Term(design=True, point=True)
 POINT = Term(design=False, point=True)
-ROUGH = Term(design=True, point=True, grows=True, scales=(0.03, 3.0), first=0.1)
-EVEN = Term(design=True, point=True, scales=(0.03, 3.0), first=0.1)
+STEPS = Term(design=True, point=True, grows=True, scales=(0.1, 3.0), first=0.3)
+ROUGH = Term(design=True, point=True, grows=True, scales=(0.02, 0.02), first=0.02)
+EVEN = Term(design=True, point=True, scales=(0.02, 0.02), first=0.02)
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,13 @@ ALTERNATIVES = {
     "smooth": Form((SMOOTH,)),
     "smooth, rough": Form((SMOOTH, EVEN)),
     "smooth, growing rough": Form((SMOOTH, ROUGH)),
-    "point, smooth, growing rough": Form((POINT, SMOOTH, ROUGH)),
-    "point, smooth, growing rough, ridge": Form((POINT, SMOOTH, ROUGH), ridge=True),
+    "smooth, growing steps, growing rough": Form((SMOOTH, STEPS, ROUGH)),
+    "point, smooth, growing steps, growing rough": Form((POINT, SMOOTH, STEPS, ROUGH)),
+    "point, smooth, growing steps, growing rough, ridge": Form(
+        (POINT, SMOOTH, STEPS, ROUGH), ridge=True
+    ),
 }
-USUAL = "point, smooth, growing rough"  #: the form that is used where none is named
+USUAL = "point, smooth, growing steps, growing rough"  #: the form where none is named
 
 
 @dataclass(frozen=True)

@@ -136,10 +136,23 @@ class Over:
         variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
         return variance
 
+    def with_rows(self, x: Array, inputs: Array) -> Array:
+        """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
+
+        Their covariance before any data.
+        """
+        covariance = self._surrogate.times.covariance
+        designs, points = covariance.split(inputs)
+        total = np.zeros((len(x), len(inputs)))
+        for part in covariance.parts:
+            linked = self._shares @ part.point_factor(self._nodes, points)
+            total += part.design_factor(x, designs) * linked[None, :]
+        return total
+
     def covariance(self, a: Array, b: Array) -> Array:
         """Return the covariance of the smooth part's relative errors, (m, d) and (k, d), (m, k)."""
         parts = self._surrogate.times.covariance.parts
-        smooth = [float(not part.growth) for part in parts]
+        smooth = [float(not part.rough) for part in parts]
         total = np.zeros((len(a), len(b)))
         for part, alone, counts in zip(parts, self._alone, smooth, strict=True):
             total += counts * alone * part.design_factor(a, b)

@@ -1,8 +1,13 @@
-"""What the simulation says of an expected time, to hold the surrogate against."""
+"""What the simulation says of an expected time, to hold the surrogate against.
+
+Times are those of shifts that engage. Where one shift in some hundreds hangs crest on crest and
+costs a second, dense simulations of a design hold one or none: their mean would be that draw.
+What engages is compared by its count instead, over all references.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -18,10 +23,11 @@ class Reference:
     Parameters
     ----------
     x : designs, (k, d), edge units.
-    time, error : expected time over the mix, retries included, and its standard error, (k,), s.
-    means, errors : of the shifts that engage at each point, (k, m), s; NaN where none did.
+    time, error : expected time of the shifts that engage over the mix, and its standard
+        error, (k,), s.
+    means, errors : of the shifts that engage at each point, (k, m), s.
     spreads : standard deviation of such a shift, (k, m), s.
-    shares : share engaged, (k, m).
+    lost, shifts : how many did not engage, and how many were made, (k, m).
     """
 
     x: Array
@@ -30,10 +36,16 @@ class Reference:
     means: Array
     errors: Array
     spreads: Array
-    shares: Array
+    lost: Array
+    shifts: Array
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def of(self, designs: Array) -> Reference:
+        """Return the references that are among ``designs`` (k, d)."""
+        kept = (self.x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
+        return Reference(*(getattr(self, field.name)[kept] for field in fields(self)))
 
 
 def reference_of(data: Dataset, mix: Mix) -> Reference:
@@ -59,16 +71,19 @@ def reference_of(data: Dataset, mix: Mix) -> Reference:
             time[k, j] += good * mean
             variance[k, j] += (good * error) ** 2
             spread[k, j] += good * sd**2
-    whole = (shifts > 0).all(axis=1) & (engaged > 0).all(axis=1)
+    whole = (engaged > 0).all(axis=1)
     engaged, shifts = engaged[whole], shifts[whole]
     means, errors = time[whole] / engaged, np.sqrt(variance[whole]) / engaged
-    share = engaged / shifts
-    retry = (1.0 - share) / share * mix.retry
-    retry_error = np.sqrt(share * (1.0 - share) / shifts) / share**2 * mix.retry
-    total = np.sqrt((errors**2 + retry_error**2) @ mix.weights**2)
-    spreads = np.sqrt(spread[whole] / engaged)
-    designs = data.designs[whole]
-    return Reference(designs, (means + retry) @ mix.weights, total, means, errors, spreads, share)
+    return Reference(
+        x=data.designs[whole],
+        time=means @ mix.weights,
+        error=np.sqrt(errors**2 @ mix.weights**2),
+        means=means,
+        errors=errors,
+        spreads=np.sqrt(spread[whole] / engaged),
+        lost=shifts - engaged,
+        shifts=shifts,
+    )
 
 
 def _node_of(points: Array, nodes: Array) -> list[int]:

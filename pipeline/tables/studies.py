@@ -59,8 +59,12 @@ def validation_text(stored: Stored, path: Path) -> RenderableType:
         f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
         table,
     ]
+    lines.append(
+        f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, where "
+        f"{v.lost_expected:.1f} were expected"
+    )
     if v.rank_best is not None:
-        lines.append(f"rank correlation among the best tenth {v.rank_best:.2f}")
+        lines.append(f"rank correlation of {v.n_best} designs of the best tenth {v.rank_best:.2f}")
     if stored.comparison:
         scores = columns("form", "mean log density", "rmse of ln t", "within 95 %")
         for s in stored.comparison:

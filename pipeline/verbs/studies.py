@@ -10,13 +10,14 @@ import typer
 from pipeline.config import load_study, require_variables
 from pipeline.console import emit, verb
 from pipeline.folder import StudyFolder
+from pipeline.inquiry import Inquiry
 from pipeline.known import space_out
 from pipeline.options import Jobs, Json, Sets, StudyArg, default_out
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, run_study
 from pipeline.tables.studies import study_table, validation_text
-from pipeline.training import fill, train
+from pipeline.training import ask_more, fill, train
 from sim.errors import InputError
 
 
@@ -69,6 +70,10 @@ def fit(
     choose: Annotated[
         bool, typer.Option("--choose", help="compare forms of the model, minutes; take the best")
     ] = False,
+    question: Annotated[
+        str | None, typer.Option(help="best, front or design: simulate more about it first")
+    ] = None,
+    shifts: Annotated[int, typer.Option(min=1, help="with --question: how many more")] = 1024,
     jobs: Jobs = 0,
     set_: Sets = None,
     json: Json = False,
@@ -76,7 +81,9 @@ def fit(
     """Fit the surrogate and judge it on designs that it has not seen.
 
     A folder of results is fitted as it is. For a study, designs that fill its space are
-    simulated first into results/NAME-space, and references apart to judge by.
+    simulated first into results/NAME-space, and references apart to judge by. With a question,
+    more shifts are simulated where they tell most about the fastest designs, about the front
+    of the study's objectives, or about the study's own design.
 
     Example: dogshape fit results/mq200
     """
@@ -90,6 +97,8 @@ def fit(
         folder = StudyFolder(space_out(given))
         require_variables(given)
         fill(given, folder, jobs)
+    if question is not None:
+        ask_more(folder, Inquiry(question, shifts), jobs)
     with ShiftProgress(0) as progress:
         stored = train(folder, out, choose=choose, say=progress.say)
     path = out or folder.surrogate

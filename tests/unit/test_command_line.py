@@ -140,7 +140,14 @@ def test_study_then_report_fit_and_check(
 
 
 def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) -> None:
-    small = {"designs": 11, "points": 2, "angles": 3, "references": 3, "reference_angles": 3}
+    small = {
+        "designs": 11,
+        "points": 2,
+        "angles": 3,
+        "references": 3,
+        "reference_angles": 3,
+        "best_references": 2,
+    }
     sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
     said = dogshape("fit", "mq200", *SETS, *sets, "--json")
     assert said.status == 0, said.err

@@ -1,0 +1,121 @@
+"""Simulating where it tells most about a question: the best designs, the front, or one design.
+
+Which designs are best or on the front is itself uncertain: each draw of the surrogate has its
+own, and how often a design is among them is its weight in the question. Rows are chosen by what
+they take from the error of these designs' expected times (``surrogate.acquisition``), from among
+the same designs; the surrogate learns from each round before the next is chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.config import Study
+from pipeline.design import not_dominated, objective_rows
+from pipeline.executor import Executor
+from pipeline.filling import filling_designs
+from pipeline.rows import dataset_of, study_mix
+from sim.blocks import Block
+from sim.errors import InputError, did_you_mean
+from sim.expectation import even_phases
+from surrogate.acquisition import Choice, Question, choose
+from surrogate.covariance import Array
+from surrogate.fitting import Effort
+from surrogate.learning import fit
+from surrogate.model import Surrogate
+from surrogate.over import Over
+
+QUESTIONS = ("best", "front", "design")
+APART = 190_000  #: added to the seed for the designs that a question is about
+POOL = 200  #: feasible designs from which those of a question come
+DRAWS = 40  #: of the expected times of all of them
+TENTH = 0.1  #: share of the pool that counts as best
+ROWS = 32  #: chosen in a round
+
+
+@dataclass(frozen=True)
+class Inquiry:
+    """A question and how many shifts may be spent on it.
+
+    ``kind`` is ``best`` (the fastest tenth), ``front`` (what no other design beats in all of the
+    study's objectives) or ``design`` (the study's own).
+    """
+
+    kind: str
+    shifts: int
+
+    def __post_init__(self) -> None:
+        if self.kind not in QUESTIONS:
+            hint = did_you_mean(self.kind, QUESTIONS)
+            raise InputError(f"--question is '{self.kind}', which is no question; {hint}")
+
+
+def inquire(
+    study: Study, inquiry: Inquiry, executor: Executor, say: Callable[[str], None]
+) -> Iterator[Surrogate]:
+    """Simulate about a question; yield the surrogate before each round and after the last.
+
+    The executor's journal has to hold shifts to begin with, and gets the new ones.
+    """
+    rng = np.random.default_rng(study.file.surrogate.seed)
+    pool, angles = _pool(study, inquiry.kind), study.file.surrogate.angles
+    rows, model = executor.journal.rows, None
+    goal = len(rows) + inquiry.shifts
+    while True:
+        effort = Effort() if model is None else Effort(steps=0)
+        model = fit(dataset_of(study, rows.values()), like=model, effort=effort)
+        yield model
+        left = goal - len(rows)
+        if left < angles:
+            return
+        question = _question(study, inquiry.kind, model, pool, rng)
+        choice = choose(model, study_mix(study), question, angles, min(ROWS, left // angles))
+        say(
+            f"{left} shifts to go; the next {len(choice.left) * angles} leave "
+            f"{choice.left[-1]:.0%} of the variance of {len(question.designs)} designs"
+        )
+        executor.run(_blocks(study, question, choice, study.file.surrogate.seed + len(rows)))
+
+
+def _pool(study: Study, kind: str) -> Array:
+    names = tuple(study.variables)
+    if kind == "design":
+        return np.array([[study.prototype[name] for name in names]], dtype=float)
+    found = filling_designs(study, study.file.surrogate.seed + APART, border=False)
+    designs = [next(found) for _ in range(POOL)]
+    return np.array([[design[name] for name in names] for design in designs], dtype=float)
+
+
+def _question(
+    study: Study, kind: str, model: Surrogate, pool: Array, rng: np.random.Generator
+) -> Question:
+    """Return the designs of the pool that draws find best or on the front, by how often."""
+    if kind == "design":
+        return Question(pool, np.ones(1))
+    over, times = Over(model, study_mix(study)), np.zeros(len(pool))
+    values = objective_rows(study, [study.named(row) for row in pool], times)
+    column = study.file.search.objectives.index("expected_shift_time_s")
+    weights = np.zeros(len(pool))
+    for _ in range(DRAWS):
+        drawn = over.sample(pool, rng)
+        if kind == "best":
+            weights[np.argsort(drawn)[: max(1, round(TENTH * len(pool)))]] += 1.0
+        else:
+            values[:, column] = drawn
+            weights[not_dominated(values)] += 1.0
+    kept = weights > 0.0
+    return Question(pool[kept], weights[kept] / weights.sum())
+
+
+def _blocks(study: Study, question: Question, choice: Choice, seed: int) -> list[Block]:
+    """Return the chosen rows; each has angles of a draw of its own, as one may be chosen twice."""
+    blocks = []
+    for index, (design, point) in enumerate(zip(choice.designs, choice.points, strict=True)):
+        clutch = study.clutch.with_dog(study.dog_with(study.named(question.designs[design])))
+        own = APART + 1000 * seed + index
+        phases = even_phases(study.file.surrogate.angles, own, 0) * clutch.dog.pitch_angle
+        blocks.append(Block(clutch, study.points[point], tuple(phases.tolist()), own))
+    return blocks

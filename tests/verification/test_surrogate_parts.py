@@ -1,0 +1,188 @@
+"""Parts of the surrogate against closed forms and second methods."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import ConstantKernel, Matern
+
+from surrogate.acquisition import Question, choose, one_shift_noise
+from surrogate.comparison import compare
+from surrogate.covariance import Array, Covariance, Term, matern, starting
+from surrogate.learning import fit
+from surrogate.model import ALTERNATIVES, POINT, ROUGH, SMOOTH, STEPS, Surrogate
+from surrogate.over import Over
+from surrogate.process import Process
+from surrogate.share import Share, fit_share
+from surrogate.targets import known_noise
+from tests.unit.test_surrogate import GRID, HIGH, LOW, MIX, QUICK, exact, made
+
+WHOLE = (POINT, SMOOTH, STEPS, ROUGH)
+
+
+def covariance(terms: tuple[Term, ...], designs: int = 3, seed: int = 0) -> Covariance:
+    """A covariance with drawn parameters."""
+    theta, bounds = starting(terms, designs, 2)
+    moved = theta + 0.3 * np.random.default_rng(seed).standard_normal(len(theta))
+    return Covariance(terms, designs, 2, np.clip(moved, *bounds.T))
+
+
+def places(count: int, seed: int = 1) -> Array:
+    """Inputs of three designs' and two points' coordinates."""
+    return np.random.default_rng(seed).random((count, 5))
+
+
+def test_slopes_of_the_covariance_are_its_differences() -> None:
+    at, inputs = covariance(WHOLE), places(7)
+    whole, slopes = at.slopes(inputs)
+    assert whole == pytest.approx(at.between(inputs, inputs), rel=1e-12)
+    for k in range(len(at.theta)):
+        step = np.eye(len(at.theta))[k] * 1e-6
+        high, low = (replace(at, theta=at.theta + s) for s in (step, -step))
+        difference = (high.between(inputs, inputs) - low.between(inputs, inputs)) / 2e-6
+        assert slopes[:, :, k] == pytest.approx(difference, rel=1e-5, abs=1e-9)
+
+
+def test_the_covariance_is_symmetric_and_positive() -> None:
+    at, inputs = covariance(WHOLE), places(130)
+    matrix = at.among(inputs)
+    assert matrix == pytest.approx(at.between(inputs, inputs), rel=1e-12)
+    assert np.linalg.eigvalsh(matrix).min() > -1e-9
+    assert np.diag(matrix) == pytest.approx(at.variance(inputs), rel=1e-12)
+
+
+def test_matern_is_that_of_scikit_learn() -> None:
+    a, b = places(20), places(30, seed=2)
+    scales = np.array([0.3, 0.5, 1.0, 2.0, 0.7])
+    assert matern(a / scales, b / scales) == pytest.approx(Matern(scales, nu=2.5)(a, b), abs=1e-12)
+
+
+def test_the_process_is_that_of_scikit_learn() -> None:
+    """One smooth term over one factor: the same posterior, mean and covariance."""
+    term = Term(design=True, point=False)
+    at = Covariance((term,), 3, 2, np.log([0.4, 0.5, 0.8, 1.2]))
+    inputs, asked = places(40), places(15, seed=2)
+    targets = np.sin(4 * inputs[:, 0]) + inputs[:, 1]
+    noise = np.full(40, 0.01)
+    mean, joint = Process(at, inputs, targets, noise).joint(asked)
+    kernel = ConstantKernel(0.4) * Matern([0.5, 0.8, 1.2], nu=2.5)
+    other = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None)
+    other.fit(inputs[:, :3], targets - targets.mean())
+    expected, spread = other.predict(asked[:, :3], return_cov=True)
+    assert mean == pytest.approx(expected + targets.mean(), abs=1e-9)
+    assert joint == pytest.approx(spread, abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def surrogate() -> Surrogate:
+    """A surrogate of few designs of the known function."""
+    return fit(made(20), effort=QUICK)
+
+
+def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
+    """The variance that is left is that of a process which has the rows."""
+    question = Question(made(5, seed=3).designs, np.full(5, 0.2))
+    choice = choose(surrogate, MIX, question, 8, 4)
+    over, where = Over(surrogate, MIX), surrogate.coordinates(question.designs)
+    before = float(question.weights @ over.relative_variance(where))
+    x, points = question.designs[choice.designs], GRID[choice.points]
+    times, noise = surrogate.times, one_shift_noise(surrogate, points) / 8
+    joined = Process(
+        times.covariance,
+        np.concatenate([times.inputs, surrogate.inputs(x, points)]),
+        np.concatenate([times.targets, np.zeros(4)]),
+        np.concatenate([times.noise, noise]),
+    )
+    shares = over.times(surrogate.known).mean(axis=0) * MIX.weights
+    shares /= shares.sum()
+    after = 0.0
+    for weight, design in zip(question.weights, question.designs, strict=True):
+        inputs = surrogate.inputs(np.tile(design, (len(GRID), 1)), GRID)
+        after += weight * float(shares @ joined.joint(inputs)[1] @ shares)
+    assert choice.left[-1] == pytest.approx(after / before, rel=0.02)
+    assert (np.diff(choice.left) <= 0.0).all()
+
+
+def test_asking_beats_filling_on_the_question() -> None:
+    """The same number of rows: chosen ones leave less error at the target than others."""
+    start = made(15)
+    target = np.array([3.0, 2.5, 10.0])
+    model = fit(start, effort=QUICK)
+    question = Question(np.array([target, [5.0, 3.0, 12.0]]), np.array([0.5, 0.5]))
+    choice = choose(model, MIX, question, 8, 12)
+    chosen = made(6, seed=11)
+    rows = chosen.rows[:12].copy()
+    rows[:, :3] = question.designs[choice.designs]
+    rows[:, 3:5] = GRID[choice.points]
+    from tests.unit.test_surrogate import truth
+
+    rows[:, 5] = truth(rows[:, :3], rows[:, 3:5])
+    asked = fit(replace(start, rows=np.concatenate([start.rows, rows])), effort=QUICK)
+    filled = fit(start.joined(made(3, seed=12)), effort=QUICK)
+    engaging = replace(MIX, retry=0.0)
+    assert asked.expected(target, engaging).error < 0.5 * filled.expected(target, engaging).error
+    assert asked.expected(target, engaging).time == pytest.approx(exact(target), rel=0.01)
+
+
+def test_share_follows_the_counts_where_they_are() -> None:
+    rng = np.random.default_rng(0)
+    inputs = rng.random((300, 3))
+    truth = np.where(inputs[:, 0] < 0.5, 0.95, 0.2)
+    engaged, shifts = rng.binomial(8, truth).astype(float), np.full(300, 8.0)
+    share = fit_share(1, inputs, (engaged, shifts), np.arange(300))
+    assert share.length < 0.5
+    found = share.at(np.array([[0.1, 0.5, 0.5], [0.9, 0.5, 0.5]]))[0]
+    assert found == pytest.approx([0.95, 0.2], abs=0.08)
+    known, place = inputs[:, :1], np.arange(300)
+    nodes = np.array([[0.5, 0.5], [0.2, 0.7]])
+    many = share.over(np.array([[0.1], [0.9]]), nodes, known, place)[0]
+    assert many[:, 0] == pytest.approx(found, rel=1e-9)
+
+
+def test_share_of_one_count_is_the_beta_mean() -> None:
+    one = Share(1, np.zeros((1, 3)), np.array([6.0]), np.array([8.0]), 0.3, 2.0)
+    share, variance = one.at(np.zeros((1, 3)))
+    prior = 6.5 / 9.0
+    a, b = 6.0 + 2.0 * prior, 2.0 + 2.0 * (1.0 - prior)
+    assert share[0] == pytest.approx(a / (a + b))
+    assert variance[0] == pytest.approx(a * b / ((a + b) ** 2 * (a + b + 1.0)))
+
+
+def test_noise_does_not_draw_times_down() -> None:
+    """Lucky rows with small standard errors must not outweigh the others."""
+    data = made(60, noise=0.0)
+    rng = np.random.default_rng(4)
+    rows = data.rows.copy()
+    shifts = rng.gamma(4.0, 0.25, (len(rows), 8))  # skewed: mean and deviation go together
+    rows[:, 5] *= shifts.mean(axis=1)
+    rows[:, 6] = rows[:, 5] * shifts.std(axis=1, ddof=1) / shifts.mean(axis=1) / 8**0.5
+    skewed = replace(data, rows=rows)
+    noise = known_noise(skewed)
+    own = (rows[:, 6] / rows[:, 5]) ** 2
+    assert noise.std() / noise.mean() < 0.3 * own.std() / own.mean()
+    model = fit(skewed, effort=QUICK)
+    found = [model.expected(x, replace(MIX, retry=0.0)).time / exact(x) for x in data.designs]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.035)  # 3 s.e.
+
+
+def test_the_ridge_is_chosen_where_a_flank_turns() -> None:
+    """A time that jumps where the tangent of an angle passes the friction coefficient."""
+    data = made(60, noise=0.01)
+    jump = 1.0 / (1.0 + np.exp(-(np.tan(np.radians(data.x[:, 0])) - 0.1) / 0.01))
+    rows = data.rows.copy()
+    rows[:, 5] *= np.exp(1.0 * jump)
+    rows[:, 6] *= np.exp(1.0 * jump)
+    scores = {score.form: score for score in compare(replace(data, rows=rows))}
+    assert set(scores) == set(ALTERNATIVES)
+    plain = scores["point, smooth, growing steps, growing rough"]
+    ridge = scores["point, smooth, growing steps, growing rough, ridge"]
+    assert ridge.log_density > plain.log_density + 0.1
+
+
+def test_designs_are_scaled_to_their_range(surrogate: Surrogate) -> None:
+    assert surrogate.coordinates(np.array([LOW, HIGH])) == pytest.approx(
+        np.array([[0.0] * 3, [1.0] * 3])
+    )
