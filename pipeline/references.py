@@ -28,7 +28,7 @@ from surrogate.model import Surrogate
 from surrogate.over import Over
 
 APART = 90_000  #: added to the seed of the surrogate's data for designs that it never sees
-PRECISE = 0.006  #: relative standard error of a reference's expected time
+PRECISE = 0.008  #: relative standard error of a reference's expected time
 MOST = 96  #: angles of an operating point at most
 
 

@@ -122,6 +122,26 @@ def test_study_then_report_fit_and_check(
     assert checked.json["feasible"] is True
     assert checked.json["in_range"] is True
 
+    at = ("--mismatch-rpm", 80, "--force-N", 469, "--surrogate", "mine.json", "--json")
+    one = dogshape("check", "mq200", *SETS, *at)
+    assert one.json["operating_points"] == 1
+    assert one.json["expected_shift_time_s"] != checked.json["expected_shift_time_s"]
+
+    Path("designs.csv").write_text("name,chamfer_deg,count\na,8,15\nb,9.5,17\n")
+    many = dogshape("check", "mq200", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv")
+    assert "wrote designs-times.csv: 2 designs" in many.out
+    answers = pd.read_csv("designs-times.csv")
+    assert answers["name"].tolist() == ["a", "b"]
+    assert answers["expected_shift_time_s"][0] == pytest.approx(
+        checked.json["expected_shift_time_s"], rel=0.02
+    )
+    assert (answers["low_s"] < answers["high_s"]).all()
+    Path("designs.csv").write_text("chamfr_deg\n8\n")
+    wrong = dogshape(
+        "check", "mq200", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
+    )
+    assert "did you mean 'chamfer_deg'?" in wrong.sentence
+
     far = dogshape("check", "mq200", *SETS, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]

@@ -1,0 +1,139 @@
+"""Where the surrogate learns, and what its rows take from the journal of shifts."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.config import Study, load_study
+from pipeline.design import design_of, worth_simulating
+from pipeline.executor import Executor
+from pipeline.filling import SLACK, filling_blocks, filling_designs, filling_point
+from pipeline.inquiry import Inquiry, inquire
+from pipeline.journal import ShiftJournal
+from pipeline.references import MOST, PRECISE, _finer
+from pipeline.rows import dataset_of, study_mix
+from sim.errors import InputError
+from sim.units import RPM
+from surrogate.dataset import COLUMNS, rows_of
+
+
+def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -> None:
+    designs = list(islice(filling_designs(small_study, 1), 30))
+    assert designs[:12] == list(islice(filling_designs(small_study, 1), 12))
+    inside = [worth_simulating(small_study, design) for design in designs]
+    assert inside == [index % 3 != 2 for index in range(30)]
+    for design in designs[2::3]:
+        checks = design_of(small_study, design).checks
+        assert -SLACK <= min(check.margin for check in checks) < 0.0
+        assert all(c.passed for c in checks if c.name.endswith("_release"))
+    for key, (low, high) in small_study.variables.items():
+        values = [design[key] for design in designs]
+        assert low <= min(values) < max(values) <= high
+    assert {type(design["count"]) for design in designs} == {int}
+
+
+@pytest.mark.parametrize("mismatch", ["[5, 249]", "[-100, 100]", "[-249, -5]"])
+def test_operating_points_reach_their_edges(mismatch: str) -> None:
+    study = load_study("mq200", [f"operating.mismatch_rpm={mismatch}"])
+    low, high = min(study.file.operating.mismatch_rpm), max(study.file.operating.mismatch_rpm)
+    points = [filling_point(study, 1, index) for index in range(200)]
+    speeds = np.array([point.mismatch / RPM for point in points])
+    forces = np.array([point.profile.force for point in points])
+    for values, ends in ((speeds, (low, high)), (forces, (235.2, 641.5))):
+        span = ends[1] - ends[0]
+        assert values.min() == pytest.approx(ends[0], abs=0.02 * span)
+        assert values.max() == pytest.approx(ends[1], abs=0.02 * span)
+        assert values.min() >= ends[0] - 1e-9
+        assert values.max() <= ends[1] + 1e-9
+
+
+def test_references_look_closer_where_their_error_is() -> None:
+    counts = [12, 12, MOST]
+    even = np.array([[0.1, 1e-4], [0.1, 1e-4], [0.1, 1e-4]])
+    assert _finer(even, counts) == counts
+    part = PRECISE * 0.1 * 3**0.5
+    rough = np.array([[0.1, 3 * part], [0.1, 1e-4], [0.1, 3 * part]])
+    assert _finer(rough, counts) == [24, 12, MOST]
+
+
+def _shift(angle: float, seed: int | None = 1, **changes: Any) -> dict[str, Any]:
+    given = {"mismatch_rpm": 50.0, "force_N": 469.0, "force_rise_s": 0.1766, "timeout_s": 1.0}
+    found = {"outcome": "engaged", "shift_time_s": 0.05 + 0.001 * angle}
+    shape = {"chamfer_deg": 8.0, "count": 15, "relative_angle_deg": angle, "seed": seed}
+    return {**given, **found, **shape, **changes}
+
+
+def test_rows_are_groups_of_whole_draws() -> None:
+    names = ("chamfer_deg", "count")
+    whole = [_shift(a) for a in (1.0, 7.0, 13.0, 19.0)]
+    (row,) = rows_of(names, whole)
+    found = dict(zip((*names, *COLUMNS), row, strict=True))
+    assert found["mean_s"] == pytest.approx(0.06)
+    assert found["sd_s"] == pytest.approx(np.std([0.051, 0.057, 0.063, 0.069], ddof=1))
+    assert (found["engaged"], found["shifts"], found["seed"]) == (4, 4, 1)
+    assert len(rows_of(names, whole[:3])) == 0  # a draw that was cut off
+    other = [_shift(a, seed=2) for a in (2.0, 10.0, 18.0)]
+    assert len(rows_of(names, [*whole, *other])) == 2
+    given = [_shift(a, seed=None) for a in (1.0, 2.0, 3.0)]
+    assert rows_of(names, given)[0, -1] == -1
+    hung = {"outcome": "blocked", "shift_time_s": None}
+    (row,) = rows_of(names, [*whole[:3], _shift(19.0, **hung)])
+    found = dict(zip((*names, *COLUMNS), row, strict=True))
+    assert (found["engaged"], found["shifts"]) == (3, 4)
+    assert found["mean_s"] == pytest.approx(0.057)
+    (none,) = rows_of(names, [_shift(a, **hung) for a in (0.0, 8.0, 16.0)])
+    assert np.isnan(none[len(names) + 2])
+    assert none[len(names) + 5] == 0
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, ShiftJournal]:
+    """A study with a dozen designs simulated at two points of their own."""
+    sets = ["surrogate.points=2", "surrogate.angles=3", "operating.mismatch_rpm=[50, 149]"]
+    study = load_study("mq200", sets)
+    journal = ShiftJournal(tmp_path_factory.mktemp("filled") / "shifts.jsonl")
+    designs = list(islice(filling_designs(study, 1), 12))
+    blocks = [b for i, d in enumerate(designs) for b in filling_blocks(study, d, i, 1)]
+    Executor(journal).run(blocks)
+    return study, journal
+
+
+def test_rows_of_other_physics_are_left_out(filled: tuple[Study, ShiftJournal]) -> None:
+    study, journal = filled
+    rows = list(journal.rows.values())
+    data = dataset_of(study, rows)
+    assert len(data) == 24
+    assert len(data.designs) == 12
+    finer = [{**row, "accuracy": 1e-5} for row in rows]
+    ramp = [{**row, "force_rise_s": 0.3} for row in rows]
+    older = [{**row, "drake": "1.0"} for row in rows]
+    assert len(dataset_of(study, [*rows, *finer, *ramp, *older])) == 24
+    assert len(dataset_of(load_study("mq200", ["contact.set=adams2019"]), rows)) == 0
+
+
+def test_a_question_is_answered_with_the_shifts_it_was_given(
+    filled: tuple[Study, ShiftJournal], tmp_path: Path
+) -> None:
+    study, before = filled
+    journal = ShiftJournal(tmp_path / "shifts.jsonl")
+    journal.add(before.rows.values())
+    said: list[str] = []
+    models = list(inquire(study, Inquiry("design", 30), Executor(journal), said.append))
+    assert len(journal.rows) == len(before.rows) + 30
+    assert len(models) == 2
+    assert "30 shifts to go" in said[0]
+    own = np.array(list(study.prototype.values()), dtype=float)
+    first, last = (model.expected(own, study_mix(study)).error for model in models)
+    assert last < first
+    asked = {tuple(x) for x in models[-1].data.designs} - {tuple(x) for x in models[0].data.designs}
+    assert asked == {tuple(own)}
+
+
+def test_an_unknown_question_is_refused() -> None:
+    with pytest.raises(InputError, match=r"--question is 'bst', .*did you mean 'best'"):
+        Inquiry("bst", 10)
