@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config import load_study
-from pipeline.known import surrogate_file
-from surrogate.store import load
+from pipeline.known import stored_surrogate
 
 DESIGNS = 100_000
 RUNS = 7
@@ -22,7 +21,7 @@ RUNS = 7
 def main() -> None:
     """Print wall times; median and range of several runs, whole processes."""
     study = load_study("mq200")
-    data = load(surrogate_file(study)).surrogate.data
+    data = stored_surrogate(study, None)[0].surrogate.data
     print(f"{len(data)} rows of {len(data.designs)} designs; {os.cpu_count()} cores")
     rng = np.random.default_rng(0)
     x = data.designs[rng.integers(len(data.designs), size=DESIGNS)]

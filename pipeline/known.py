@@ -17,23 +17,25 @@ def space_out(study: Study) -> Path:
     return Path("results") / f"{study.name}-space"
 
 
-def brought_file(study: Study) -> Path:
-    """Return the surrogate that the package may bring for a study."""
-    return bundled_root() / study.name / "surrogate.json"
-
-
 def known_surrogate(study: Study) -> Stored | None:
     """Return the surrogate that the package brings for the study's physics, None if it has none."""
-    path = brought_file(study)
-    if not path.is_file():
-        return None
-    stored = load(path)
-    same = content_key(stored.surrogate.data.physics) == study.physics_hash
-    return stored if same else None
+    for path in sorted(bundled_root().glob("*/surrogate.json")):
+        stored = load(path)
+        if content_key(stored.surrogate.data.physics) == study.physics_hash:
+            return stored
+    return None
 
 
-def surrogate_file(study: Study) -> Path:
-    """Return the surrogate to ask: of the study's search, of its space, or the package's."""
+def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
+    """Return the surrogate to ask and its file.
+
+    The one that is named; else that of the study's search, of its space, or the package's.
+    DataError where there is none.
+    """
     own = StudyFolder(default_out(study)).surrogate
-    candidates = (own, StudyFolder(space_out(study)).surrogate, brought_file(study))
-    return next((path for path in candidates if path.is_file()), own)
+    results = (own, StudyFolder(space_out(study)).surrogate)
+    brought = bundled_root() / study.name / "surrogate.json"
+    path = named or next((path for path in (*results, brought) if path.is_file()), None)
+    if path is None and (known := known_surrogate(study)) is not None:
+        return known, brought
+    return load(path or own), path or own

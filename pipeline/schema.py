@@ -168,7 +168,7 @@ class SurrogateSection(Section):
     designs: Annotated[int, Field(ge=10)] = 500
     points: Annotated[int, Field(ge=1)] = 5
     angles: Annotated[int, Field(ge=3)] = 8
-    references: Annotated[int, Field(ge=0)] = 40
+    references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
     seed: Annotated[int, Field(ge=0)] = 1

@@ -6,6 +6,7 @@ from dataclasses import fields
 
 import numpy as np
 
+from sim.errors import InputError
 from surrogate.dataset import Dataset
 from surrogate.figures import Prediction, Validation, figures, predict
 from surrogate.fitting import Effort
@@ -26,7 +27,14 @@ def held_out(
     """
     reference = reference_of(data, mix)
     count = len(reference)
-    folds = count if count < 2 * MIN_DESIGNS else folds
+    if count < 2 * MIN_DESIGNS and effort.steps > 0:
+        folds = count  # each part fits its own parameters, so it needs all it can have
+    if count == 0:
+        raise InputError(
+            "no design was simulated at every operating point and engaged at each, so the surrogate "
+            "cannot be judged; simulate more designs"
+        )
+    folds = min(folds, count)
     order = np.random.default_rng(0).permutation(count)
     parts: list[Prediction] = []
     for fold in range(folds):

@@ -14,7 +14,7 @@ from rich.console import RenderableType
 from pipeline.config import load_study
 from pipeline.console import emit, verb
 from pipeline.design import design_of, root_notes
-from pipeline.known import surrogate_file
+from pipeline.known import stored_surrogate
 from pipeline.many import ask_many
 from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, points_of
 from pipeline.rows import mix_over
@@ -25,7 +25,6 @@ from sim.errors import InputError
 from sim.locking import blocking_force
 from surrogate.mix import Mix
 from surrogate.query import Answer, ask
-from surrogate.store import load
 
 
 @verb
@@ -50,9 +49,8 @@ def check(
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
     given = load_study(study, set_)
-    path = surrogate or surrogate_file(given)
     mix = mix_over(given, points_of(given, mismatch_rpm, force_N))
-    stored = load(path)
+    stored, path = stored_surrogate(given, surrogate)
     if designs is not None:
         data = ask_many(given, stored.surrogate, mix, designs, out)
         emit(data, json, lambda: many_text(data))
