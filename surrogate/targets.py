@@ -50,10 +50,12 @@ def known_noise(data: Dataset) -> Array:
 
     A mean that is low by luck has a low standard error too, so that its own would weigh it
     too much and draw all times down (by a percent, eight angles a row). Rows share the mean of
-    those with the nearest mismatch instead, each for its own number of shifts.
+    those with the nearest mismatch instead, each for its own number of shifts that engaged.
     """
-    count = data.column("shifts")
+    count = data.column("engaged")
     one = count * (data.column("standard_error_s") / data.column("mean_s")) ** 2
+    sure = count > 2  # fewer say nothing of their scatter
+    one = np.where(sure, one, np.median(one[sure]) if sure.any() else 1.0)
     size = min(len(one), LIKE)
     order = np.argsort(data.points[:, 0], kind="stable")
     running = np.convolve(one[order], np.ones(size) / size, mode="valid")

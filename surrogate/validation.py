@@ -31,8 +31,8 @@ def held_out(
         folds = count  # each part fits its own parameters, so it needs all it can have
     if count == 0:
         raise InputError(
-            "no design was simulated at every operating point and engaged at each, so the surrogate "
-            "cannot be judged; simulate more designs"
+            "no design was simulated at every operating point and engaged at each, so nothing "
+            "can judge the surrogate; simulate more designs"
         )
     folds = min(folds, count)
     order = np.random.default_rng(0).permutation(count)
