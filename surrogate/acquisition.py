@@ -78,7 +78,7 @@ def choose(surrogate: Surrogate, mix: Mix, question: Question, angles: int, coun
 
 def one_shift_noise(surrogate: Surrogate, points: Array) -> Array:
     """Return the variance of the logarithm that one shift at each point has, (m,)."""
-    process, count = surrogate.times, surrogate.data.column("shifts")
+    process, count = surrogate.times, surrogate.data.column("engaged")
     timed = np.isfinite(surrogate.data.column("mean_s"))
     one = process.noise * count[timed]
     known = process.inputs[:, -2]
