@@ -20,6 +20,7 @@ VERBS = {
     "expect": "pipeline.verbs.shifts",
     "strength": "pipeline.verbs.designs",
     "check": "pipeline.verbs.asking",
+    "explore": "pipeline.verbs.exploring",
     "export": "pipeline.verbs.designs",
     "study": "pipeline.verbs.studies",
     "report": "pipeline.verbs.studies",

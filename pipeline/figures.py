@@ -21,7 +21,8 @@ DASHES = ("solid", "dash", "dot", "dashdot")
 COLOURS = (BLUE, ORANGE, GREEN, "#7a3b8f")
 
 
-def _styled(figure: go.Figure, height: int) -> go.Figure:
+def styled(figure: go.Figure, height: int) -> go.Figure:
+    """Give a figure the look of all pages and its height in px."""
     figure.update_layout(
         template="simple_white",
         height=height,
@@ -98,7 +99,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     heights = [r[other] for r in shown + barred]
     figure.update_xaxes(title=axis_title(SIMULATED), range=_window(times), col=1)
     figure.update_yaxes(title=axis_title(other), range=_window(heights), col=1)
-    return _styled(figure, 480)
+    return styled(figure, 480)
 
 
 def _window(values: list[float]) -> list[float]:
@@ -144,7 +145,7 @@ def convergence_figure(result: Row) -> go.Figure:
     )
     figure.update_xaxes(title="simulated designs, in order")
     figure.update_yaxes(title=axis_title(SIMULATED))
-    return _styled(figure, 380)
+    return styled(figure, 380)
 
 
 def points_figure(confirmation: Row) -> go.Figure:
@@ -176,6 +177,6 @@ def points_figure(confirmation: Row) -> go.Figure:
     figure.update_xaxes(title="mismatch, 1/min")
     figure.update_yaxes(rangemode="tozero")
     figure.update_yaxes(title="mean shift time, ms", col=1)
-    figure = _styled(figure, 400)
+    figure = styled(figure, 400)
     figure.update_layout(legend={"y": 1.12}, margin={"t": 70})
     return figure

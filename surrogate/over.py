@@ -71,15 +71,29 @@ class Over:
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def _predict(self, x: Array) -> tuple[Array, Array]:
-        times, mix = self.times(x), self._mix
-        data, share_of = self._surrogate.data, self._surrogate.share
-        share, unsure = share_of.over(x, self._nodes, self._known, data.design_of_row)
-        engaged = times @ mix.weights
-        retries = (1.0 - share) / share @ mix.weights * mix.retry
-        lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
+        engaged, retries, lost = self._parts(x)
         retry_error = np.sqrt(np.einsum("ij,ij->i", lost @ self._alike, lost))
         error = np.sqrt((engaged**2) * self.relative_variance(x) + retry_error**2)
         return engaged + retries, error
+
+    def _parts(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
+        data, mix = self._surrogate.data, self._mix
+        share, unsure = self._surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
+        retries = (1.0 - share) / share @ mix.weights * mix.retry
+        lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
+        return self.times(x) @ mix.weights, retries, lost
+
+    def joint(self, x: Array, *, rough: bool = False) -> tuple[Array, Array]:
+        """Return expected times of designs (m, d), edge units, and the covariance of their errors.
+
+        (m,) in s and (m, m) in s2, retries included; of the smooth part, or with what is ``rough``.
+        """
+        where = self._surrogate.coordinates(x)
+        engaged, retries, lost = self._parts(where)
+        covariance = np.outer(engaged, engaged) * self.covariance(where, where, rough=rough)
+        covariance += lost @ self._alike @ lost.T * self._surrogate.share.near(where, where)
+        return engaged + retries, covariance
 
     @cached_property
     def _shares(self) -> Array:
@@ -149,15 +163,18 @@ class Over:
             total += part.design_factor(x, designs) * linked[None, :]
         return total
 
-    def covariance(self, a: Array, b: Array) -> Array:
-        """Return the covariance of the smooth part's relative errors, (m, d) and (k, d), (m, k)."""
+    def covariance(self, a: Array, b: Array, *, rough: bool = False) -> Array:
+        """Return the covariance of relative errors of designs (m, c) and (k, c), (m, k).
+
+        Of the smooth part alone, or with what is ``rough`` too.
+        """
         parts = self._surrogate.times.covariance.parts
-        smooth = [float(not part.rough) for part in parts]
+        taken = [float(rough or not part.rough) for part in parts]
         total = np.zeros((len(a), len(b)))
-        for part, alone, counts in zip(parts, self._alone, smooth, strict=True):
+        for part, alone, counts in zip(parts, self._alone, taken, strict=True):
             total += counts * alone * part.design_factor(a, b)
         sizes = [1 if part.design is None else len(self._known) for part in parts]
-        counted = np.repeat(smooth, sizes)
+        counted = np.repeat(taken, sizes)
         left, right = self._features(a) * counted, self._features(b) * counted
         covariance: Array = total - left @ self._quadratic @ right.T
         return covariance

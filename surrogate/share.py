@@ -70,10 +70,12 @@ class Share:
 
     def alike(self, inputs: Array) -> Array:
         """Return how far errors of the share at inputs (m, d + p) go together, (m, m)."""
-        cut = self.designs
-        near = _nearness(inputs[:, :cut], inputs[:, :cut], self.length)
-        near *= _nearness(inputs[:, cut:], inputs[:, cut:], self.length)
-        return near
+        x, points = inputs[:, : self.designs], inputs[:, self.designs :]
+        return self.near(x, x) * self.near(points, points)
+
+    def near(self, a: Array, b: Array) -> Array:
+        """Return how near designs, or operating points, (m, c) and (k, c) are, (m, k)."""
+        return _nearness(a, b, self.length)
 
     def _beta(self, engaged: Array, lost: Array) -> tuple[Array, Array]:
         a = engaged + self.strength * self.overall

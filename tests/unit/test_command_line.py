@@ -20,7 +20,8 @@ from tests.conftest import SMALL, Said
 
 Call = Callable[..., Said]
 VERBS = (
-    "shift", "expect", "strength", "study", "report", "fit", "check", "validate", "export",
+    "shift", "expect", "strength", "study", "report", "fit", "check", "explore", "validate",
+    "export",
 )  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 SETS = [part for text in SMALL for part in ("--set", text)]

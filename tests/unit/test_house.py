@@ -23,7 +23,12 @@ GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {"pipeline/search.py", "pipeline/sampler.py", "pipeline/study.py"},
     "sklearn": {"surrogate/fitting.py"},
-    "plotly": {"pipeline/figures.py", "pipeline/report.py", "pipeline/animation.py"},
+    "plotly": {
+        "pipeline/figures.py",
+        "pipeline/report.py",
+        "pipeline/animation.py",
+        "pipeline/exploring/figures.py",
+    },
     "typer": {
         "pipeline/cli.py",
         "pipeline/options.py",
@@ -33,11 +38,13 @@ GUARDED = {
         "pipeline/verbs/designs.py",
         "pipeline/verbs/studies.py",
         "pipeline/verbs/benches.py",
+        "pipeline/verbs/exploring.py",
     },
     "joblib": {"pipeline/executor.py"},
     "mujoco": {"diagnosis/second_engine.py"},
     "build123d": {"pipeline/cad.py"},
     "skfem": {"sim/root_stress.py"},
+    "SALib": {"surrogate/sensitivity.py"},
 }
 #: What takes so long to load that ``check`` must answer without it.
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")

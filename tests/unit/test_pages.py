@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import html
 import json
 import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,28 +20,8 @@ from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
 from sim.plant import ClutchPlant
 from sim.units import DEG, MM, MS
-from tests.conftest import SMALL, needed
-
-CHROMIUM = shutil.which("chromium")
-
-#: Put into a page: its errors, its loads, its overflow and what its figures drew.
-PROBE = """
-<script>
-const said = document.body.dataset;
-window.addEventListener("error", e => said.error = e.message);
-console.error = (...words) => said.error = words.join(" ");
-window.addEventListener("load", () => setTimeout(() => {
-  const figures = [...document.querySelectorAll(".js-plotly-plot")];
-  said.figures = figures.length;
-  said.drawn = figures.filter(f => f.querySelector(".trace")).length;
-  said.wide = document.documentElement.scrollWidth > window.innerWidth;
-  said.high = document.documentElement.scrollHeight > window.innerHeight;
-  const loads = performance.getEntriesByType("resource").map(r => r.name);
-  said.loads = loads.filter(name => name.startsWith("http")).length;
-  if (window.probe) probe(said);
-}, 800));
-</script>
-"""
+from tests.browser import PROBE, WITH_WEBGL, WITHOUT_WEBGL, look
+from tests.conftest import SMALL
 
 #: Put into the page of a shift: what a scrub, a click and a choice of phase change.
 SHIFT_PROBE = """
@@ -80,35 +57,6 @@ function probe(said) {
 </script>
 """
 
-#: Drawn in software with and without WebGL.
-WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-WITHOUT_WEBGL = ("--disable-3d-apis",)
-
-
-def _look(
-    page: Path,
-    tmp_path: Path,
-    probe: str = PROBE,
-    graphics: tuple[str, ...] = WITHOUT_WEBGL,
-    window: str = "1150,900",
-) -> dict[str, str]:
-    """Open a page without a network and return what the probe found."""
-    needed(CHROMIUM is not None, "chromium")
-    assert CHROMIUM is not None
-    probed = tmp_path / "probed.html"
-    probed.write_text(page.read_text().replace("<body>", f"<body>{probe}", 1))
-    command = [
-        CHROMIUM, "--headless", "--no-sandbox", *graphics, "--disable-quic",
-        "--no-first-run", "--disable-background-networking", "--disable-component-update",
-        "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={window}",
-        "--hide-scrollbars", "--virtual-time-budget=6000", "--dump-dom", probed.as_uri(),
-    ]  # fmt: skip
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    body = re.search(r"<body([^>]*)>", dom)
-    assert body is not None
-    found = dict(re.findall(r'data-(\w+)="([^"]*)"', body.group(1)))
-    return {key: html.unescape(value) for key, value in found.items()} | {"dom": dom}
-
 
 @pytest.fixture(scope="module")
 def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -120,7 +68,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_report_in_a_browser(reported: Path, tmp_path: Path) -> None:
-    seen = _look(reported / "report.html", tmp_path)
+    seen = look(reported / "report.html", tmp_path)
     assert "error" not in seen
     assert seen["figures"] == seen["drawn"] == "3"
     assert seen["wide"] == "false"
@@ -175,7 +123,7 @@ def test_shift_in_a_browser(
     write_animation(result, page)
     graphics = WITH_WEBGL if asked.webgl else WITHOUT_WEBGL
     # What a screen of 1400 by 900 shows below the browser's own bars: all of the page.
-    seen = _look(page, tmp_path, PROBE + SHIFT_PROBE, graphics, "1400,900")
+    seen = look(page, tmp_path, PROBE + SHIFT_PROBE, graphics, "1400,900")
     assert "error" not in seen
     assert seen["figures"] == seen["drawn"] == "1"
     assert seen["loads"] == "0"

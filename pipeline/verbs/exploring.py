@@ -1,0 +1,47 @@
+"""``explore``: what the surrogate says of shapes that were not simulated, as one page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.config import load_study
+from pipeline.console import emit, verb
+from pipeline.exploring.page import write_page
+from pipeline.exploring.record import explored
+from pipeline.exploring.slices import bases_of
+from pipeline.folder import StudyFolder
+from pipeline.known import stored_surrogate
+from pipeline.options import Json, Sets, StudyArg, default_out
+from pipeline.tables.exploring import explored_text
+
+
+@verb
+def explore(
+    study: StudyArg,
+    surrogate: Annotated[
+        Path | None, typer.Option(help="default: of results/NAME, or the package's")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="default: results/NAME/explore.html")] = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Page that answers "what if": effects of each number, what matters, slices.
+
+    Nothing is simulated; all of it is the surrogate's. Designs of the front in results/NAME are
+    among those that slices go through.
+
+    Example: dogshape explore mq200 --set dog.chamfer_deg=13 --out what-if.html
+    """
+    given = load_study(study, set_)
+    stored, source = stored_surrogate(given, surrogate)
+    folder = StudyFolder(default_out(given))
+    result = folder.stored_result() if folder.result.is_file() else None
+    bases = bases_of(given, result)
+    found = explored(given, stored, bases, lambda line: typer.echo(line, err=True))
+    path = out or folder.root / "explore.html"
+    record = {"file": str(path), "surrogate": str(source), **found}
+    write_page(record, path)
+    emit(record, json, lambda: explored_text(record))
