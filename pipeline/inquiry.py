@@ -54,14 +54,20 @@ class Inquiry:
 
 
 def inquire(
-    study: Study, inquiry: Inquiry, executor: Executor, say: Callable[[str], None]
+    study: Study,
+    inquiry: Inquiry,
+    executor: Executor,
+    say: Callable[[str], None],
+    among: Array | None = None,
 ) -> Iterator[Surrogate]:
     """Simulate about a question; yield the surrogate before each round and after the last.
 
-    The executor's journal has to hold shifts to begin with, and gets the new ones.
+    The executor's journal has to hold shifts to begin with, and gets the new ones. ``among`` are
+    designs that the question is about, (m, d) in edge units; None for such as fill the space.
     """
     rng = np.random.default_rng(study.file.surrogate.seed)
-    pool, angles = _pool(study, inquiry.kind), study.file.surrogate.angles
+    pool = _pool(study, inquiry.kind) if among is None else among
+    angles = study.file.surrogate.angles
     rows, model = executor.journal.rows, None
     goal = len(rows) + inquiry.shifts
     while True:

@@ -43,14 +43,21 @@ def best_designs(study: Study, surrogate: Surrogate) -> list[dict[str, float]]:
 
     They are drawn after those of ``reference_designs``, and so are others.
     """
-    count = study.file.surrogate.best_references
-    fill = study.file.surrogate.references
-    pool = reference_designs(study, fill + 10 * count)[fill:]
-    if not pool:
+    pool = best_pool(study)
+    if not len(pool):
         return []
-    x = np.array([[design[name] for name in study.variables] for design in pool], dtype=float)
-    time = Over(surrogate, study_mix(study)).predict(x)[0]
-    return [pool[place] for place in sorted(np.argsort(time)[:count].tolist())]
+    time = Over(surrogate, study_mix(study)).predict(pool)[0]
+    best = np.argsort(time)[: study.file.surrogate.best_references]
+    return [study.named(pool[place]) for place in sorted(best.tolist())]
+
+
+def best_pool(study: Study) -> Array:
+    """Return the feasible designs of which the best tenth become references, (m, d)."""
+    fill = study.file.surrogate.references
+    designs = reference_designs(study, fill + 10 * study.file.surrogate.best_references)[fill:]
+    names = tuple(study.variables)
+    rows = [[design[name] for name in names] for design in designs]
+    return np.array(rows, dtype=float).reshape(-1, len(names))
 
 
 def simulate_references(

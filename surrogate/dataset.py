@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 COLUMNS = (
     "mismatch_rpm", "force_N", "mean_s", "standard_error_s", "sd_s", "engaged", "shifts", "seed",
 )  # fmt: skip
+WHERE = ("mismatch_rpm", "force_N", "force_rise_s")  #: what an operating point is
+DIGITS = 9  #: decimals of an input in a row: its way through SI may cost the last digits
 GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 
@@ -171,7 +173,7 @@ def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | N
     sd = float(times.std(ddof=1)) if len(times) > 1 else 0.0
     origin = GIVEN if seed is None else seed
     return [
-        *design, first["mismatch_rpm"], first["force_N"], mean, error, sd,
+        *design, *(round(first[name], DIGITS) for name in WHERE[:2]), mean, error, sd,
         len(times), sound, origin,
     ]  # fmt: skip
 
@@ -180,8 +182,8 @@ def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
     """Return the rows of many shifts, grouped by design, operating point and seed, (n, d + 8)."""
     groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
     for shift in shifts:
-        design = tuple(float(shift[name]) for name in variables)
-        where = (shift["mismatch_rpm"], shift["force_N"], shift["force_rise_s"])
+        design = tuple(round(float(shift[name]), DIGITS) for name in variables)
+        where = tuple(round(shift[name], DIGITS) for name in WHERE)
         groups[design, where, shift.get("seed")].append(shift)
     found = [row_of(design, group) for (design, _, _), group in groups.items()]
     rows = [row for row in found if row is not None]
