@@ -201,6 +201,9 @@ def build_study(file: StudyFile) -> Study:
     stiffness = file.driveline.stiffness_Nm_rad
     if stiffness is not None:
         _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
+    for key, values in file.operating.model_dump().items():
+        if len(set(values)) < len(values):
+            raise InputError(f"operating.{key} has a value twice; give each once")
     points = tuple(
         OperatingPoint(mismatch * RPM, profile_for(file, force))
         for mismatch in file.operating.mismatch_rpm

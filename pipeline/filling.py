@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from itertools import islice
+from itertools import count, islice
 
 import numpy as np
 from scipy.stats import qmc
@@ -32,7 +32,7 @@ from sim.units import RPM
 
 SLACK = 0.15  #: of a limit, by which designs beyond the border break it
 BEYOND = 3  #: one design in so many lies beyond the border
-MOST = 2**18  #: draws without a feasible design after which the space counts as empty
+MOST = 2**16  #: draws without a new design after which there is none
 PLASTIC = 1.32471795724474602596  #: root of x^3 = x + 1
 
 
@@ -40,10 +40,12 @@ def filling_designs(study: Study, seed: int, *, border: bool = True) -> Iterator
     """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
     inside = _sobol_designs(study, seed)
     beyond = _sobol_designs(study, seed + 1, beyond=True)
-    index = 0
-    while True:
-        index += 1
-        yield next(beyond if border and index % BEYOND == 0 else inside)
+    for index in count(1):
+        design = next(beyond, None) if border and index % BEYOND == 0 else None
+        design = design or next(inside, None)
+        if design is None:
+            return  # whole numbers alone run out
+        yield design
 
 
 def first_designs(study: Study, count: int) -> list[dict[str, float]]:
@@ -56,18 +58,21 @@ def _sobol_designs(study: Study, seed: int, beyond: bool = False) -> Iterator[di
     bounds = np.array(list(study.variables.values()), dtype=float)
     sequence = qmc.Sobol(len(names), seed=seed)
     wanted = _just_beyond if beyond else worth_simulating
+    seen: set[tuple[float, ...]] = set()
     missed = 0
     while missed < MOST:
         for unit in sequence.random(256):
             design = _design(names, bounds, unit)
             missed += 1
-            if wanted(study, design):
+            if tuple(design.values()) not in seen and wanted(study, design):
                 missed = 0
+                seen.add(tuple(design.values()))
                 yield design
-    raise InputError(
-        f"none of {MOST} designs drawn from the search ranges passes every check; "
-        "widen [variables] or relax [load], [material] or [manufacturing]"
-    )
+    if not seen and not beyond:
+        raise InputError(
+            f"none of {MOST} designs drawn from the search ranges passes every check; "
+            "widen [variables] or relax [load], [material] or [manufacturing]"
+        )
 
 
 def _design(names: list[str], bounds: np.ndarray, unit: np.ndarray) -> dict[str, float]:
@@ -105,9 +110,10 @@ def filling_point(study: Study, seed: int, index: int) -> OperatingPoint:
 def _between(values: list[float], share: float) -> float:
     """Return the value at ``share`` of a range: of the logarithm where all have one sign."""
     low, high = min(values), max(values)
+    drawn = low + share * (high - low)
     if low * high > 0.0:
-        return round(float(low * (high / low) ** share), 2)
-    return round(low + share * (high - low), 2)
+        drawn = float(low * (high / low) ** share)
+    return min(max(round(drawn, 2), low), high)
 
 
 def filling_blocks(study: Study, design: dict[str, float], index: int, seed: int) -> list[Block]:

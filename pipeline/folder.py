@@ -133,8 +133,7 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     """Return what must not change between runs in one folder; numbers of designs may."""
     content = file.model_dump()
     del content["search"]["trials"]
-    for key in ("designs", "references", "best_references"):
-        del content["surrogate"][key]
+    del content["surrogate"]["designs"]
     return content
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -91,8 +92,7 @@ def _pool(study: Study, kind: str) -> Array:
     if kind == "design":
         return np.array([[study.prototype[name] for name in names]], dtype=float)
     found = filling_designs(study, study.file.surrogate.seed + APART, border=False)
-    designs = [next(found) for _ in range(POOL)]
-    return np.array([[design[name] for name in names] for design in designs], dtype=float)
+    return np.array([[d[name] for name in names] for d in islice(found, POOL)], dtype=float)
 
 
 def _question(

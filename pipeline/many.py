@@ -29,14 +29,14 @@ def ask_many(
     Variables that the table lacks take the study's value. Other columns are kept.
     """
     require_same_physics(surrogate.data, study.physics)
+    head, rows = _read(source)
     target = out or source.with_name(f"{source.stem}-times.csv")
     if target.resolve() == source.resolve():
         raise InputError(f"--out is {target}, the table that is read; name another file")
-    head, rows = _read(source)
     x = _designs(study, surrogate.data.variables, source, head, rows)
     time, error = Over(surrogate, mix).predict(x)
     low, high = interval(time, error)
-    known = in_range(surrogate, x)
+    known = in_range(surrogate, x, mix)
     columns = (time, low, high, error, surrogate.distance(x))
     with target.open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
@@ -58,11 +58,11 @@ def ask_many(
 
 
 def _read(source: Path) -> tuple[list[str], list[list[str]]]:
+    if not source.is_file():
+        raise InputError(f"there is no table of designs at {source}; check --designs")
     try:
         with source.open(newline="", encoding="utf-8-sig") as handle:
             head, *rows = [row for row in csv.reader(handle) if row]
-    except FileNotFoundError as error:
-        raise InputError(f"there is no table of designs at {source}; check --designs") from error
     except (ValueError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(
             f"{source} is not a table: it needs a line of names and then designs; "
@@ -92,6 +92,8 @@ def _designs(
             x[:, variables.index(name)] = [float(row[place]) for row in rows]
         except ValueError as error:
             raise InputError(f"{source}, column {name}: {error}; give numbers") from error
+    if "count" in variables and (x[:, variables.index("count")] % 1.0 != 0.0).any():
+        raise InputError(f"{source}, column count: dogs come in whole numbers; round them")
     if not np.isfinite(x).all():
         raise InputError(f"{source} holds a value that is not finite; give numbers")
     return x

@@ -2,16 +2,18 @@
 
 Some fill the feasible space; others are of the tenth that the surrogate finds best, where a
 search has to tell designs apart. Every operating point of the study starts with some evenly
-spaced angles. Points that put more than their part into the error of the design's expected time
-get twice the angles, the earlier ones among them, until the error is small enough.
+spaced angles. Points that put more than their part into the error of the expected time get twice
+the angles, the earlier ones among them, until the error is small enough.
 
-Only shifts that engage decide that. To look closer where a shift hung, and only there, would
-make such shifts seem rarer than they are.
+Points are judged over all designs together. To look closer where one design's own error is large
+would correct unlucky draws and keep lucky ones, which are low in mean and error alike; and to
+look closer where a shift hung would make such shifts seem rarer than they are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -28,14 +30,14 @@ from surrogate.model import Surrogate
 from surrogate.over import Over
 
 APART = 90_000  #: added to the seed of the surrogate's data for designs that it never sees
-PRECISE = 0.008  #: relative standard error of a reference's expected time
+PRECISE = 0.012  #: relative standard error of a reference's expected time
 MOST = 96  #: angles of an operating point at most
 
 
 def reference_designs(study: Study, count: int) -> list[dict[str, float]]:
     """Return feasible designs that fill the space and are not among the surrogate's data."""
     designs = filling_designs(study, study.file.surrogate.seed + APART, border=False)
-    return [next(designs) for _ in range(count)]
+    return list(islice(designs, count))
 
 
 def best_designs(study: Study, surrogate: Surrogate) -> list[dict[str, float]]:
@@ -71,16 +73,13 @@ def simulate_references(
     The shifts are in the executor's journal; ``ahead`` is told how many each round has.
     """
     clutches = [study.clutch.with_dog(study.dog_with(design)) for design in designs]
-    counts = [[study.file.surrogate.reference_angles] * len(study.points) for _ in designs]
-    while True:
-        blocks = [_blocks(study, *both) for both in zip(clutches, counts, strict=True)]
-        whole = [block for group in blocks for block in group]
-        ahead(sum(len(block.angles) for block in whole))
-        found = executor.run(whole)
-        groups = [found[k : k + len(study.points)] for k in range(0, len(found), len(study.points))]
-        finer = [
-            _finer(_rows(study, rows), count) for rows, count in zip(groups, counts, strict=True)
-        ]
+    counts, size = [study.file.surrogate.reference_angles] * len(study.points), len(study.points)
+    while clutches:
+        blocks = [block for clutch in clutches for block in _blocks(study, clutch, counts)]
+        ahead(sum(len(block.angles) for block in blocks))
+        found = executor.run(blocks)
+        rows = np.array([_mean_and_error(study, shifts) for shifts in found])
+        finer = finer_counts(rows.reshape(-1, size, 2), counts)
         if finer == counts:
             return
         counts = finer
@@ -93,23 +92,24 @@ def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
     return [finest[count][index] for index, count in enumerate(counts)]
 
 
-def _rows(study: Study, found: Sequence[Sequence[Record]]) -> Array:
-    """Return mean and standard error of the shifts that engage at each point, (m, 2), s."""
+def _mean_and_error(study: Study, shifts: Sequence[Record]) -> tuple[float, float]:
+    """Return mean and standard error of shifts that engage, s; noughts where too few did."""
     names = tuple(study.variables)
-    both = [rows_of(names, shifts)[0, len(names) + 2 : len(names) + 4] for shifts in found]
-    return np.nan_to_num(np.array(both))
+    mean, error, _, engaged = rows_of(names, shifts)[0, len(names) + 2 : len(names) + 6]
+    return (float(mean), float(error)) if engaged > 2 else (0.0, 0.0)
 
 
-def _finer(found: Array, counts: Sequence[int]) -> list[int]:
-    """Return the angles of the next round: twice at points with more than their part in the error.
+def finer_counts(found: Array, counts: Sequence[int]) -> list[int]:
+    """Return the angles of the next round from means and errors of designs at points, (k, m, 2).
 
-    The same as before where the error is small enough.
+    Twice at points with more than their part in the error of the expected time, over all designs;
+    the same as before where that is small enough.
     """
-    size, (mean, error) = len(counts), found.T
-    if np.hypot.reduce(error) / size <= PRECISE * mean.mean():
+    variance, size = (found[:, :, 1] ** 2).mean(axis=0), len(counts)
+    allowed = (PRECISE * float(found[:, :, 0].mean())) ** 2
+    if variance.sum() / size**2 <= allowed:
         return list(counts)
-    part = PRECISE * mean.mean() * size**0.5
     return [
-        2 * count if own > part and 2 * count <= MOST else count
-        for own, count in zip(error.tolist(), counts, strict=True)
+        2 * count if own > allowed * size and 2 * count <= MOST else count
+        for own, count in zip(variance.tolist(), counts, strict=True)
     ]

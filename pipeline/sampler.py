@@ -121,14 +121,17 @@ class SurrogateSampler(BaseSampler):
         search_space: dict[str, BaseDistribution],
     ) -> dict[str, Any]:
         """Propose a feasible design for ``trial``."""
-        rng = np.random.default_rng([self._seed, trial.number])
-        seen = [t for t in study.get_trials(deepcopy=False) if t.number < trial.number]
+        before = [t for t in study.get_trials(deepcopy=False) if t.number < trial.number]
+        # A trial that was cut off before it had a design has failed; it must not count.
+        seen = [t for t in before if t.state != TrialState.FAIL]
+        rng = np.random.default_rng([self._seed, len(seen)])
         finished = [t for t in seen if _simulated(t)]
         taken = self._points(t for t in seen if _simulated(t) or t.state == TrialState.RUNNING)
-        if len(finished) < self._startup:
+        over = self._over(finished) if len(finished) >= self._startup else None
+        if over is None:
             pool = self._wide
             return self._study.named(pool[_farthest(self._scaled(pool), self._scaled(taken))])
-        return self._study.named(self._thompson(rng, finished, taken))
+        return self._study.named(self._thompson(rng, over, finished, taken))
 
     def sample_independent(
         self,
@@ -180,17 +183,20 @@ class SurrogateSampler(BaseSampler):
         )
 
     def _thompson(
-        self, rng: np.random.Generator, finished: Sequence[FrozenTrial], taken: Array
+        self,
+        rng: np.random.Generator,
+        over: Over,
+        finished: Sequence[FrozenTrial],
+        taken: Array,
     ) -> Array:
         """Return the candidate that a draw from the process finds best; none twice."""
         index = self._study.file.search.objectives.index(SIMULATED)
         designs = self._points(finished)
         reference = self._values(designs, np.array([t.values[index] for t in finished]))
-        over = self._over(finished)
         front = self._scaled(designs[not_dominated(reference)])
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
-        pool = pool[~known]
+        pool = pool if known.all() else pool[~known]  # few counts may be all there is
         values = self._values(pool, over.sample(pool, rng))
         low, span = reference.min(axis=0), np.ptp(reference, axis=0)
         unit = (values - low) / np.where(span > 0.0, span, 1.0)
@@ -200,13 +206,18 @@ class SurrogateSampler(BaseSampler):
         best: Array = pool[np.argmin(scale)]
         return best
 
-    def _over(self, finished: Sequence[FrozenTrial]) -> Over:
-        """Return the process of the expected time, fitted once for all proposals of a round."""
+    def _over(self, finished: Sequence[FrozenTrial]) -> Over | None:
+        """Return the process of the expected time, fitted once for all proposals of a round.
+
+        None where too few designs engage to fit one.
+        """
         count = len(finished)
         if self._process is None or self._process[0] != count:
             data = dataset_of_trials(self._study, finished)
-            effort = Effort(QUICK.rows, QUICK.steps, self._seed)
-            model = fit(data, effort=effort)
+            try:
+                model = fit(data, effort=Effort(QUICK.rows, QUICK.steps, self._seed))
+            except InputError:
+                return None
             self._process = count, Over(model, study_mix(self._study))
         return self._process[1]
 

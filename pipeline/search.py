@@ -132,13 +132,17 @@ def run(
     study = search.study
     if not search.optuna.get_trials(deepcopy=False):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
-    _finish(search, _cut_off(search), executor)
-    while (done := len(search.trials)) < study.file.search.trials:
-        size = min(study.file.search.batch, study.file.search.trials - done)
-        search.optuna.sampler = sampler_of(len(search.optuna.get_trials(deepcopy=False)))
+    left = _cut_off(search)
+    while left or len(search.trials) < study.file.search.trials:
+        # A round that was cut off while it was asked is asked to its end first.
+        wanted = study.file.search.trials - len(search.trials)
+        size = max(0, min(study.file.search.batch, wanted) - len(left))
+        asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
+        search.optuna.sampler = sampler_of(len(asked) - len(left))
         space = search_space(study)
         trials = [search.optuna.ask(space) for _ in range(size)]
-        _finish(search, [t._trial_id for t in trials], executor)
+        _finish(search, [*left, *(t._trial_id for t in trials)], executor)
+        left = []
         after_round(_status(search))
 
 

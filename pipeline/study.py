@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ from pipeline.search import Search, best_trial, expected_time, front, open_searc
 from pipeline.tolerances import smallest_within, spread_record, time_spread
 from pipeline.training import train
 from sim.checks import smallest_margin
+from sim.errors import InputError
 from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
 
@@ -63,18 +65,28 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
                 raise
         result = collect(search, journal)
         result["confirmation"] = confirmation
-        if result["n_simulated_designs"] >= MIN_DESIGNS:
-            with ShiftProgress(0) as progress:
-                stored = train(folder, say=progress.say)
-            result["surrogate"] = stored.validation.as_dict()
-            for row in result["trials"]:  # best and front are among them
-                spread = time_spread(study, stored.surrogate, row, study_mix(study))
-                row["time_within_tolerances"] = spread_record(spread)
+        if result["n_simulated_designs"] > MIN_DESIGNS:
+            _learn(study, folder, result, progress.say)
         else:
-            progress.say(f"no surrogate: it needs {MIN_DESIGNS} simulated designs")
+            progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
         write_report(folder)
     return result
+
+
+def _learn(
+    study: Study, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
+) -> None:
+    """Fit the surrogate and add what it says to the result; say why where it cannot be."""
+    try:
+        stored = train(folder, say=say)
+    except InputError as error:
+        say(f"no surrogate: {error}")
+        return
+    result["surrogate"] = stored.validation.as_dict()
+    for row in result["trials"]:  # best and front are among them
+        spread = time_spread(study, stored.surrogate, row, study_mix(study))
+        row["time_within_tolerances"] = spread_record(spread)
 
 
 def _shifts(study: Study) -> int:

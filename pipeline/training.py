@@ -23,6 +23,7 @@ from pipeline.known import known_surrogate
 from pipeline.progress import ShiftProgress
 from pipeline.references import best_designs, reference_designs, simulate_references
 from pipeline.rows import dataset_of, study_mix
+from sim.errors import InputError
 from surrogate.comparison import compare
 from surrogate.dataset import Dataset, differences
 from surrogate.figures import Validation, predict, ranked
@@ -46,7 +47,9 @@ def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
             try:
                 _fill(study, designs, Executor(ShiftJournal(folder.shifts), jobs, progress.advance))
                 executor = Executor(ShiftJournal(folder.references), jobs, progress.advance)
-                apart = reference_designs(study, settings.references)
+                apart = [
+                    d for d in reference_designs(study, settings.references) if d not in designs
+                ]
                 simulate_references(study, apart, executor, progress.extend)
                 best = _best(study, folder, progress.say)
                 simulate_references(study, best, executor, progress.extend)
@@ -102,7 +105,7 @@ def train(
     data = dataset_of(study, journal.rows.values())
     known = _known_for(study, data, folder, say)
     if known is not None:
-        data = data.joined(known.data)
+        data = known.data.joined(data)  # its parameters are in units of its own ranges
     scores = compare(data, study.file.surrogate.seed, say) if choose else []
     form = scores[0].form if scores else USUAL if known is None else known.form
     # What the package brings are far more rows than a search adds: its parameters stand.
@@ -122,6 +125,11 @@ def _judged(study: Study, folder: StudyFolder, surrogate: Surrogate, parts: Effo
     if not folder.references.exists():
         return validate(surrogate, mix, None, parts)
     space, best = references_of(study, folder)
+    if len(space) == 0:
+        raise InputError(
+            f"{folder.references} holds no design that engages at every operating point of the "
+            "study; run 'dogshape fit' for the study again to finish its references"
+        )
     found = validate(surrogate, mix, space)
     return ranked(found, best, predict(surrogate, best.x, mix).time) if len(best) else found
 

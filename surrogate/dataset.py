@@ -105,7 +105,10 @@ class Dataset:
         return replace(self, rows=self.rows[rows])
 
     def joined(self, other: Dataset) -> Dataset:
-        """Return both sets of rows, each once; DataError where physics or programs differ."""
+        """Return both sets of rows, each once, scaled as this one.
+
+        DataError where physics or programs differ.
+        """
         if self.variables != other.variables:
             raise DataError(
                 f"rows over {', '.join(other.variables)} cannot join rows over "
@@ -119,9 +122,9 @@ class Dataset:
                 raise DataError(
                     f"rows of different {kind} cannot be mixed: {apart}; fit them apart"
                 )
-        both = np.unique(np.concatenate([self.rows, other.rows]), axis=0)
-        low, high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
-        return replace(self, rows=both, low=low, high=high)
+        both = np.concatenate([self.rows, other.rows])
+        once = np.unique(np.nan_to_num(both, nan=-1.0), axis=0, return_index=True)[1]
+        return replace(self, rows=both[np.sort(once)])
 
     @property
     def digest(self) -> str:

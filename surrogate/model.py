@@ -161,9 +161,10 @@ def interval(time: Array, error: Array) -> tuple[Array, Array]:
 
 
 def require_enough(data: Dataset) -> None:
-    """Raise InputError for fewer than ``MIN_DESIGNS`` designs."""
-    if len(data.designs) < MIN_DESIGNS:
+    """Raise InputError for fewer than ``MIN_DESIGNS`` designs with a time and its scatter."""
+    told = len(np.unique(data.x[data.column("engaged") > 2], axis=0))
+    if told < MIN_DESIGNS:
         raise InputError(
-            f"the surrogate has {len(data.designs)} simulated designs, but it needs at least "
-            f"{MIN_DESIGNS}; simulate more"
+            f"the surrogate has {told} designs with three shifts that engage at an operating "
+            f"point, but it needs at least {MIN_DESIGNS}; simulate more"
         )

@@ -65,14 +65,7 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
         )
         if not _within(value, low, high)
     ]
-    for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
-        known, asked = data.points[:, column], points[:, column]
-        low, high = known.min(), known.max()
-        outside = [v for v in (asked.min(), asked.max()) if not _within(v, low, high)]
-        found += [
-            f"{name} {value:.4g} {unit} is outside what was simulated ({low:.4g} to {high:.4g})"
-            for value in dict.fromkeys(outside)
-        ]
+    found += _point_warnings(data, points)
     if distance > FAR and not found:
         found.append(
             f"the next simulated design is {distance:.1f} times as far as designs usually are "
@@ -81,14 +74,32 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
     return found
 
 
+def _point_warnings(data: Dataset, points: Array) -> list[str]:
+    found = []
+    for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
+        known, asked = data.points[:, column], points[:, column]
+        low, high = known.min(), known.max()
+        outside = [v for v in (asked.min(), asked.max()) if not _within(v, low, high)]
+        found += [
+            f"{name} {value:.4g} {unit} is outside what was simulated ({low:.4g} to {high:.4g})"
+            for value in dict.fromkeys(outside)
+        ]
+    return found
+
+
 def _within(value: float, low: float, high: float) -> bool:
     slack = 0.01 * (high - low)
     return bool(low - slack <= value <= high + slack)
 
 
-def in_range(surrogate: Surrogate, x: Array) -> Mask:
-    """Tell which designs (m, d) lie within the simulated ones and near one, (m,) of bool."""
+def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
+    """Tell which designs (m, d) lie within the simulated ones and near one, (m,) of bool.
+
+    None do where a mix is given that lies outside the simulated operating points.
+    """
     data = surrogate.data
+    if mix is not None and _point_warnings(data, mix.points):
+        return np.zeros(len(x), dtype=bool)
     low, high = data.x.min(axis=0), data.x.max(axis=0)
     slack = 0.01 * (high - low)
     inside: Mask = ((x >= low - slack) & (x <= high + slack)).all(axis=1)

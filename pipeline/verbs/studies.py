@@ -87,6 +87,7 @@ def fit(
 
     Example: dogshape fit results/mq200
     """
+    asked = None if question is None else Inquiry(question, shifts)
     folder = StudyFolder(Path(where))
     if folder.manifest.is_file() and set_:
         raise InputError(
@@ -97,8 +98,8 @@ def fit(
         folder = StudyFolder(space_out(given))
         require_variables(given)
         fill(given, folder, jobs)
-    if question is not None:
-        ask_more(folder, Inquiry(question, shifts), jobs)
+    if asked is not None:
+        ask_more(folder, asked, jobs)
     with ShiftProgress(0) as progress:
         stored = train(folder, out, choose=choose, say=progress.say)
     path = out or folder.surrogate

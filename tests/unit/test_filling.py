@@ -15,7 +15,7 @@ from pipeline.executor import Executor
 from pipeline.filling import SLACK, filling_blocks, filling_designs, filling_point
 from pipeline.inquiry import Inquiry, inquire
 from pipeline.journal import ShiftJournal
-from pipeline.references import MOST, PRECISE, _finer
+from pipeline.references import MOST, PRECISE, finer_counts
 from pipeline.rows import dataset_of, study_mix
 from sim.errors import InputError
 from sim.units import RPM
@@ -52,13 +52,22 @@ def test_operating_points_reach_their_edges(mismatch: str) -> None:
         assert values.max() <= ends[1] + 1e-9
 
 
+def _found(errors: list[list[float]]) -> np.ndarray:
+    """Means of 0.1 s with these errors, s, of designs at points."""
+    return np.stack([np.full_like(errors, 0.1), errors], axis=-1)
+
+
 def test_references_look_closer_where_their_error_is() -> None:
     counts = [12, 12, MOST]
-    even = np.array([[0.1, 1e-4], [0.1, 1e-4], [0.1, 1e-4]])
-    assert _finer(even, counts) == counts
+    assert finer_counts(_found([[1e-4] * 3] * 4), counts) == counts
     part = PRECISE * 0.1 * 3**0.5
-    rough = np.array([[0.1, 3 * part], [0.1, 1e-4], [0.1, 3 * part]])
-    assert _finer(rough, counts) == [24, 12, MOST]
+    rough = _found([[3 * part, 1e-4, 3 * part], [2 * part, 1e-4, 0.0]])
+    assert finer_counts(rough, counts) == [24, 12, MOST]
+
+
+def test_one_design_with_a_lucky_draw_is_looked_at_like_the_others() -> None:
+    lucky = _found([[1e-5, 1e-5], [0.01, 1e-5], [0.01, 1e-5]])
+    assert finer_counts(lucky, [12, 12]) == finer_counts(lucky[::-1], [12, 12]) == [24, 12]
 
 
 def _shift(angle: float, seed: int | None = 1, **changes: Any) -> dict[str, Any]:

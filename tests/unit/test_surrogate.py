@@ -162,7 +162,7 @@ def test_interval_widens_with_the_distance_to_the_data(surrogate: Surrogate) -> 
 
 
 def test_too_few_designs_are_refused() -> None:
-    with pytest.raises(InputError, match="has 9 simulated designs"):
+    with pytest.raises(InputError, match="has 9 designs with three shifts"):
         fit(made(9))
 
 
