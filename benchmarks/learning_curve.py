@@ -24,7 +24,7 @@ def main() -> None:
     print("designs  shifts  Q2     rmse,ms  bias,ms  in 95 %  Q2 points  in 95 %  rank of best")
     for count in DESIGNS:
         data = kept.first(count)
-        model = fit(data)
+        model = fit(data, kept.form)
         prediction = predict(model, reference.x, kept.mix)
         v = figures(reference, prediction, "references", data.shifts)
         v = ranked(v, best, predict(model, best.x, kept.mix).time)

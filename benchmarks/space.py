@@ -17,6 +17,7 @@ from sim.records import Record
 from surrogate.dataset import Dataset
 from surrogate.mix import Mix
 from surrogate.reference import Reference
+from surrogate.store import load
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,11 @@ class Space:
     def mix(self) -> Mix:
         """Operating points of the study."""
         return study_mix(self.study)
+
+    @cached_property
+    def form(self) -> str:
+        """Form of the surrogate that was chosen."""
+        return load(self.folder.surrogate).surrogate.form
 
     @cached_property
     def references(self) -> tuple[Reference, Reference]:

@@ -127,14 +127,24 @@ class Covariance:
         return total
 
     def among(self, inputs: Array) -> Array:
-        """Return the covariance of inputs (n, d + p) with each other, half of it worked out."""
-        total = np.zeros((len(inputs), len(inputs)))
-        for k in range(0, len(inputs), CHUNK):
-            end = k + CHUNK
-            total[k:end, :end] = self.between(inputs[k:end], inputs[:end])
-        upper = np.triu_indices_from(total, 1)
-        total[upper] = total.T[upper]
-        return total
+        """Return the covariance of inputs (n, d + p) with each other.
+
+        Half of it is worked out, and the factors of designs once for all rows of a design.
+        """
+        x, o = self.split(inputs)
+        designs, place = np.unique(x, axis=0, return_inverse=True)
+        place = place.ravel()
+        total = np.zeros((len(x), len(x)))
+        for part in self.parts:
+            factor = part.design_factor(designs, designs)
+            for k in range(0, len(x), CHUNK):
+                rows, known = slice(k, k + CHUNK), slice(0, k + CHUNK)
+                block = part.point_factor(o[rows], o[known])
+                if part.design is not None:
+                    block *= factor[place[rows]][:, place[known]]
+                total[rows, known] += block
+        lower = np.tril(total, -1)
+        return lower + lower.T + np.diag(np.diag(total))
 
     def variance(self, inputs: Array) -> Array:
         """Return the variance of inputs (n, d + p) before any data, (n,)."""

@@ -18,6 +18,8 @@ import numpy as np
 
 from surrogate.covariance import Array, Covariance
 
+BLOCK = 100  #: rows of a triangular system that are solved at a time
+
 
 @dataclass(frozen=True)
 class Process:
@@ -79,5 +81,21 @@ class Process:
     def joint(self, inputs: Array) -> tuple[Array, Array]:
         """Return mean (m,) and covariance (m, m) of inputs (m, d + p)."""
         cross = self.covariance.between(inputs, self.inputs)
-        known = cross @ np.linalg.solve(self.matrix, cross.T)
-        return self.centre + cross @ self.weights, self.covariance.between(inputs, inputs) - known
+        white = self._whitened(cross.T)
+        covariance = self.covariance.between(inputs, inputs) - white.T @ white
+        return self.centre + cross @ self.weights, covariance
+
+    @cached_property
+    def _root(self) -> Array:
+        """Lower root of ``matrix``, (n, n)."""
+        root: Array = np.linalg.cholesky(self.matrix).astype(float)
+        return root
+
+    def _whitened(self, columns: Array) -> Array:
+        """Return the inverse of the root times columns (n, m), block by block, (n, m)."""
+        white = columns.copy()
+        for k in range(0, len(white), BLOCK):
+            rows = slice(k, k + BLOCK)
+            white[rows] -= self._root[rows, :k] @ white[:k]
+            white[rows] = np.linalg.solve(self._root[rows, rows], white[rows])
+        return white
