@@ -23,7 +23,7 @@ from surrogate.model import Surrogate
 from surrogate.reference import Reference
 
 START = 40  #: designs that both begin with
-SHIFTS = 3072  #: spent on the question
+SHIFTS = 1536  #: spent on the question
 FILLING = (40, 80, 160, 320, 500)
 
 

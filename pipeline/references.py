@@ -30,7 +30,6 @@ from surrogate.model import Surrogate
 from surrogate.over import Over
 
 APART = 90_000  #: added to the seed of the surrogate's data for designs that it never sees
-PRECISE = 0.012  #: relative standard error of a reference's expected time
 MOST = 96  #: angles of an operating point at most
 
 
@@ -68,7 +67,7 @@ def simulate_references(
     executor: Executor,
     ahead: Callable[[int], None],
 ) -> None:
-    """Simulate designs to ``PRECISE``, with ``MOST`` angles at an operating point at most.
+    """Simulate designs to the study's error of references, at most ``MOST`` angles at a point.
 
     The shifts are in the executor's journal; ``ahead`` is told how many each round has.
     """
@@ -79,7 +78,8 @@ def simulate_references(
         ahead(sum(len(block.angles) for block in blocks))
         found = executor.run(blocks)
         rows = np.array([_mean_and_error(study, shifts) for shifts in found])
-        finer = finer_counts(rows.reshape(-1, size, 2), counts)
+        wanted = study.file.surrogate.reference_error
+        finer = finer_counts(rows.reshape(-1, size, 2), counts, wanted)
         if finer == counts:
             return
         counts = finer
@@ -99,14 +99,14 @@ def _mean_and_error(study: Study, shifts: Sequence[Record]) -> tuple[float, floa
     return (float(mean), float(error)) if engaged > 2 else (0.0, 0.0)
 
 
-def finer_counts(found: Array, counts: Sequence[int]) -> list[int]:
+def finer_counts(found: Array, counts: Sequence[int], wanted: float) -> list[int]:
     """Return the angles of the next round from means and errors of designs at points, (k, m, 2).
 
     Twice at points with more than their part in the error of the expected time, over all designs;
-    the same as before where that is small enough.
+    the same as before where that is at most ``wanted`` of the time.
     """
     variance, size = (found[:, :, 1] ** 2).mean(axis=0), len(counts)
-    allowed = (PRECISE * float(found[:, :, 0].mean())) ** 2
+    allowed = (wanted * float(found[:, :, 0].mean())) ** 2
     if variance.sum() / size**2 <= allowed:
         return list(counts)
     return [

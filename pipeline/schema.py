@@ -162,7 +162,8 @@ class SurrogateSection(Section):
     ``references`` fill the space too, ``best_references`` are of the tenth found best.
 
     Each design gets ``points`` operating points of its own with ``angles`` angles; a reference
-    gets all of the study's with ``reference_angles``.
+    gets all of the study's with ``reference_angles``, and more where the relative standard error
+    of its expected time would exceed ``reference_error``.
     """
 
     designs: Annotated[int, Field(ge=10)] = 500
@@ -171,6 +172,7 @@ class SurrogateSection(Section):
     references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
+    reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.012
     seed: Annotated[int, Field(ge=0)] = 1
 
 

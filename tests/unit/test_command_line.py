@@ -168,6 +168,7 @@ def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) ->
         "references": 3,
         "reference_angles": 3,
         "best_references": 2,
+        "reference_error": 0.3,
     }
     sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
     said = dogshape("fit", "mq200", *SETS, *sets, "--json")

@@ -15,11 +15,13 @@ from pipeline.executor import Executor
 from pipeline.filling import SLACK, filling_blocks, filling_designs, filling_point
 from pipeline.inquiry import Inquiry, inquire
 from pipeline.journal import ShiftJournal
-from pipeline.references import MOST, PRECISE, finer_counts
+from pipeline.references import MOST, finer_counts
 from pipeline.rows import dataset_of, study_mix
 from sim.errors import InputError
 from sim.units import RPM
 from surrogate.dataset import COLUMNS, rows_of
+
+WANTED = 0.01  #: relative error of references
 
 
 def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -> None:
@@ -59,15 +61,19 @@ def _found(errors: list[list[float]]) -> np.ndarray:
 
 def test_references_look_closer_where_their_error_is() -> None:
     counts = [12, 12, MOST]
-    assert finer_counts(_found([[1e-4] * 3] * 4), counts) == counts
-    part = PRECISE * 0.1 * 3**0.5
+    assert finer_counts(_found([[1e-4] * 3] * 4), counts, WANTED) == counts
+    part = WANTED * 0.1 * 3**0.5
     rough = _found([[3 * part, 1e-4, 3 * part], [2 * part, 1e-4, 0.0]])
-    assert finer_counts(rough, counts) == [24, 12, MOST]
+    assert finer_counts(rough, counts, WANTED) == [24, 12, MOST]
 
 
 def test_one_design_with_a_lucky_draw_is_looked_at_like_the_others() -> None:
     lucky = _found([[1e-5, 1e-5], [0.01, 1e-5], [0.01, 1e-5]])
-    assert finer_counts(lucky, [12, 12]) == finer_counts(lucky[::-1], [12, 12]) == [24, 12]
+    assert (
+        finer_counts(lucky, [12, 12], WANTED)
+        == finer_counts(lucky[::-1], [12, 12], WANTED)
+        == [24, 12]
+    )
 
 
 def _shift(angle: float, seed: int | None = 1, **changes: Any) -> dict[str, Any]:
