@@ -92,17 +92,24 @@ class Prediction:
 
 def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
     """Predict designs (k, d) over a mix and at each of its points."""
-    engaging, size = replace(mix, retry=0.0), len(mix.points)
-    expected = [surrogate.expected(row, engaging) for row in x]
-    inputs = surrogate.inputs(np.repeat(x, size, axis=0), np.tile(mix.points, (len(x), 1)))
-    mean, variance = surrogate.times.predict(inputs)
-    return Prediction(
-        time=np.array([e.time for e in expected]),
-        error=np.array([e.error for e in expected]),
-        means=np.exp(mean + 0.5 * variance).reshape(len(x), size),
-        relative=np.sqrt(variance).reshape(len(x), size),
-        spreads=surrogate.spread(inputs).reshape(len(x), size),
-        shares=surrogate.share.at(inputs)[0].reshape(len(x), size),
+    engaging = replace(mix, retry=0.0)
+    found = [_predicted(surrogate, row, engaging) for row in x]
+    return Prediction(*(np.array(column) for column in zip(*found, strict=True)))
+
+
+def _predicted(surrogate: Surrogate, x: Array, mix: Mix) -> tuple[float | Array, ...]:
+    """Return the fields of a prediction for one design (d,)."""
+    inputs = surrogate.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+    mean, covariance = surrogate.times.joint(inputs)
+    expected = surrogate.summed(inputs, mean, covariance, mix)
+    variance = np.maximum(np.diag(covariance), 0.0)
+    return (
+        expected.time,
+        expected.error,
+        np.exp(mean + 0.5 * variance),
+        np.sqrt(variance),
+        surrogate.spread(inputs),
+        surrogate.share.at(inputs)[0],
     )
 
 

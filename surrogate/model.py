@@ -105,7 +105,7 @@ class Surrogate:
     def expected(self, x: Array, mix: Mix) -> Expected:
         """Predict one design (d,) over a mix."""
         inputs = self.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
-        return self._summed(inputs, *self.times.joint(inputs), mix)
+        return self.summed(inputs, *self.times.joint(inputs), mix)
 
     def mean(self, x: Array, mix: Mix) -> float:
         """Predict one design (d,) over a mix without its error, at once, s."""
@@ -114,7 +114,8 @@ class Surrogate:
         times = np.exp(self.times.mean(inputs)) + (1.0 - share) / share * mix.retry
         return float(mix.weights @ times)
 
-    def _summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
+    def summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
+        """Sum a mix from the mean (m,) and covariance (m, m) of logarithms at its inputs."""
         times = np.exp(mean + 0.5 * np.diag(covariance))
         share, unsure = self.share.at(inputs)
         parts = mix.weights * times

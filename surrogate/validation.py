@@ -15,6 +15,7 @@ from surrogate.mix import Mix
 from surrogate.model import MIN_DESIGNS, Surrogate
 from surrogate.reference import Reference, reference_of
 
+FEW = 3  #: parts of data whose parameters are known: each lacks little of what is there
 QUICK = Effort(rows=300, steps=20)  #: of the fits to parts of the data
 
 
@@ -27,7 +28,9 @@ def held_out(
     """
     reference = reference_of(data, mix)
     count = len(reference)
-    if count < 2 * MIN_DESIGNS and effort.steps > 0:
+    if effort.steps == 0:
+        folds = FEW
+    elif count < 2 * MIN_DESIGNS:
         folds = count  # each part fits its own parameters, so it needs all it can have
     if count == 0:
         raise InputError(
