@@ -232,7 +232,11 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("study", "mq200", "--out", "/proc/none"), "cannot be written"),
     (("study", "mq200", "--out", "x", "--storage", "sqlite:////no/such/d.db"), "cannot be opened"),
     (("report", "nowhere"), "there is no study.json in nowhere"),
-    (("check", "mq200"), "there is no surrogate at"),
+    (("check", "mq200", "--surrogate", "none.json"), "there is no surrogate at"),
+    (("check", "mq200", "--set", "contact.set=adams2019"), "other physics than the study's"),
+    (("check", "mq200", "--designs", "none.csv"), "there is no table of designs at none.csv"),
+    (("check", "mq200", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
+    (("fit", "mq200", "--question", "bst"), "did you mean 'best'?"),
     (("validate", "nowhere"), "there is no data set at nowhere"),
 ]
 
@@ -291,10 +295,13 @@ def test_damaged_results_are_refused(dogshape: Call, studied: Path, tmp_path: Pa
     shutil.copytree(studied / "results/mq200", copy)
     for content in ("{}", '{"trials": null}', "[]", "{"):
         (copy / "result.json").write_text(content)
-        for verb in ("report", "fit"):
-            said = dogshape(verb, copy)
-            assert said.status == 2
-            assert "result.json" in said.sentence
+        said = dogshape("report", copy)
+        assert said.status == 2
+        assert "result.json" in said.sentence
+    (copy / "shifts.jsonl").write_text("nonsense\n")
+    broken = dogshape("fit", copy)
+    assert broken.status == 2
+    assert "line 1 is not a finished shift" in broken.sentence
     fixed = dogshape("fit", copy, "--set", "dog.count=18")
     assert fixed.status == 2
     assert "cannot change a study that was run" in fixed.sentence
