@@ -15,7 +15,7 @@ from pipeline.config import load_study
 from pipeline.known import stored_surrogate
 
 DESIGNS = 100_000
-RUNS = 7
+RUNS = 5
 
 
 def main() -> None:
