@@ -22,7 +22,7 @@ from scipy.stats import qmc
 
 from pipeline.config import Study, profile_for
 from pipeline.design import worth_simulating
-from sim.blocks import Block
+from sim.blocks import Block, phased_block
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.errors import GeometryError, InputError
@@ -120,9 +120,7 @@ def filling_blocks(study: Study, design: dict[str, float], index: int, seed: int
     """Return the shifts of the design at ``index``, a block for each of its operating points."""
     points, angles = study.file.surrogate.points, study.file.surrogate.angles
     clutch = study.clutch.with_dog(study.dog_with(design))
-    blocks = []
-    for row in range(index * points, (index + 1) * points):
-        phases = even_phases(angles, seed, row) * clutch.dog.pitch_angle
-        point = filling_point(study, seed, row)
-        blocks.append(Block(clutch, point, tuple(phases.tolist()), seed))
-    return blocks
+    return [
+        phased_block(clutch, filling_point(study, seed, row), even_phases(angles, seed, row), seed)
+        for row in range(index * points, (index + 1) * points)
+    ]

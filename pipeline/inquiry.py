@@ -19,7 +19,7 @@ from pipeline.design import not_dominated, objective_rows
 from pipeline.executor import Executor
 from pipeline.filling import filling_designs
 from pipeline.rows import dataset_of, study_mix
-from sim.blocks import Block
+from sim.blocks import Block, phased_block
 from sim.errors import InputError, did_you_mean
 from sim.expectation import even_phases
 from surrogate.acquisition import Choice, Question, choose
@@ -122,6 +122,6 @@ def _blocks(study: Study, question: Question, choice: Choice, seed: int) -> list
     for index, (design, point) in enumerate(zip(choice.designs, choice.points, strict=True)):
         clutch = study.clutch.with_dog(study.dog_with(study.named(question.designs[design])))
         own = APART + 1000 * seed + index
-        phases = even_phases(study.file.surrogate.angles, own, 0) * clutch.dog.pitch_angle
-        blocks.append(Block(clutch, study.points[point], tuple(phases.tolist()), own))
+        phases = even_phases(study.file.surrogate.angles, own, 0)
+        blocks.append(phased_block(clutch, study.points[point], phases, own))
     return blocks

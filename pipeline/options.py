@@ -23,6 +23,9 @@ Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
 
 
+SurrogateFile = Annotated[
+    Path | None, typer.Option(help="default: of results/NAME, or the package's")
+]
 OneMismatch = Annotated[float | None, typer.Option(help="one operating point only")]
 OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")]
 

@@ -23,7 +23,16 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
 
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
-    own = [shift for shift in shifts if _is_of(study, shift, _engine())]
+    engine, keys, physics = _engine(), tuple(clutch_record(study.clutch)), study.physics_hash
+
+    def is_of(shift: Record) -> bool:
+        if any(shift[name] != version for name, version in engine.items()):
+            return False
+        record = {key: shift[key] for key in keys}
+        given = physics_of(record, list(study.variables), study.file)
+        return content_key(given) == physics and _rises_as(study, shift)
+
+    own = [shift for shift in shifts if is_of(shift)]
     return with_rows(study, rows_of(tuple(study.variables), own))
 
 
@@ -43,13 +52,8 @@ def _engine() -> Record:
     return {name: versions()[name] for name in ENGINE}
 
 
-def _is_of(study: Study, shift: Record, engine: Record) -> bool:
-    if any(shift[name] != version for name, version in engine.items()):
-        return False
-    record = {key: shift[key] for key in clutch_record(study.clutch)}
-    physics = physics_of(record, list(study.variables), study.file)
-    if content_key(physics) != study.physics_hash:
-        return False
+def _rises_as(study: Study, shift: Record) -> bool:
+    """Tell whether the force of a shift rose as the study's table says."""
     force, known = shift["force_N"], study.file.actuation.force_N
     if not min(known) <= force <= max(known):
         return False

@@ -25,7 +25,7 @@ from pipeline.references import best_designs, reference_designs, simulate_refere
 from pipeline.rows import dataset_of, study_mix
 from sim.errors import InputError
 from surrogate.comparison import compare
-from surrogate.dataset import Dataset, differences
+from surrogate.dataset import Dataset, among, differences
 from surrogate.figures import Validation, predict, ranked
 from surrogate.fitting import Effort
 from surrogate.learning import fit
@@ -141,8 +141,7 @@ def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Referen
     kept = read_json(folder.best, "fit again").get("designs", []) if folder.best.exists() else []
     chosen = np.array([[design[name] for name in study.variables] for design in kept])
     best = whole.of(chosen.reshape(-1, len(study.variables)))
-    others = (whole.x[:, None, :] != best.x[None, :, :]).any(axis=2).all(axis=1)
-    return whole.of(whole.x[others]), best
+    return whole.of(whole.x[~among(whole.x, best.x)]), best
 
 
 def _known_for(study: Study, data: Dataset, folder: StudyFolder, say: Say) -> Surrogate | None:

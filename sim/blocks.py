@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim.clutch import Clutch, OperatingPoint
-from sim.expectation import even_phases
+from sim.expectation import Phases, even_phases
 from sim.records import content_key, inputs
 
 
@@ -42,8 +42,10 @@ def even_blocks(
 
     ``seed`` and ``base`` as for ``sim.expectation.even_phases``.
     """
-    blocks = []
-    for index, point in enumerate(points):
-        angles = even_phases(count, seed, index, base) * clutch.dog.pitch_angle
-        blocks.append(Block(clutch, point, tuple(angles.tolist()), seed))
-    return blocks
+    phases = (even_phases(count, seed, index, base) for index in range(len(points)))
+    return [phased_block(clutch, *both, seed) for both in zip(points, phases, strict=True)]
+
+
+def phased_block(clutch: Clutch, point: OperatingPoint, phases: Phases, seed: int) -> Block:
+    """Return a block at ``phases`` of a pitch, (n,), that were drawn with ``seed``."""
+    return Block(clutch, point, tuple((phases * clutch.dog.pitch_angle).tolist()), seed)

@@ -21,7 +21,7 @@ from surrogate.covariance import Array, Places
 from surrogate.mix import Mix
 from surrogate.model import Surrogate
 from surrogate.over import Over
-from surrogate.targets import point_coordinates
+from surrogate.targets import point_coordinates, timed
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,7 @@ def choose(surrogate: Surrogate, mix: Mix, question: Question, angles: int, coun
 def one_shift_noise(surrogate: Surrogate, points: Array) -> Array:
     """Return the variance of the logarithm that one shift at each point has, (m,)."""
     process, count = surrogate.times, surrogate.data.column("engaged")
-    timed = np.isfinite(surrogate.data.column("mean_s"))
-    one = process.noise * count[timed]
+    one = process.noise * count[timed(surrogate.data)]
     known = process.inputs[:, -2]
     order = np.argsort(known, kind="stable")
     return np.interp(point_coordinates(points)[:, 0], known[order], one[order])

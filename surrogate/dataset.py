@@ -20,7 +20,7 @@ from sim.errors import DataError
 from sim.expectation import variance_of_mean
 from sim.outcome import Outcome
 from sim.records import Record, content_key, result_of
-from surrogate.covariance import Array, Places
+from surrogate.covariance import Array, Mask, Places
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,6 +140,12 @@ class Dataset:
         whole = {c: int for c in ("count", "engaged", "shifts", "seed") if c in table}
         known = {"contact_set": self.physics.get("contact_set"), **self.engine}
         return table.astype(whole).assign(**known)
+
+
+def among(x: Array, designs: Array) -> Mask:
+    """Tell which rows of x (n, d) are one of the designs (k, d), (n,) of bool."""
+    found: Mask = (x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
+    return found
 
 
 def differences(mine: Record, theirs: Record) -> str:

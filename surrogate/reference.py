@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from surrogate.covariance import Array
-from surrogate.dataset import Dataset
+from surrogate.dataset import Dataset, among
 from surrogate.mix import Mix
 
 
@@ -44,7 +44,7 @@ class Reference:
 
     def of(self, designs: Array) -> Reference:
         """Return the references that are among ``designs`` (k, d)."""
-        kept = (self.x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
+        kept = among(self.x, designs)
         return Reference(*(getattr(self, field.name)[kept] for field in fields(self)))
 
 

@@ -7,7 +7,7 @@ from dataclasses import fields
 import numpy as np
 
 from sim.errors import InputError
-from surrogate.dataset import Dataset
+from surrogate.dataset import Dataset, among
 from surrogate.figures import Prediction, Validation, figures, predict
 from surrogate.fitting import Effort
 from surrogate.learning import fit
@@ -42,7 +42,7 @@ def held_out(
     parts: list[Prediction] = []
     for fold in range(folds):
         out = reference.x[order[fold::folds]]
-        seen = ~(data.x[:, None, :] == out[None, :, :]).all(axis=2).any(axis=1)
+        seen = ~among(data.x, out)
         model = fit(data.subset(seen), form=surrogate.form, like=surrogate, effort=effort)
         parts.append(predict(model, out, mix))
     back = np.argsort(np.concatenate([order[fold::folds] for fold in range(folds)]))

@@ -16,7 +16,7 @@ from pipeline.console import emit, verb
 from pipeline.design import design_of, root_notes
 from pipeline.known import stored_surrogate
 from pipeline.many import ask_many
-from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, points_of
+from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, SurrogateFile, points_of
 from pipeline.rows import mix_over
 from pipeline.tables.answers import answer_text, many_text
 from pipeline.tables.checks import strength_table
@@ -30,9 +30,7 @@ from surrogate.query import Answer, ask
 @verb
 def check(
     study: StudyArg,
-    surrogate: Annotated[
-        Path | None, typer.Option(help="default: of results/NAME, or the package's")
-    ] = None,
+    surrogate: SurrogateFile = None,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
     designs: Annotated[

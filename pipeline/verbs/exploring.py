@@ -14,16 +14,14 @@ from pipeline.exploring.record import explored
 from pipeline.exploring.slices import bases_of
 from pipeline.folder import StudyFolder
 from pipeline.known import stored_surrogate
-from pipeline.options import Json, Sets, StudyArg, default_out
+from pipeline.options import Json, Sets, StudyArg, SurrogateFile, default_out
 from pipeline.tables.exploring import explored_text
 
 
 @verb
 def explore(
     study: StudyArg,
-    surrogate: Annotated[
-        Path | None, typer.Option(help="default: of results/NAME, or the package's")
-    ] = None,
+    surrogate: SurrogateFile = None,
     out: Annotated[Path | None, typer.Option(help="default: results/NAME/explore.html")] = None,
     set_: Sets = None,
     json: Json = False,
