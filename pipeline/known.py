@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.config import Study
 from pipeline.folder import StudyFolder
 from pipeline.options import default_out
+from pipeline.rows import engine
 from sim.bundled import bundled_root
 from sim.records import content_key
+from surrogate.dataset import differences
+from surrogate.model import Surrogate
 from surrogate.store import Stored, load
 
 
@@ -24,6 +28,20 @@ def known_surrogate(study: Study) -> Stored | None:
         if content_key(stored.surrogate.data.physics) == study.physics_hash:
             return stored
     return None
+
+
+def joining(study: Study, say: Callable[[str], None]) -> Surrogate | None:
+    """Return what the package brings if its rows may join the study's own; say so, or why not."""
+    brought = known_surrogate(study)
+    if brought is None:
+        return None
+    known = brought.surrogate
+    if differences(known.data.engine, engine()) or known.data.variables != tuple(study.variables):
+        say("the surrogate that the package brings is of other versions, so it is not used")
+        return None
+    shifts, designs = known.data.shifts, len(known.data.designs)
+    say(f"{shifts} shifts of {designs} designs that the package brings join")
+    return known
 
 
 def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:

@@ -23,10 +23,10 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
 
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
-    engine, keys, physics = _engine(), tuple(clutch_record(study.clutch)), study.physics_hash
+    programs, keys, physics = engine(), tuple(clutch_record(study.clutch)), study.physics_hash
 
     def is_of(shift: Record) -> bool:
-        if any(shift[name] != version for name, version in engine.items()):
+        if any(shift[name] != version for name, version in programs.items()):
             return False
         record = {key: shift[key] for key in keys}
         given = physics_of(record, list(study.variables), study.file)
@@ -40,7 +40,7 @@ def with_rows(study: Study, rows: Array) -> Dataset:
     """Return rows (n, d + 8) of the study's physics as a data set."""
     bounds = np.array(list(study.variables.values()), dtype=float)
     names = tuple(study.variables)
-    return Dataset(names, bounds[:, 0], bounds[:, 1], rows, study.physics, _engine())
+    return Dataset(names, bounds[:, 0], bounds[:, 1], rows, study.physics, engine())
 
 
 def row_record(rows: Array) -> list[list[float | None]]:
@@ -48,7 +48,8 @@ def row_record(rows: Array) -> list[list[float | None]]:
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
-def _engine() -> Record:
+def engine() -> Record:
+    """Return the versions of the programs that simulate here."""
     return {name: versions()[name] for name in ENGINE}
 
 

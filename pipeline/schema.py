@@ -135,7 +135,11 @@ class VariablesSection(Section):
 
 
 class SearchSection(Section):
-    """Objectives, sampler and budget of the search."""
+    """Objectives, sampler and budget of the search.
+
+    ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
+    operating points that a new design is simulated at, the others being foretold; all if absent.
+    """
 
     objectives: list[str] = Field(
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
@@ -145,6 +149,8 @@ class SearchSection(Section):
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
+    use_known: bool = True
+    points: Annotated[int, Field(ge=3)] | None = None
     confirm_angles: Annotated[int, Field(ge=3)] = 16
 
 
@@ -172,7 +178,7 @@ class SurrogateSection(Section):
     references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
-    reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.012
+    reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.007
     seed: Annotated[int, Field(ge=0)] = 1
 
 

@@ -19,15 +19,15 @@ from pipeline.filling import filling_blocks, first_designs
 from pipeline.folder import StudyFolder, read_json, write_json
 from pipeline.inquiry import Inquiry, inquire
 from pipeline.journal import ShiftJournal
-from pipeline.known import known_surrogate
+from pipeline.known import joining
 from pipeline.progress import ShiftProgress
 from pipeline.references import best_designs, reference_designs, simulate_references
 from pipeline.rows import dataset_of, study_mix
 from sim.errors import InputError
 from surrogate.comparison import compare
-from surrogate.dataset import Dataset, among, differences
+from surrogate.dataset import among
 from surrogate.figures import Validation, predict, ranked
-from surrogate.fitting import Effort
+from surrogate.fitting import WHOLE, Effort
 from surrogate.learning import fit
 from surrogate.model import USUAL, Surrogate
 from surrogate.reference import Reference, reference_of
@@ -35,6 +35,7 @@ from surrogate.store import Stored, save
 from surrogate.validation import QUICK, validate
 
 Say = Callable[[str], None]  #: prints a line for people
+FILLED = 1200  #: rows that parameters are fitted to where a folder was filled for it: minutes
 
 
 def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
@@ -50,9 +51,8 @@ def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
                 apart = [
                     d for d in reference_designs(study, settings.references) if d not in designs
                 ]
-                simulate_references(study, apart, executor, progress.extend)
-                best = _best(study, folder, progress.say)
-                simulate_references(study, best, executor, progress.extend)
+                both = [*apart, *_best(study, folder, progress.say)]
+                simulate_references(study, both, executor, progress.extend)
             except KeyboardInterrupt:
                 progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
                 raise
@@ -103,14 +103,15 @@ def train(
     study = folder.stored_study()
     journal = ShiftJournal(folder.shifts)
     data = dataset_of(study, journal.rows.values())
-    known = _known_for(study, data, folder, say)
+    known = None if folder.references.exists() else joining(study, say)
     if known is not None:
         data = known.data.joined(data)  # its parameters are in units of its own ranges
     scores = compare(data, study.file.surrogate.seed, say) if choose else []
     form = scores[0].form if scores else USUAL if known is None else known.form
     # What the package brings are far more rows than a search adds: its parameters stand.
     keeps = known is not None and not choose
-    effort = Effort(steps=0) if keeps else Effort(seed=study.file.surrogate.seed)
+    rows = FILLED if folder.references.exists() else WHOLE.rows
+    effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
     surrogate = fit(data, form, known, effort)
     figures = _judged(study, folder, surrogate, effort if keeps else QUICK)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
@@ -142,17 +143,3 @@ def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Referen
     chosen = np.array([[design[name] for name in study.variables] for design in kept])
     best = whole.of(chosen.reshape(-1, len(study.variables)))
     return whole.of(whole.x[~among(whole.x, best.x)]), best
-
-
-def _known_for(study: Study, data: Dataset, folder: StudyFolder, say: Say) -> Surrogate | None:
-    """Return the surrogate that the package brings, if its rows are of the same kind."""
-    brought = known_surrogate(study)
-    if brought is None or folder.references.exists():
-        return None
-    known = brought.surrogate
-    if differences(known.data.engine, data.engine) or known.data.variables != data.variables:
-        say("the surrogate that the package brings is of other versions, so it is not used")
-        return None
-    shifts, designs = known.data.shifts, len(known.data.designs)
-    say(f"the surrogate joins {shifts} shifts of {designs} designs that the package brings")
-    return known

@@ -48,9 +48,7 @@ class Choice:
 def choose(surrogate: Surrogate, mix: Mix, question: Question, angles: int, count: int) -> Choice:
     """Choose ``count`` rows of ``angles`` shifts at the question's designs and the mix's points."""
     over, process, size = Over(surrogate, mix), surrogate.times, len(mix.points)
-    inputs = surrogate.inputs(
-        np.repeat(question.designs, size, axis=0), np.tile(mix.points, (len(question.designs), 1))
-    )
+    inputs = surrogate.crossed(question.designs, mix.points)
     links = process.covariance.between(inputs, process.inputs)
     known = links @ process.inverse
     goals = surrogate.coordinates(question.designs)

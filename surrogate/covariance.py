@@ -3,8 +3,12 @@ r"""Covariance of the surrogate: sums of products over designs and operating poi
 A term is :math:`\sigma^2\, g(o)\, g(o')\, m(r_x)\, m(r_o)`, with Matern's
 :math:`m(r) = (1 + \sqrt 5 r + 5 r^2/3)\, e^{-\sqrt 5 r}`, :math:`r_x` the distance of two
 designs over a length scale for each coordinate and :math:`r_o` that of two operating
-points. Either factor may be left out. In a term that grows, :math:`g = e^{b|o_1|/2}` with
-the mismatch's coordinate :math:`o_1`: fast shifts are rougher than slow ones.
+points. Either factor may be left out. In a term that grows, :math:`g = e^{(b u + c u^2)/2}`
+with :math:`u = |o_1| - 1` from the mismatch's coordinate: fast shifts are rougher than slow ones.
+
+A rough term has Wendland's :math:`m(r) = (1 - r)_+^7 (7 r + 1)` instead (positive definite in up
+to nine coordinates, Wendland 1995), which is nought beyond its reach: there nearly all pairs of
+designs are left out.
 
 Products keep designs and operating points apart, so that a mix of operating points is summed
 once and not for every design. Rasmussen and Williams 2006, ch. 4.
@@ -12,6 +16,9 @@ once and not for every design. Rasmussen and Williams 2006, ch. 4.
 
 from __future__ import annotations
 
+import os
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,7 +37,7 @@ class Term:
     """One term: which factors it has, and whether it grows with the mismatch.
 
     ``scales`` bounds its length scales, ranges of designs being scaled to one; a fit starts from
-    ``first``. Equal bounds fix them: what is so short is rough, and nothing near foretells it.
+    ``first``. Equal bounds fix them as the reach of what is rough: nothing beyond foretells it.
     """
 
     design: bool
@@ -51,25 +58,50 @@ class Part:
 
     rough: bool
     variance: float
-    growth: float
+    growth: tuple[float, float]
     design: Array | None
     point: Array | None
 
     def amplitude(self, points: Array) -> Array:
         """Return the standard deviation at operating points (n, p), (n,)."""
-        grown: Array = self.variance**0.5 * np.exp(0.5 * self.growth * np.abs(points[:, 0]))
+        size, (steep, bent) = _size(points), self.growth
+        grown: Array = self.variance**0.5 * np.exp(0.5 * (steep * size + bent * size**2))
         return grown
 
     def design_factor(self, a: Array, b: Array) -> Array:
         """Return the factor of designs (n, d) and (m, d), (n, m)."""
-        return _factor(a, b, self.design)
+        return self._factor(a, b, self.design)
 
     def point_factor(self, a: Array, b: Array) -> Array:
         """Return the factor of operating points with their amplitudes, (n, m)."""
-        factor = _factor(a, b, self.point)
+        factor = self._factor(a, b, self.point)
         factor *= self.amplitude(a)[:, None]
         factor *= self.amplitude(b)[None, :]
         return factor
+
+    def add(self, total: Array, design: Array | None, points: tuple[Array, Array]) -> None:
+        """Add the term to a total (n, m), given its factor of designs and the operating points."""
+        if self.rough and design is not None:
+            self._add_near(total, design, points)
+            return
+        block = self.point_factor(*points)
+        if design is not None:
+            block *= design
+        total += block
+
+    def _add_near(self, total: Array, design: Array, points: tuple[Array, Array]) -> None:
+        rows, columns = np.nonzero(design)
+        a, b = points[0][rows], points[1][columns]
+        factor = design[rows, columns] * self.amplitude(a) * self.amplitude(b)
+        if self.point is not None:
+            factor *= wendland(np.sqrt((((a - b) / self.point) ** 2).sum(axis=1)))
+        total[rows, columns] += factor
+
+    def _factor(self, a: Array, b: Array, scale: Array | None) -> Array:
+        if scale is None:
+            return np.ones((len(a), len(b)))
+        a, b = a / scale, b / scale
+        return wendland(distance(a, b)) if self.rough else matern(a, b)
 
 
 @dataclass(frozen=True)
@@ -80,8 +112,8 @@ class Covariance:
     ----------
     terms : what is summed.
     designs, points : numbers of coordinates of a design and of an operating point.
-    theta : for each term the logarithm of its variance, its growth where it grows, then the
-        logarithms of its length scales, design before operating point, (size,).
+    theta : for each term the logarithm of its variance, its growth (b, c) where it grows, then
+        the logarithms of its length scales, design before operating point, (size,).
     """
 
     terms: tuple[Term, ...]
@@ -95,7 +127,7 @@ class Covariance:
         rest, found = list(self.theta), []
         for term in self.terms:
             variance = float(np.exp(rest.pop(0)))
-            growth = float(rest.pop(0)) if term.grows else 0.0
+            growth = (float(rest.pop(0)), float(rest.pop(0))) if term.grows else (0.0, 0.0)
             design = self._scales(term, rest, self.designs) if term.design else None
             point = self._scales(term, rest, self.points) if term.point else None
             found.append(Part(term.rough, variance, growth, design, point))
@@ -120,10 +152,8 @@ class Covariance:
         for part in self.parts:
             for k in range(0, len(a), CHUNK):
                 rows = slice(k, k + CHUNK)
-                block = part.point_factor(oa[rows], ob)
-                if part.design is not None:
-                    block *= part.design_factor(xa[rows], xb)
-                total[rows] += block
+                design = None if part.design is None else part.design_factor(xa[rows], xb)
+                part.add(total[rows], design, (oa[rows], ob))
         return total
 
     def among(self, inputs: Array) -> Array:
@@ -134,15 +164,17 @@ class Covariance:
         x, o = self.split(inputs)
         designs, place = np.unique(x, axis=0, return_inverse=True)
         place = place.ravel()
+        factors = [part.design_factor(designs, designs) for part in self.parts]
         total = np.zeros((len(x), len(x)))
-        for part in self.parts:
-            factor = part.design_factor(designs, designs)
-            for k in range(0, len(x), CHUNK):
-                rows, known = slice(k, k + CHUNK), slice(0, k + CHUNK)
-                block = part.point_factor(o[rows], o[known])
-                if part.design is not None:
-                    block *= factor[place[rows]][:, place[known]]
-                total[rows, known] += block
+
+        def fill(k: int) -> None:
+            rows, known = slice(k, k + CHUNK), slice(0, k + CHUNK)
+            for part, factor in zip(self.parts, factors, strict=True):
+                design = None if part.design is None else factor[place[rows]][:, place[known]]
+                part.add(total[rows, known], design, (o[rows], o[known]))
+
+        with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy lets other threads go on
+            deque(threads.map(fill, range(0, len(x), CHUNK)), maxlen=0)
         lower = np.tril(total, -1)
         return lower + lower.T + np.diag(np.diag(total))
 
@@ -163,8 +195,8 @@ class Covariance:
             total += whole
             slopes.append(whole)
             if term.grows:
-                size = np.abs(o[:, 0])
-                slopes.append(0.5 * whole * (size[:, None] + size[None, :]))
+                for size in (_size(o), _size(o) ** 2):
+                    slopes.append(0.5 * whole * (size[:, None] + size[None, :]))
             if part.design is not None and not term.rough:
                 slopes += _slopes(x / part.design, point)
             if part.point is not None and not term.rough:
@@ -180,8 +212,8 @@ def starting(terms: tuple[Term, ...], designs: int, points: int) -> tuple[Array,
         theta.append(np.log(0.03 * term.first))
         bounds.append(np.log([1e-6, 5.0]))
         if term.grows:
-            theta.append(0.0)
-            bounds.append(np.array([0.0, 8.0]))
+            theta += [0.0, 0.0]
+            bounds += [np.array([-16.0, 16.0]), np.array([-16.0, 16.0])]
         free = 0 if term.rough else term.design * designs + term.point * points
         theta += [np.log(term.first)] * free
         bounds += [np.log(term.scales)] * free
@@ -208,8 +240,18 @@ def distance(a: Array, b: Array) -> Array:
     return np.sqrt(squares, out=squares)
 
 
-def _factor(a: Array, b: Array, scale: Array | None) -> Array:
-    return np.ones((len(a), len(b))) if scale is None else matern(a / scale, b / scale)
+def wendland(apart: Array) -> Array:
+    """Return Wendland's correlation of scaled distances, of their shape; nought from 1 on."""
+    correlation = np.zeros_like(apart)
+    inside = apart < 1.0
+    near = apart[inside]
+    correlation[inside] = (1.0 - near) ** 7 * (7.0 * near + 1.0)
+    return correlation
+
+
+def _size(points: Array) -> Array:
+    """Return how fast shifts at operating points (n, p) are, nought at coordinate 1, (n,)."""
+    return np.abs(points[:, 0]) - 1.0 if points.shape[1] else np.zeros(len(points))
 
 
 def _slopes(scaled: Array, rest: Array) -> list[Array]:

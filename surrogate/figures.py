@@ -99,7 +99,7 @@ def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
 
 def _predicted(surrogate: Surrogate, x: Array, mix: Mix) -> tuple[float | Array, ...]:
     """Return the fields of a prediction for one design (d,)."""
-    inputs = surrogate.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+    inputs = surrogate.crossed(x[None, :], mix.points)
     mean, covariance = surrogate.times.joint(inputs)
     expected = surrogate.summed(inputs, mean, covariance, mix)
     variance = np.maximum(np.diag(covariance), 0.0)

@@ -37,8 +37,8 @@ MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 SMOOTH = Term(design=True, point=True)
 POINT = Term(design=False, point=True)
 STEPS = Term(design=True, point=True, grows=True, scales=(0.1, 3.0), first=0.3)
-ROUGH = Term(design=True, point=True, grows=True, scales=(0.02, 0.02), first=0.02)
-EVEN = Term(design=True, point=True, scales=(0.02, 0.02), first=0.02)
+ROUGH = Term(design=True, point=True, grows=True, scales=(0.1, 0.1), first=0.1)
+EVEN = Term(design=True, point=True, scales=(0.1, 0.1), first=0.1)
 
 
 @dataclass(frozen=True)
@@ -102,14 +102,18 @@ class Surrogate:
         """Return coordinates of designs (m, d) at operating points (m, 2), (m, c + 2)."""
         return np.concatenate([self.coordinates(x), point_coordinates(points)], axis=1)
 
+    def crossed(self, x: Array, points: Array) -> Array:
+        """Return coordinates of each design (m, d) at each of the points (q, 2), (m q, c + 2)."""
+        return self.inputs(np.repeat(x, len(points), axis=0), np.tile(points, (len(x), 1)))
+
     def expected(self, x: Array, mix: Mix) -> Expected:
         """Predict one design (d,) over a mix."""
-        inputs = self.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+        inputs = self.crossed(x[None, :], mix.points)
         return self.summed(inputs, *self.times.joint(inputs), mix)
 
     def mean(self, x: Array, mix: Mix) -> float:
         """Predict one design (d,) over a mix without its error, at once, s."""
-        inputs = self.inputs(np.tile(x, (len(mix.points), 1)), mix.points)
+        inputs = self.crossed(x[None, :], mix.points)
         share = self.share.at(inputs)[0]
         times = np.exp(self.times.mean(inputs)) + (1.0 - share) / share * mix.retry
         return float(mix.weights @ times)

@@ -27,7 +27,8 @@ class Over:
     """A mix of operating points summed once: the expected time over designs alone."""
 
     def __init__(self, surrogate: Surrogate, mix: Mix) -> None:
-        self._surrogate, self._mix, data = surrogate, mix, surrogate.data
+        self.surrogate = surrogate
+        self._mix, data = mix, surrogate.data
         process = surrogate.times
         covariance = process.covariance
         #: design of each row of the process, which lacks rows that never engaged
@@ -35,11 +36,16 @@ class Over:
         self._known = surrogate.known
         self._nodes = point_coordinates(mix.points)
         rows = covariance.split(process.inputs)[1]
-        self._links = [part.point_factor(self._nodes, rows) for part in covariance.parts]
+        #: terms in the order of their features, rough ones last
+        self._terms = sorted(covariance.parts, key=lambda part: part.rough)
+        self._sizes = [1 if part.design is None else len(self._known) for part in self._terms]
+        #: whether a feature is a rough one, (f,) of bool
+        self._rough = np.repeat([part.rough for part in self._terms], self._sizes)
+        self._links = [part.point_factor(self._nodes, rows) for part in self._terms]
         weighted = [link * process.weights for link in self._links]
-        self._sums = [
-            self._by_design(*both) for both in zip(covariance.parts, weighted, strict=True)
-        ]
+        summed = [self._by_design(*both) for both in zip(self._terms, weighted, strict=True)]
+        #: what each feature adds to the logarithm at each point, (f, q)
+        self._sums = np.concatenate(summed)
         self._rest = self._typical_variance()
         same = np.tile(self._known[:1], (len(self._nodes), 1))
         self._alike = surrogate.share.alike(np.concatenate([same, self._nodes], axis=1))
@@ -52,47 +58,49 @@ class Over:
         inputs = np.concatenate(
             [np.repeat(halfway, count, axis=0), np.tile(self._nodes, (BETWEEN, 1))], axis=1
         )
-        variance = self._surrogate.times.predict(inputs)[1]
+        variance = self.surrogate.times.predict(inputs)[1]
         typical: Array = variance.reshape(BETWEEN, count).mean(axis=0)
         return typical
 
     def times(self, x: Array) -> Array:
         """Return the expected time at each point of designs (m, c), (m, q), s."""
-        process = self._surrogate.times
-        total = np.full((len(x), len(self._nodes)), process.centre)
-        for part, summed in zip(process.covariance.parts, self._sums, strict=True):
-            total += self._feature(part, x) @ summed
-        return np.exp(total + 0.5 * self._rest)
+        return self._times(self._features(x))
+
+    def _times(self, features: Array) -> Array:
+        centre = self.surrogate.times.centre
+        times: Array = np.exp(centre + features @ self._sums + 0.5 * self._rest)
+        return times
 
     def predict(self, x: Array) -> tuple[Array, Array]:
         """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s."""
-        where = self._surrogate.coordinates(x)
+        where = self.surrogate.coordinates(x)
         found = [self._predict(where[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def _predict(self, x: Array) -> tuple[Array, Array]:
-        engaged, retries, lost = self._parts(x)
+        features = self._features(x)
+        engaged, retries, lost = self._parts(x, features)
         retry_error = np.sqrt(np.einsum("ij,ij->i", lost @ self._alike, lost))
-        error = np.sqrt((engaged**2) * self.relative_variance(x) + retry_error**2)
+        error = np.sqrt((engaged**2) * self._relative_variance(features) + retry_error**2)
         return engaged + retries, error
 
-    def _parts(self, x: Array) -> tuple[Array, Array, Array]:
+    def _parts(self, x: Array, features: Array) -> tuple[Array, Array, Array]:
         """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
-        data, mix = self._surrogate.data, self._mix
-        share, unsure = self._surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
+        data, mix = self.surrogate.data, self._mix
+        share, unsure = self.surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
         retries = (1.0 - share) / share @ mix.weights * mix.retry
         lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
-        return self.times(x) @ mix.weights, retries, lost
+        return self._times(features) @ mix.weights, retries, lost
 
     def joint(self, x: Array, *, rough: bool = False) -> tuple[Array, Array]:
         """Return expected times of designs (m, d), edge units, and the covariance of their errors.
 
         (m,) in s and (m, m) in s2, retries included; of the smooth part, or with what is ``rough``.
         """
-        where = self._surrogate.coordinates(x)
-        engaged, retries, lost = self._parts(where)
+        where = self.surrogate.coordinates(x)
+        engaged, retries, lost = self._parts(where, self._features(where))
         covariance = np.outer(engaged, engaged) * self.covariance(where, where, rough=rough)
-        covariance += lost @ self._alike @ lost.T * self._surrogate.share.near(where, where)
+        covariance += lost @ self._alike @ lost.T * self.surrogate.share.near(where, where)
         return engaged + retries, covariance
 
     @cached_property
@@ -105,10 +113,10 @@ class Over:
     @cached_property
     def _quadratic(self) -> Array:
         """Form whose value is the variance that the rows take away, (f, f), f features."""
-        process, count = self._surrogate.times, len(self._known)
+        process, count = self.surrogate.times, len(self._known)
         place = self._place_of_row
         blocks = []
-        for part, link in zip(process.covariance.parts, self._links, strict=True):
+        for part, link in zip(self._terms, self._links, strict=True):
             summed = self._shares @ link
             block = np.zeros((len(place), count))
             block[np.arange(len(place)), place] = summed
@@ -133,29 +141,54 @@ class Over:
         return summed
 
     def _features(self, x: Array) -> Array:
-        parts = self._surrogate.times.covariance.parts
-        return np.concatenate([self._feature(part, x) for part in parts], axis=1)
+        """Return factors of designs (m, c) and the known ones, term by term, (m, f)."""
+        return np.concatenate([self._feature(part, x) for part in self._terms], axis=1)
 
     @cached_property
     def _alone(self) -> list[float]:
         """Variance of each term's relative error before any data."""
         nodes, shares = self._nodes, self._shares
-        parts = self._surrogate.times.covariance.parts
-        return [float(shares @ part.point_factor(nodes, nodes) @ shares) for part in parts]
+        return [float(shares @ part.point_factor(nodes, nodes) @ shares) for part in self._terms]
 
     def relative_variance(self, x: Array) -> Array:
         """Return the variance of the relative error of designs (m, c), (m,)."""
-        features = self._features(x)
-        known = np.einsum("ij,ij->i", features @ self._quadratic, features)
+        return self._relative_variance(self._features(x))
+
+    def _relative_variance(self, features: Array) -> Array:
+        kept = ~self._rough
+        smooth = features[:, kept]
+        known = np.einsum("ij,ij->i", smooth @ self._without_rough, smooth)
+        known += self._known_of_rough(features)
         variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
         return variance
+
+    @cached_property
+    def _without_rough(self) -> Array:
+        """Part of ``_quadratic`` that has no rough feature."""
+        form: Array = self._quadratic[np.ix_(~self._rough, ~self._rough)]
+        return form
+
+    def _known_of_rough(self, features: Array) -> Array:
+        """Return what rough features add to the variance that the rows take away, (m,).
+
+        Nearly all are nought, so that only the others are summed.
+        """
+        places = np.nonzero(self._rough)[0]
+        rows, columns = np.nonzero(features[:, places])
+        columns = places[columns]
+        # With itself and with every other rough feature a pair counts once, else twice.
+        pairs = np.where(self._rough, 1.0, 2.0)
+        linked = np.einsum("ij,ij->i", features[rows] * pairs, self._quadratic[columns])
+        known: Array = np.zeros(len(features))
+        np.add.at(known, rows, linked * features[rows, columns])
+        return known
 
     def with_rows(self, x: Array, inputs: Array) -> Array:
         """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
 
         Their covariance before any data.
         """
-        covariance = self._surrogate.times.covariance
+        covariance = self.surrogate.times.covariance
         designs, points = covariance.split(inputs)
         total = np.zeros((len(x), len(inputs)))
         for part in covariance.parts:
@@ -168,13 +201,11 @@ class Over:
 
         Of the smooth part alone, or with what is ``rough`` too.
         """
-        parts = self._surrogate.times.covariance.parts
-        taken = [float(rough or not part.rough) for part in parts]
+        taken = [float(rough or not part.rough) for part in self._terms]
         total = np.zeros((len(a), len(b)))
-        for part, alone, counts in zip(parts, self._alone, taken, strict=True):
+        for part, alone, counts in zip(self._terms, self._alone, taken, strict=True):
             total += counts * alone * part.design_factor(a, b)
-        sizes = [1 if part.design is None else len(self._known) for part in parts]
-        counted = np.repeat(taken, sizes)
+        counted = np.repeat(taken, self._sizes)
         left, right = self._features(a) * counted, self._features(b) * counted
         covariance: Array = total - left @ self._quadratic @ right.T
         return covariance
@@ -184,7 +215,7 @@ class Over:
 
         Roughness is left out: a candidate is not to be chosen for the luck of its own draw.
         """
-        where = self._surrogate.coordinates(x)
+        where = self.surrogate.coordinates(x)
         covariance = self.covariance(where, where)
         values, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(values, 0.0))

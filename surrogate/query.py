@@ -58,12 +58,11 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
 
 
 def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[str]:
+    low, high = data.x.min(axis=0), data.x.max(axis=0)
     found = [
-        f"{name} = {value:.4g} is outside the simulated designs ({low:.4g} to {high:.4g})"
-        for name, value, low, high in zip(
-            data.variables, x, data.x.min(axis=0), data.x.max(axis=0), strict=True
-        )
-        if not _within(value, low, high)
+        f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
+        for k, name in enumerate(data.variables)
+        if not _within(x, low, high)[k]
     ]
     found += _point_warnings(data, points)
     if distance > FAR and not found:
@@ -78,8 +77,9 @@ def _point_warnings(data: Dataset, points: Array) -> list[str]:
     found = []
     for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
         known, asked = data.points[:, column], points[:, column]
-        low, high = known.min(), known.max()
-        outside = [v for v in (asked.min(), asked.max()) if not _within(v, low, high)]
+        low, high = float(known.min()), float(known.max())
+        ends = np.array([asked.min(), asked.max()])
+        outside = ends[~_within(ends, low, high)].tolist()
         found += [
             f"{name} {value:.4g} {unit} is outside what was simulated ({low:.4g} to {high:.4g})"
             for value in dict.fromkeys(outside)
@@ -87,9 +87,11 @@ def _point_warnings(data: Dataset, points: Array) -> list[str]:
     return found
 
 
-def _within(value: float, low: float, high: float) -> bool:
+def _within(values: Array, low: Array | float, high: Array | float) -> Mask:
+    """Tell which values lie in their range or a hundredth of it beside, of their shape."""
     slack = 0.01 * (high - low)
-    return bool(low - slack <= value <= high + slack)
+    inside: Mask = np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
+    return inside
 
 
 def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
@@ -100,11 +102,9 @@ def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
     data = surrogate.data
     if mix is not None and _point_warnings(data, mix.points):
         return np.zeros(len(x), dtype=bool)
-    low, high = data.x.min(axis=0), data.x.max(axis=0)
-    slack = 0.01 * (high - low)
-    inside: Mask = ((x >= low - slack) & (x <= high + slack)).all(axis=1)
-    near: Mask = surrogate.distance(x) <= FAR
-    return inside & near
+    inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
+    known: Mask = np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
+    return known
 
 
 def half_difference(

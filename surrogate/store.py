@@ -24,7 +24,7 @@ from surrogate.process import Process
 from surrogate.share import Share
 from surrogate.targets import Targets, design_coordinates, row_inputs, spread_targets, time_targets
 
-FORMAT = 2  #: version of the file
+FORMAT = 3  #: version of the file
 AGAIN = "fit the surrogate again with 'dogshape fit'"
 
 

@@ -11,7 +11,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from surrogate.acquisition import Question, choose, one_shift_noise
 from surrogate.comparison import compare
-from surrogate.covariance import Array, Covariance, Term, matern, starting
+from surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
 from surrogate.learning import fit
 from surrogate.model import ALTERNATIVES, POINT, ROUGH, SMOOTH, STEPS, Surrogate
 from surrogate.over import Over
@@ -60,6 +60,16 @@ def test_matern_is_that_of_scikit_learn() -> None:
     assert matern(a / scales, b / scales) == pytest.approx(Matern(scales, nu=2.5)(a, b), abs=1e-12)
 
 
+def test_wendland_ends_at_one_and_is_positive_definite_over_eight_coordinates() -> None:
+    assert wendland(np.array([0.0, 0.5, 1.0, 3.0])) == pytest.approx([1.0, 4.5 / 2**7, 0.0, 0.0])
+    places = np.random.default_rng(0).random((200, 8))
+    apart = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
+    for reach in (0.3, 1.0, 3.0):
+        correlation = wendland(apart / reach)
+        assert (correlation == 0.0).any() == (reach < apart.max())
+        assert np.linalg.eigvalsh(correlation).min() > 0.0
+
+
 def test_the_process_is_that_of_scikit_learn() -> None:
     """One smooth term over one factor: the same posterior, mean and covariance."""
     term = Term(design=True, point=False)
@@ -104,6 +114,21 @@ def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
         after += weight * float(shares @ joined.joint(inputs)[1] @ shares)
     assert choice.left[-1] == pytest.approx(after / before, rel=0.02)
     assert (np.diff(choice.left) <= 0.0).all()
+
+
+def test_known_designs_keep_what_only_they_tell(surrogate: Surrogate) -> None:
+    """At known designs, and a step beside, the rough part is that of the whole process."""
+    over, known = Over(surrogate, MIX), surrogate.data.designs[:3]
+    x = np.concatenate([known, known + 0.02 * (HIGH - LOW), made(2, seed=5).designs])
+    shares = over.times(surrogate.known).mean(axis=0) * MIX.weights
+    shares /= shares.sum()
+    variance = [
+        shares @ surrogate.times.joint(surrogate.crossed(row[None, :], GRID))[1] @ shares
+        for row in x
+    ]
+    assert over.relative_variance(surrogate.coordinates(x)) == pytest.approx(variance, rel=1e-5)
+    assert surrogate.times.covariance.parts[-1].rough
+    assert variance[0] < variance[3] < variance[-1]
 
 
 def test_asking_beats_filling_on_the_question() -> None:
