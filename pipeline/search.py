@@ -27,7 +27,7 @@ from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
 from pipeline.rows import row_record
-from pipeline.sampler import search_space
+from pipeline.sampling.dogs import search_space
 from sim.errors import StorageError
 from sim.records import content_key, landing_of, landing_record
 

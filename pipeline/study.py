@@ -14,11 +14,12 @@ from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
+from pipeline.known import joining
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.report import write_report
 from pipeline.rows import study_mix
-from pipeline.sampler import sampler_factory
+from pipeline.sampling.factory import sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
 from pipeline.tolerances import smallest_within, spread_record, time_spread
 from pipeline.training import train
@@ -44,7 +45,8 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     """Run or resume a study; return its result, which is also in ``result.json``."""
     objectives_of(study)
     require_variables(study)
-    sampler_of = sampler_factory(study)
+    known = joining(study, lambda _: None) if study.file.search.use_known else None
+    sampler_of = sampler_factory(study, known)
     folder = how.folder
     with folder.writing():
         folder.open(study, how.resume)

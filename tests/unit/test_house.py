@@ -21,7 +21,15 @@ ALLOWED = {
 #: Outside packages that only some modules may import.
 GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
-    "optuna": {"pipeline/search.py", "pipeline/sampler.py", "pipeline/study.py"},
+    "optuna": {
+        "pipeline/search.py",
+        "pipeline/study.py",
+        "pipeline/sampling/space.py",
+        "pipeline/sampling/guide.py",
+        "pipeline/sampling/sampler.py",
+        "pipeline/sampling/dogs.py",
+        "pipeline/sampling/factory.py",
+    },
     "sklearn": {"surrogate/fitting.py"},
     "plotly": {
         "pipeline/figures.py",

@@ -20,7 +20,9 @@ from pipeline.config import Study, build_study, load_study
 from pipeline.design import design_of
 from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal, append
-from pipeline.sampler import SurrogateSampler, sampler_factory, search_space
+from pipeline.sampling.dogs import DogGuide, search_space
+from pipeline.sampling.factory import sampler_factory
+from pipeline.sampling.sampler import SurrogateSampler
 from pipeline.schema import VariablesSection
 from pipeline.study import Run, run_study
 from sim.errors import DogshapeError, InputError, StorageError
@@ -279,7 +281,7 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 
     best = {}
     for startup in (10, 1000):
-        sampler = SurrogateSampler(study, seed=4, startup=startup)
+        sampler = SurrogateSampler(DogGuide(study), seed=4, startup=startup)
         search = optuna.create_study(directions=["minimize"], sampler=sampler)
         for _ in range(30):
             trial = search.ask(search_space(study))

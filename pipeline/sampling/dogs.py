@@ -1,0 +1,155 @@
+"""The sampler's guide for a study of dogs.
+
+Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
+come from the surrogate over designs and operating points, fitted to every row so far; other
+objectives are exact. How hard dogs land on each other is known after the simulation only; a process
+over designs foretells it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
+from optuna.trial import FrozenTrial
+
+from pipeline.config import Study
+from pipeline.design import SIMULATED, design_of, exact_values, worth_simulating
+from pipeline.rows import study_mix, with_rows
+from pipeline.sampling.guide import Foretold, Params, Response, drawn
+from pipeline.sampling.plans import first_plan, telling_plan
+from pipeline.sampling.space import Space
+from sim.errors import InputError
+from sim.landing import LANDING_RULES
+from surrogate.covariance import Array
+from surrogate.dataset import Dataset
+from surrogate.fitting import Effort
+from surrogate.learning import fit
+from surrogate.model import Surrogate
+from surrogate.over import Over
+
+QUICK = Effort(rows=400, steps=30)  #: of the process that is fitted anew in each round
+LANDING = {rule.name for rule in LANDING_RULES}
+
+
+def search_space(study: Study) -> dict[str, BaseDistribution]:
+    """Return the search ranges as Optuna's distributions."""
+    return {
+        key: IntDistribution(int(low), int(high))
+        if key == "count"
+        else FloatDistribution(low, high)
+        for key, (low, high) in study.variables.items()
+    }
+
+
+def simulated(trial: FrozenTrial) -> bool:
+    """Tell whether the design of a finished trial was simulated."""
+    return "standard_error_s" in trial.user_attrs
+
+
+def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:
+    """Return the rows that simulated trials carry."""
+    rows = [row for trial in trials for row in trial.user_attrs["rows"]]
+    return with_rows(study, np.array(rows, dtype=float))
+
+
+class DogGuide:
+    """Search space, exact constraints and the surrogate of a study.
+
+    ``known`` is a surrogate of the same physics whose rows join those of the search.
+    """
+
+    def __init__(self, study: Study, known: Surrogate | None = None) -> None:
+        self._study = study
+        self._known = known
+        self._over: tuple[tuple[int, ...], Over] | None = None
+        self._exact: dict[tuple[Any, ...], dict[str, float]] = {}
+        self.distributions: Mapping[str, BaseDistribution] | None = search_space(study)
+
+    def allows(self, params: Params) -> bool:
+        """Tell whether a design passes every check that needs no simulation."""
+        return worth_simulating(self._study, dict(params))
+
+    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
+        """Fit the surrogate to the rows of all trials, and a process to their landings."""
+        told = [trial for trial in trials if simulated(trial)]
+        x = space.coordinates([trial.params for trial in told])
+        hardest = np.array([_landing(trial) for trial in told])
+        return _Foretold(self, space, self.over(told), Response.fitted(x, hardest))
+
+    def over(self, trials: Sequence[FrozenTrial]) -> Over:
+        """Return the surrogate of the expected time that simulated trials give, fitted once.
+
+        Raises InputError where they are too few.
+        """
+        key = tuple(sorted(trial.number for trial in trials))
+        if self._over is None or self._over[0] != key:
+            self._over = key, Over(self._fitted(trials), study_mix(self._study))
+        return self._over[1]
+
+    def _fitted(self, trials: Sequence[FrozenTrial]) -> Surrogate:
+        if not trials:
+            raise InputError("no design was simulated yet")
+        data = dataset_of_trials(self._study, trials)
+        if self._known is not None:
+            data = self._known.data.joined(data)
+            return fit(data, self._known.form, self._known, Effort(steps=0))
+        return fit(data, effort=Effort(QUICK.rows, QUICK.steps, self._study.file.search.seed))
+
+    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
+        """Return the angles of a chosen design at each operating point."""
+        study, points = self._study, self._study.file.search.points
+        if points is None or points >= len(study.points):
+            return None
+        if not isinstance(foretold, _Foretold):
+            return first_plan(study, points, number)
+        model = foretold.over.surrogate
+        return telling_plan(study, points, model, study_mix(study), self.rows([params])[0])
+
+    def rows(self, params: Sequence[Params]) -> Array:
+        """Return designs in edge units, (m, d)."""
+        names = tuple(self._study.variables)
+        return np.array([[p[name] for name in names] for p in params], dtype=float)
+
+    def exact(self, params: Params) -> dict[str, float]:
+        """Return the objectives of a design that need no simulation."""
+        key = tuple(params[name] for name in self._study.variables)
+        if key not in self._exact:
+            found = exact_values(self._study, design_of(self._study, dict(params)))
+            self._exact[key] = found
+        return self._exact[key]
+
+    def values(self, params: Sequence[Params], times: Array) -> Array:
+        """Return all objectives with drawn expected times (s, m), (s, m, k)."""
+        exact = [self.exact(p) for p in params]
+        columns = [
+            times if name == SIMULATED else np.tile([e[name] for e in exact], (len(times), 1))
+            for name in self._study.file.search.objectives
+        ]
+        return np.stack(columns, axis=2)
+
+
+def _landing(trial: FrozenTrial) -> float:
+    """Return the constraint value of the hardest landing, feasible at or below zero."""
+    found = (value for name, value in trial.constraints.items() if name in LANDING)
+    return max(found, default=-1.0)
+
+
+@dataclass
+class _Foretold:
+    guide: DogGuide
+    space: Space
+    over: Over
+    landing: Response
+
+    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
+        """Draw expected times jointly; what is rough is left out, as no draw of it would last."""
+        times = drawn(*self.over.joint(self.guide.rows(params)), rng, count)
+        return self.guide.values(params, times)
+
+    def chances(self, params: Sequence[Params]) -> Array:
+        """Return the probability that dogs land softly enough on each other, (m,)."""
+        return self.landing.below(self.space.coordinates(params))

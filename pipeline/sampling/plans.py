@@ -1,0 +1,65 @@
+"""What to simulate of a design: how many angles at which operating points.
+
+A surrogate over operating points foretells those that are left out, so a new design needs some
+of them only. The points where dogs land hardest, the fastest with the largest force, are always
+among them: what they say of the landing nothing else does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.config import Study
+from surrogate.acquisition import Question, choose
+from surrogate.covariance import Array
+from surrogate.mix import Mix
+from surrogate.model import Surrogate
+
+Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
+HARD = 2  #: points that every design is simulated at for the landing's sake
+
+
+def whole_plan(study: Study) -> Plan:
+    """Return the plan that simulates every operating point."""
+    return [study.file.expectation.angles] * len(study.points)
+
+
+def is_whole(plan: Sequence[int]) -> bool:
+    """Tell whether every operating point is simulated."""
+    return all(count > 0 for count in plan)
+
+
+def hard_points(study: Study) -> list[int]:
+    """Return the places of the points where dogs land hardest: fastest, then strongest."""
+    keys = [(abs(p.mismatch) * p.profile.force, i) for i, p in enumerate(study.points)]
+    return sorted(i for _, i in sorted(keys, reverse=True)[:HARD])
+
+
+def first_plan(study: Study, points: int, number: int) -> Plan:
+    """Return the plan of a design before anything is foretold: points take turns."""
+    hard = hard_points(study)
+    others = [i for i in range(len(study.points)) if i not in hard]
+    own = np.random.default_rng(study.file.search.seed).permutation(len(others))
+    taken = max(points - len(hard), 0)
+    turn = [others[own[(number * taken + k) % len(others)]] for k in range(taken)]
+    return _plan(study, [*hard, *turn])
+
+
+def telling_plan(study: Study, points: int, model: Surrogate, mix: Mix, design: Array) -> Plan:
+    """Return the plan that leaves least error in a design's expected time, (d,) in edge units."""
+    hard = hard_points(study)
+    count = max(points - len(hard), 0)
+    if not count:
+        return _plan(study, hard)
+    question = Question(design[None, :], np.ones(1))
+    chosen = choose(model, mix, question, study.file.expectation.angles, count)
+    return _plan(study, [*hard, *(int(place) for place in chosen.points)])
+
+
+def _plan(study: Study, places: Sequence[int]) -> Plan:
+    plan = [0] * len(study.points)
+    for place in places:
+        plan[place] += study.file.expectation.angles
+    return plan

@@ -1,0 +1,220 @@
+"""A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
+
+First come designs that fill the allowed space. Then what the guide foretells is drawn jointly for
+candidates and finished designs, and the candidate is proposed that adds most to the front, times
+the probability that it keeps the constraints which only the evaluation tells. Proposals that are
+still running count as part of the front, so that a batch spreads.
+
+Every proposal depends on the seed, its number and the trials before it alone: the same seed
+gives the same trials, interrupted or not. Any storage serves, and ask-and-tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.distributions import BaseDistribution
+from optuna.samplers import BaseSampler, RandomSampler
+from optuna.search_space import IntersectionSearchSpace
+from optuna.study import StudyDirection
+from optuna.trial import FrozenTrial, TrialState
+
+from pipeline.sampling.guide import Foretold, FreeGuide, Guide, Params, sound
+from pipeline.sampling.improvement import added, directions
+from pipeline.sampling.space import Space
+from sim.errors import InputError
+from surrogate.covariance import Array, Mask
+
+PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
+WIDE = 400  #: candidates of the whole space
+NEAR = 200  #: candidates near the front
+DRAWS = 48  #: joint draws of what is foretold
+WAYS = 128  #: directions of the hypervolume
+TRIES = 1000  #: draws for a candidate before the allowed space counts as empty
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Trials before the one that is asked: finished ones, and those that still run."""
+
+    finished: list[FrozenTrial]
+    running: list[FrozenTrial]
+
+    @property
+    def count(self) -> int:
+        return len(self.finished) + len(self.running)
+
+
+class SurrogateSampler(BaseSampler):
+    """Expected hypervolume improvement on Gaussian processes, within exact constraints.
+
+    Parameters
+    ----------
+    guide : says what is allowed and foretold; None for any study of Optuna's.
+    seed : of every proposal, with the trial's number; None draws one.
+    startup : designs that fill the allowed space before anything is foretold.
+    """
+
+    def __init__(
+        self, guide: Guide | None = None, seed: int | None = None, startup: int = 10
+    ) -> None:
+        self._guide = guide if guide is not None else FreeGuide()
+        self._seed = seed if seed is not None else int(np.random.default_rng().integers(2**31))
+        self._startup = startup
+        self._shared = IntersectionSearchSpace()
+        self._pools: dict[str, list[dict[str, Any]]] = {}
+        self._known: tuple[Any, Foretold | None] = (None, None)
+
+    def reseed_rng(self) -> None:
+        """Draw another seed, for a process of its own."""
+        self._seed = int(np.random.default_rng().integers(2**31))
+
+    def infer_relative_search_space(
+        self, study: optuna.Study, trial: FrozenTrial
+    ) -> dict[str, BaseDistribution]:
+        """Return the guide's search space, else what all finished trials share."""
+        if self._guide.distributions is not None:
+            return dict(self._guide.distributions)
+        return self._shared.calculate(study)
+
+    def sample_relative(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        search_space: dict[str, BaseDistribution],
+    ) -> dict[str, Any]:
+        """Propose an allowed design for ``trial``."""
+        if not search_space:
+            return {}
+        space, seen = Space(search_space), self._before(study, trial, Space(search_space))
+        rng = np.random.default_rng([self._seed, seen.count])
+        signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
+        foretold = self._foretold(space, seen, signs)
+        if foretold is None:
+            params = self._farthest(space, [t.params for t in (*seen.finished, *seen.running)])
+        else:
+            params = self._improving(space, seen, foretold, signs, rng)
+        plan = self._guide.plan(foretold, params, seen.count)
+        if plan is not None:
+            study._storage.set_trial_system_attr(trial._trial_id, PLAN, plan)
+        return params
+
+    def sample_independent(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        param_name: str,
+        param_distribution: BaseDistribution,
+    ) -> Any:
+        """Sample a parameter that not all trials share, uniformly."""
+        sampler = RandomSampler(seed=(self._seed + 7919 * trial.number) % 2**32)
+        return sampler.sample_independent(study, trial, param_name, param_distribution)
+
+    def require_allowed(self) -> None:
+        """Raise InputError where next to no design of the guide's space is allowed."""
+        self._wide(Space(self._guide.distributions or {}))
+
+    def _before(self, study: optuna.Study, trial: FrozenTrial, space: Space) -> _Seen:
+        # A trial that was cut off before it had a design has failed; it must not count.
+        before = [
+            t
+            for t in study.get_trials(deepcopy=False)
+            if t.number < trial.number and space.holds(t.params)
+        ]
+        complete = [t for t in before if t.state == TrialState.COMPLETE]
+        finished = [t for t, kept in zip(complete, sound(complete), strict=True) if kept]
+        return _Seen(finished, [t for t in before if t.state == TrialState.RUNNING])
+
+    def _foretold(self, space: Space, seen: _Seen, signs: Array) -> Foretold | None:
+        """Return what finished trials say, fitted once for a round; None where they are few."""
+        if len(seen.finished) < self._startup:
+            return None
+        key = (tuple(space.distributions), tuple(t.number for t in seen.finished))
+        if self._known[0] != key:
+            try:
+                self._known = key, self._guide.foretold(space, seen.finished, signs)
+            except InputError:
+                self._known = key, None
+        return self._known[1]
+
+    def _improving(
+        self,
+        space: Space,
+        seen: _Seen,
+        foretold: Foretold,
+        signs: Array,
+        rng: np.random.Generator,
+    ) -> dict[str, Any]:
+        """Return the candidate that adds most to the front; none that was proposed already."""
+        kept = [t for t in seen.finished if max(t.constraints.values(), default=0.0) <= 0.0]
+        values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
+        best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
+        there = [t.params for t in (*kept, *seen.running)]
+        taken = [t.params for t in (*seen.finished, *seen.running)]
+        pool = self._wide(space) + (self._drawn(space, rng, NEAR, best) if best else [])
+        # Few counts or choices may be all there is, and then they are proposed again.
+        fresh = [params for params in pool if params not in taken] or pool
+        draws = foretold.draws([*fresh, *there], rng, DRAWS)
+        candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
+        low, high = _ends(values if len(values) else candidates.mean(axis=0))
+        ways = directions(rng, WAYS, len(signs))
+        gained = added((candidates - low) / (high - low), (front - low) / (high - low),
+                       np.full(len(signs), 1.1), ways)  # fmt: skip
+        return fresh[int(np.argmax(gained * foretold.chances(fresh)))]
+
+    def _wide(self, space: Space) -> list[dict[str, Any]]:
+        """Return allowed designs of the whole space, drawn once: most draws may not be."""
+        key = repr(space.distributions)
+        if key not in self._pools:
+            rng = np.random.default_rng(self._seed)
+            self._pools = {key: self._drawn(space, rng, WIDE, None)}
+        return self._pools[key]
+
+    def _drawn(
+        self, space: Space, rng: np.random.Generator, size: int, near: Sequence[Params] | None
+    ) -> list[dict[str, Any]]:
+        """Draw allowed designs: of the whole space, or near some."""
+        found: list[dict[str, Any]] = []
+        for _ in range(TRIES * size):
+            centre = None if near is None else near[int(rng.integers(len(near)))]
+            params = space.drawn(rng, centre)
+            if self._guide.allows(params):
+                found.append(params)
+                if len(found) == size:
+                    break
+        if not found:
+            raise InputError(
+                f"none of {TRIES * size} designs drawn from the search ranges passes every check; "
+                "widen [variables] or relax [load], [material] or [manufacturing]"
+            )
+        return found
+
+    def _farthest(self, space: Space, taken: Sequence[Params]) -> dict[str, Any]:
+        """Return the design of the pool that is farthest from all that were taken."""
+        pool = self._wide(space)
+        if not taken:
+            return pool[0]
+        here, there = space.coordinates(pool), space.coordinates(taken)
+        apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
+        return pool[int(np.argmax(apart))]
+
+
+def _ends(values: Array) -> tuple[Array, Array]:
+    """Return the range of the values (n, k) that the hypervolume is scaled by, each (k,)."""
+    best = values[not_dominated(values)]
+    low, high = best.min(axis=0), best.max(axis=0)
+    # A front of one design, or of one value, says nothing of the scale: all values do.
+    span = np.where(high > low, high - low, np.ptp(values, axis=0))
+    return low, low + np.where(span > 0.0, span, 1.0)
+
+
+def not_dominated(values: Array) -> Mask:
+    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
+    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
+    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
+    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
+    return kept
