@@ -25,12 +25,19 @@ from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESample
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
-from pipeline.design import SIMULATED, not_dominated, objective_rows, worth_simulating
+from pipeline.design import (
+    SIMULATED,
+    exact_losses,
+    losses_of,
+    not_dominated,
+    objectives_of,
+    worth_simulating,
+)
 from pipeline.rows import study_mix, with_rows
 from sim.errors import InputError, did_you_mean
-from surrogate.covariance import Array
+from surrogate.covariance import Array, Term
 from surrogate.dataset import Dataset
-from surrogate.fitting import Effort
+from surrogate.fitting import Effort, fit_process
 from surrogate.learning import fit
 from surrogate.model import MIN_DESIGNS
 from surrogate.over import Over
@@ -127,8 +134,10 @@ class SurrogateSampler(BaseSampler):
         rng = np.random.default_rng([self._seed, len(seen)])
         finished = [t for t in seen if _simulated(t)]
         taken = self._points(t for t in seen if _simulated(t) or t.state == TrialState.RUNNING)
-        over = self._over(finished) if len(finished) >= self._startup else None
-        if over is None:
+        started = len(finished) >= self._startup
+        timed = SIMULATED in self._study.file.search.objectives
+        over = self._over(finished) if started and timed else None
+        if not started or (timed and over is None):
             pool = self._wide
             return self._study.named(pool[_farthest(self._scaled(pool), self._scaled(taken))])
         return self._study.named(self._thompson(rng, over, finished, taken))
@@ -185,19 +194,24 @@ class SurrogateSampler(BaseSampler):
     def _thompson(
         self,
         rng: np.random.Generator,
-        over: Over,
+        over: Over | None,
         finished: Sequence[FrozenTrial],
         taken: Array,
     ) -> Array:
         """Return the candidate that a draw from the process finds best; none twice."""
-        index = self._study.file.search.objectives.index(SIMULATED)
         designs = self._points(finished)
-        reference = self._values(designs, np.array([t.values[index] for t in finished]))
+        reference, errors = self._losses(finished)
         front = self._scaled(designs[not_dominated(reference)])
         pool = np.concatenate([self._wide, self._pool(rng, POOL // 2, front)])
         known = (pool[:, None, :] == taken[None, :, :]).all(axis=2).any(axis=1)
         pool = pool if known.all() else pool[~known]  # few counts may be all there is
-        values = self._values(pool, over.sample(pool, rng))
+        values = exact_losses(self._study, [self._study.named(p) for p in pool])
+        for column, objective in enumerate(objectives_of(self._study)):
+            if objective.name == SIMULATED and over is not None:
+                values[:, column] = over.sample(pool, rng)
+            elif objective.simulated:
+                told = self._scaled(designs), reference[:, column], errors[:, column]
+                values[:, column] = _drawn(rng, told, self._scaled(pool))
         low, span = reference.min(axis=0), np.ptp(reference, axis=0)
         unit = (values - low) / np.where(span > 0.0, span, 1.0)
         weights = rng.dirichlet(np.ones(values.shape[1]))
@@ -221,9 +235,28 @@ class SurrogateSampler(BaseSampler):
             self._process = count, Over(model, study_mix(self._study))
         return self._process[1]
 
-    def _values(self, points: Array, times: Array) -> Array:
-        """Return all objectives (m, k) with the expected shift time given."""
-        return objective_rows(self._study, [self._study.named(p) for p in points], times)
+    def _losses(self, finished: Sequence[FrozenTrial]) -> tuple[Array, Array]:
+        """Return losses of finished trials and their standard errors, each (n, k)."""
+        found = [losses_of(self._study, t.values, t.user_attrs) for t in finished]
+        return np.array([f[0] for f in found]), np.array([f[1] for f in found])
+
+
+def _drawn(rng: np.random.Generator, told: tuple[Array, Array, Array], pool: Array) -> Array:
+    """Return a draw, (m,), of a process over designs alone at ``pool``, (m, d), scaled.
+
+    ``told`` are scaled designs (n, d) with losses and standard errors, each (n,).
+    """
+    designs, losses, errors = told
+    centre, scale = losses.mean(), losses.std() or 1.0
+    noise = (errors / scale) ** 2 + 1e-6
+    # A process wants a coordinate of the operating point, which the term leaves out.
+    inputs, asked = (np.column_stack([x, np.zeros(len(x))]) for x in (designs, pool))
+    data = inputs, (losses - centre) / scale, noise
+    term = Term(design=True, point=False)
+    process = fit_process((term,), designs.shape[1], data, effort=QUICK)
+    draw = rng.multivariate_normal(*process.joint(asked), method="eigh")
+    scaled: Array = centre + scale * draw
+    return scaled
 
 
 def _simulated(trial: FrozenTrial) -> bool:
