@@ -156,10 +156,10 @@ class Distribution:
         return stats.triang((mode - low) / (high - low), low, high - low)
 
 
-def sobol_shares(count: int, dimensions: int, seed: int | list[int]) -> Values:
+def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
     """Return the first ``count`` places of a scrambled Sobol sequence, (count, dimensions).
 
-    Each in (0, 1); a longer draw of the same seed begins with a shorter one.
+    Each in (0, 1).
     """
     from scipy.stats import qmc  # noqa: PLC0415  slow to load, and a certain study does without
 

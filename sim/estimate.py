@@ -12,9 +12,10 @@ their weights make a distribution; a time stands in the middle of its weight, an
 quantile runs straight.
 
 Its standard error is Woodruff's (1952): the share of shifts below the quantile is a mean, whose
-standard error *s* is found as that of any mean over even angles; the quantiles at q - 1.96 s and
-q + 1.96 s lie 2 · 1.96 standard errors apart. Beyond the largest time nothing is known: there the
-lower half stands for both.
+standard error *s* is found as that of any mean over even angles; the quantiles at q - s and
+q + s lie two standard errors apart. Beyond the largest time nothing is known, so a
+share above that makes the interval narrower; where less than half a standard error is left of its
+upper part, the lower one stands for both.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ from sim.outcome import Outcome
 Values = NDArray[np.float64]
 
 TAIL = 1e-6  #: of a point's weight, left out of its retries
-WIDE = 1.96  #: half width of the interval that gives a standard error
+WIDE = 1.0  #: half width of the interval that gives a standard error, in those of the share
+LEAST = 0.5  #: the same where the largest time is near, at least
 
 
 @dataclass(frozen=True)
@@ -107,9 +109,10 @@ def time_quantile(
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         each = sum((w / whole) ** 2 / len(s) for w, s in zip(weights, shifts, strict=True))
         error = math.sqrt(share * (1.0 - share) * each)
-    low, high = share - WIDE * error, share + WIDE * error
-    width = value - at(low) if high > places[-1] else 0.5 * (at(high) - at(low))
-    return Estimate(value, width / WIDE)
+    half = min(WIDE, (places[-1] - share) / error) if error > 0.0 else WIDE
+    if half < LEAST:
+        return Estimate(value, (value - at(share - WIDE * error)) / WIDE)
+    return Estimate(value, (at(share + half * error) - at(share - half * error)) / (2.0 * half))
 
 
 def _retried(

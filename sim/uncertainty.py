@@ -3,13 +3,14 @@ r"""Quantities that differ from shift to shift: friction, shift force, output in
 Each is a factor on its nominal value with a distribution of its own. The relative angle is
 uncertain already and sampled evenly; the factors are further dimensions of the same sample. The
 *n* shifts of an operating point have the *n* even angles, each with one draw of the factors, so
-that uncertainty costs no shift more. Draws come from a scrambled Sobol sequence of the operating
-point and are dealt to the angles at random, the same for all designs: designs differ by
-their shape and not by their luck. The mean stays unbiased, since every draw alone has the right
-distribution and does not know its angle.
+that uncertainty costs no shift more. Draws are the same for all designs: designs differ by their
+shape and not by their luck. The mean is unbiased, since every draw has the right distribution
+and does not know its angle.
 
 The standard error over even angles (``sim.expectation``) takes the factors for scatter from angle
-to angle. The sequence spreads them more evenly than chance would, so it is not too small.
+to angle, which is right for draws that are independent of each other. A Sobol sequence over the
+factors, dealt to the angles, would leave 2 to 10 % less scatter of the mean (planar shifts at
+twelve and six angles) but be told as up to five times what it is where a factor alone decides.
 
 Finer draws hold coarser ones: where the number of angles is doubled, every angle that was there
 keeps its factors, and its shift need not be simulated again.
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 
 from sim.actuation import ForceProfile, RiseTable
 from sim.clutch import Clutch, OperatingPoint
-from sim.distribution import Distribution, Values, sobol_shares
+from sim.distribution import Distribution, Values
 from sim.errors import InputError
 
 FACTORS = ("friction_factor", "force_factor", "inertia_factor")  #: in the order of the draws
@@ -103,8 +104,9 @@ class Uncertainty:
 
         ``seed``, ``index`` and ``base`` as for ``sim.expectation.even_phases``.
         """
-        shares = sobol_shares(count, len(self.distributions), [seed, index, STREAM])
-        shares = shares[dealt(count, seed, index, base)]
+        rng = np.random.default_rng([seed, index, STREAM])
+        shares = rng.random((count, len(self.distributions)))
+        shares = shares[draw_order(count, seed, index, base)]
         drawn = {
             _name(one): one.at(column)
             for one, column in zip(self.distributions, shares.T, strict=True)
@@ -121,22 +123,21 @@ class Uncertainty:
         return Variant(friction, force, inertia, rise, self.source)
 
 
-def dealt(count: int, seed: int, index: int, base: int | None = None) -> Order:
+def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:
     """Return which draw each of the even angles gets, (count,), each draw once.
 
-    The first angles of a draw that was refined keep what they had.
+    The angles of a coarser draw keep what they had; those between them get the next ones.
     """
     base = base or count
     parts = count // base
     coarse = count if parts == 1 else count // 2 if parts % 2 == 0 else base
-    rng = np.random.default_rng([seed, index, STREAM, count])
     if coarse == count:
-        return rng.permutation(count)
+        return np.arange(count)
     start = np.random.default_rng([seed, index]).random() * (coarse // base) % 1.0
     kept = np.arange(coarse) * (count // coarse) + int(start * (count // coarse))
     order = np.full(count, -1)
-    order[kept] = dealt(coarse, seed, index, base)
-    order[order < 0] = coarse + rng.permutation(count - coarse)
+    order[kept] = draw_order(coarse, seed, index, base)
+    order[order < 0] = np.arange(coarse, count)
     return order
 
 

@@ -16,7 +16,7 @@ from sim.estimate import mean_over, time_quantile
 from sim.expectation import ShiftResult, even_phases, variance_of_mean
 from sim.outcome import Outcome
 from sim.planar import planar_times
-from sim.uncertainty import Uncertainty, Variant, dealt
+from sim.uncertainty import Uncertainty, Variant, draw_order
 from sim.units import RPM
 
 Array = NDArray[np.float64]
@@ -35,7 +35,7 @@ TIMEOUT, RETRACTION = 1.0, 0.2
             50.0 * np.exp(np.log(1.5) ** 2 / 2) * np.expm1(np.log(1.5) ** 2) ** 0.5,
         ),
         # Kotz and van Dorp: mean (a + b + c)/3, variance (a2 + b2 + c2 - ab - ac - bc)/18.
-        ({"kind": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5}, 1.1, (0.13 / 18) ** 0.5),
+        ({"kind": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5}, 1.1, (0.39 / 18) ** 0.5),
         # A normal cut at its mean: mean mu + sigma sqrt(2/pi), sd sigma sqrt(1 - 2/pi).
         (
             {"kind": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
@@ -58,18 +58,22 @@ def test_distributions_have_the_moments_of_their_closed_forms(
     assert one.kind in NEEDS
 
 
-def test_draws_are_fixed_and_a_longer_one_begins_with_a_shorter() -> None:
-    assert (sobol_shares(6, 3, [1, 4]) == sobol_shares(24, 3, [1, 4])[:6]).all()
-    assert (sobol_shares(6, 3, [1, 4]) != sobol_shares(6, 3, [1, 5])).any()
+def test_sobol_shares_fill_evenly_and_hang_on_the_seed() -> None:
+    shares = sobol_shares(16, 2, 1)
+    for column in shares.T:
+        assert sorted((column * 16).astype(int)) == list(range(16))
+    assert (shares == sobol_shares(16, 2, 1)).all()
+    assert (shares != sobol_shares(16, 2, 2)).any()
+    assert len(sobol_shares(24, 1, 1)) == 24
 
 
 @pytest.mark.parametrize(("base", "steps"), [(6, (12, 24, 48)), (5, (15,)), (12, (24, 96))])
 def test_a_finer_draw_keeps_the_factors_of_each_angle(base: int, steps: tuple[int, ...]) -> None:
     before = dict(
-        zip(even_phases(base, 3, 7).round(9), dealt(base, 3, 7, base).tolist(), strict=True)
+        zip(even_phases(base, 3, 7).round(9), draw_order(base, 3, 7, base).tolist(), strict=True)
     )
     for count in steps:
-        order = dealt(count, 3, 7, base)
+        order = draw_order(count, 3, 7, base)
         assert sorted(order) == list(range(count))
         now = dict(zip(even_phases(count, 3, 7, base).round(9), order.tolist(), strict=True))
         assert {angle: now[angle] for angle in before} == before
@@ -111,10 +115,16 @@ def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
     shares = np.random.default_rng(0).random((500_000, 3))
     f, p, j = (d.at(u) for d, u in zip(unsure.distributions, shares.T, strict=True))
     exact = float((0.05 / p + 0.03 * f**2 + 0.015 * f * j).mean())
-    for count in (6, 12):
+    for count in (6, 12, 24):
         means, variances = _drawn_means(time, count, 400)
         assert means.mean() == pytest.approx(exact, abs=4.0 * means.std() / 20.0)
         assert 0.8 <= variances.mean() ** 0.5 / means.std(ddof=1) <= 1.3
+
+
+def test_a_mean_that_hangs_on_factors_alone_has_the_error_of_chance() -> None:
+    for count in (6, 12):
+        means, variances = _drawn_means(lambda _, v: 0.05 * v.friction + 0.02 * v.force, count, 400)
+        assert variances.mean() ** 0.5 / means.std(ddof=1) == pytest.approx(1.0, abs=0.1)
 
 
 def test_planar_shifts_with_uncertain_factors_have_the_error_that_is_told() -> None:
@@ -142,7 +152,9 @@ def test_planar_shifts_with_uncertain_factors_have_the_error_that_is_told() -> N
 
 def _shifts(times: Array) -> list[ShiftResult]:
     return [
-        ShiftResult(Outcome.ENGAGED, float(t)) if t < TIMEOUT else ShiftResult(Outcome.BLOCKED, None)
+        ShiftResult(Outcome.ENGAGED, float(t))
+        if t < TIMEOUT
+        else ShiftResult(Outcome.BLOCKED, None)
         for t in times
     ]
 
@@ -150,12 +162,12 @@ def _shifts(times: Array) -> list[ShiftResult]:
 def _quantiles(
     time: Callable[[Array, int, np.random.Generator], Array], share: float, draws: int = 300
 ) -> tuple[Array, Array]:
-    """Return quantile and standard error over draws of eight points with eight angles."""
+    """Return quantile and standard error over draws of twelve points with eight angles."""
     found = []
     for seed in range(draws):
         rng = np.random.default_rng([seed, 1])
-        shifts = [_shifts(time(even_phases(8, seed, k), k, rng)) for k in range(8)]
-        one = time_quantile([1.0] * 8, shifts, share, TIMEOUT, RETRACTION)
+        shifts = [_shifts(time(even_phases(8, seed, k), k, rng)) for k in range(12)]
+        one = time_quantile([1.0] * 12, shifts, share, TIMEOUT, RETRACTION)
         found.append((one.value, one.standard_error))
     values, errors = np.array(found).T
     return values, errors
@@ -163,7 +175,7 @@ def _quantiles(
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
 def test_quantile_of_scattered_times(share: float) -> None:
-    """Times with the density of an exponential: quantile -ln(1 - q), coverage about 95 %."""
+    """Exponential times: quantile -ln(1 - q), coverage 95 % or little less."""
 
     def time(phases: Array, _: int, rng: np.random.Generator) -> Array:
         return 0.02 + 0.03 * rng.exponential(size=len(phases))
@@ -177,16 +189,19 @@ def test_quantile_of_scattered_times(share: float) -> None:
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
 def test_quantile_of_slopes_with_a_jump(share: float) -> None:
-    """Times that run in slopes over the angle, each operating point at its own height."""
+    """Times that run in slopes over the angle, each operating point at its own height.
+
+    As for means, even angles leave less error than is told, by up to 2.5 times.
+    """
 
     def time(phases: Array, k: int, _: np.random.Generator) -> Array:
-        return 0.03 + 0.002 * k + 0.05 * phases + np.where(phases > 0.7, 0.04, 0.0)
+        return 0.03 + 0.001 * k + 0.05 * phases + np.where(phases > 0.7, 0.04, 0.0)
 
-    dense = np.concatenate([time((np.arange(4000) + 0.5) / 4000, k, None) for k in range(8)])  # type: ignore[arg-type]
+    dense = np.concatenate([time((np.arange(4000) + 0.5) / 4000, k, None) for k in range(12)])  # type: ignore[arg-type]
     exact = float(np.quantile(dense, share))
     values, errors = _quantiles(time, share)
     assert values.mean() == pytest.approx(exact, abs=0.5 * values.std())
-    assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 2.0
+    assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 2.5
     assert np.mean(np.abs(values - exact) < 1.96 * errors) > 0.85
 
 
