@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from pipeline.operating import axes_of, operating_text, points_of
 from pipeline.schema import FORMAT, StudyFile
-from sim.actuation import ForceProfile
+from sim.actuation import ForceProfile, RiseTable
 from sim.bundled import bundled_root
 from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
@@ -26,10 +25,11 @@ from sim.loadcase import LoadCase
 from sim.loads import torque_peak
 from sim.manufacture import ManufacturingLimits
 from sim.materials import material_of
-from sim.records import Record, clutch_record, content_key
+from sim.records import Record, clutch_record, content_key, uncertain_record
 from sim.strength import Limits
 from sim.tolerance import Tolerances
-from sim.units import MM, RPM, unit_of
+from sim.uncertainty import Uncertainty, Variant
+from sim.units import MM, unit_of
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
@@ -38,7 +38,8 @@ VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 class Study:
     """A study as values: what is built, how it is operated and what is searched.
 
-    ``variables`` maps each searched key of the dog to its range, in edge units.
+    ``variables`` maps each searched key of the dog to its range, in edge units;
+    ``uncertainty`` is None where nothing but the relative angle is uncertain.
     """
 
     file: StudyFile
@@ -46,6 +47,7 @@ class Study:
     limits: Limits
     points: tuple[OperatingPoint, ...]
     variables: dict[str, tuple[float, float]]
+    uncertainty: Uncertainty | None = None
 
     @property
     def name(self) -> str:
@@ -56,6 +58,22 @@ class Study:
     def retraction(self) -> float:
         """Time to pull back before a retry, s."""
         return self.file.shift.retraction_s
+
+    @property
+    def mismatches(self) -> list[float]:
+        """Mismatches of the operating points, each once, 1/min."""
+        return axes_of(self.file.operating, self.points)[0]
+
+    @property
+    def forces(self) -> list[float]:
+        """Shift forces of the operating points, each once, N."""
+        return axes_of(self.file.operating, self.points)[1]
+
+    @property
+    def operating_text(self) -> str:
+        """The operating points in words."""
+        section = self.file.operating
+        return operating_text(section, axes_of(section, self.points), len(self.points))
 
     def dog_with(self, params: dict[str, float]) -> Dog:
         """Return the study's dog with some keys replaced, given in edge units.
@@ -91,7 +109,8 @@ class Study:
 
         The rise of the force belongs to it: it follows from the final force by a table.
         """
-        return physics_of(clutch_record(self.clutch), list(self.variables), self.file)
+        unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
+        return physics_of({**clutch_record(self.clutch), **unsure}, list(self.variables), self.file)
 
     @property
     def physics_hash(self) -> str:
@@ -105,7 +124,10 @@ class Study:
 
 
 def physics_of(record: Record, variables: Sequence[str], file: StudyFile) -> Record:
-    """Return what ``record``, that of a clutch, fixes beside the variables, and the rise table."""
+    """Return what ``record`` fixes beside the variables, and the rise table.
+
+    ``record`` is that of a clutch, with the distributions of what is uncertain.
+    """
     fixed = {key: value for key, value in record.items() if key not in variables}
     table = file.actuation
     return {**fixed, "rise_force_N": table.force_N, "rise_s": table.rise_s}
@@ -201,15 +223,32 @@ def build_study(file: StudyFile) -> Study:
     stiffness = file.driveline.stiffness_Nm_rad
     if stiffness is not None:
         _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
-    for key, values in file.operating.model_dump().items():
-        if len(set(values)) < len(values):
-            raise InputError(f"operating.{key} has a value twice; give each once")
-    points = tuple(
-        OperatingPoint(mismatch * RPM, profile_for(file, force))
-        for mismatch in file.operating.mismatch_rpm
-        for force in file.operating.force_N
-    )
-    return Study(file, clutch, _limits(file), points, _variables(file))
+    points = points_of(file.operating, lambda force: profile_for(file, force))
+    unsure = _uncertainty(file, clutch, points)
+    return Study(file, clutch, _limits(file), points, _variables(file), unsure)
+
+
+def _uncertainty(
+    file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]
+) -> Uncertainty | None:
+    """Return what is uncertain, None where nothing is; its ends must be shifts that exist."""
+    given = [] if file.uncertain is None else [*file.uncertain]
+    found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
+    if not found:
+        return None
+    unsure = Uncertainty(found, rise_table(file))
+    for end in (0, 1):
+        friction, inertia = (unsure.bounds(n)[end] for n in ("friction_factor", "inertia_factor"))
+        Variant(friction, 1.0, inertia, 0.1, ()).clutch(clutch)
+    low, high = unsure.bounds("force_factor")
+    forces = [point.profile.force for point in points]
+    for force in (low * min(forces), high * max(forces)):
+        if not unsure.rise.covers(force):
+            known = file.actuation.force_N
+            rule = f"the rise times of the study cover {min(known):.6g} to {max(known):.6g} N"
+            remedy = "extend actuation.force_N and rise_s, or narrow uncertain.force_factor"
+            raise InputError(refusal("shift force by its factor", force, "N", rule, remedy))
+    return unsure
 
 
 def _positive(key: str, value: float, most: float) -> float:
@@ -239,21 +278,12 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
 def profile_for(file: StudyFile, force: float, rise: float | None = None) -> ForceProfile:
     """Return the force profile for ``force`` in N; ``rise`` in s overrides the table."""
     profile = ForceProfile(force, rise if rise is not None else 0.1)
-    if rise is not None:
-        return profile
-    forces, rises = file.actuation.force_N, file.actuation.rise_s
-    if len(forces) != len(rises):
-        raise InputError(
-            f"actuation.force_N has {len(forces)} and actuation.rise_s {len(rises)} values, "
-            "but each force needs its rise time; give lists of equal length"
-        )
-    order = np.argsort(forces)
-    forces, rises = list(np.array(forces)[order]), list(np.array(rises)[order])
-    if not forces[0] <= force <= forces[-1]:
-        rule = f"the rise times of the study cover {forces[0]:.6g} to {forces[-1]:.6g} N"
-        remedy = "extend actuation.force_N and rise_s, or give --force-rise-s"
-        raise InputError(refusal("shift force", force, "N", rule, remedy))
-    return ForceProfile(force, float(np.interp(force, forces, rises)))
+    return profile if rise is not None else rise_table(file).profile(force)
+
+
+def rise_table(file: StudyFile) -> RiseTable:
+    """Return the study's rise times by force; lists of unequal length raise InputError."""
+    return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
 
 
 def _limits(file: StudyFile) -> Limits:

@@ -7,15 +7,16 @@ turned, feasible at or below zero.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from pipeline.config import Study
 from sim.checks import Check, feasible
 from sim.errors import GeometryError, InputError, did_you_mean
-from sim.expectation import Expectation
 from sim.flank import FLANKS
 from sim.geometry import Dog
 from sim.landing import LANDING_RULES, landing_checks
@@ -24,9 +25,9 @@ from sim.locking import separating_force
 from sim.notch import outside_fit
 from sim.strength import keeps_limits, strength_checks
 from sim.units import MM
-from surrogate.covariance import Array, Mask
+from surrogate.covariance import Array
 
-SIMULATED = "expected_shift_time_s"  #: the one objective that needs a simulation
+SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 
 
 @dataclass(frozen=True)
@@ -97,12 +98,27 @@ def worth_simulating(study: Study, params: dict[str, float]) -> bool:
 
 @dataclass(frozen=True)
 class Objective:
-    """Something to minimise: label and unit for reports, and its exact value if known."""
+    """Something to minimise, or to maximise: label and unit for reports.
+
+    ``exact`` is its value where the shape alone says it, None where a simulation has to
+    (``pipeline.estimates``).
+    """
 
     name: str
     label: str
     unit: str
-    exact: Callable[[Study, Design, Dog], float] | None
+    exact: Callable[[Study, Design, Dog], float] | None = None
+    maximise: bool = False
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the value is known only after a simulation."""
+        return self.exact is None
+
+    @property
+    def sign(self) -> float:
+        """What turns the value into a loss: all that compares designs minimises losses."""
+        return -1.0 if self.maximise else 1.0
 
 
 def _separating_force(study: Study, _: Design, dog: Dog) -> float:
@@ -112,7 +128,10 @@ def _separating_force(study: Study, _: Design, dog: Dog) -> float:
 OBJECTIVES = {
     objective.name: objective
     for objective in (
-        Objective(SIMULATED, "expected shift time", "s", None),
+        Objective(SIMULATED, "expected shift time", "s"),
+        Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
+        Objective("peak_impact_force_N", "mean peak impact force", "N"),
+        Objective("smallest_margin", "smallest margin", "", maximise=True),
         Objective(
             "axial_length_mm",
             "axial length, root to root",
@@ -137,11 +156,21 @@ def objectives_of(study: Study) -> list[Objective]:
         if name not in OBJECTIVES:
             hint = did_you_mean(name, OBJECTIVES)
             raise InputError(f"search.objectives has '{name}', which is not an objective; {hint}")
-    if SIMULATED not in names:
-        raise InputError(f"search.objectives lacks '{SIMULATED}', which a search is for; add it")
     if len(set(names)) != len(names):
         raise InputError("search.objectives names an objective twice; remove one of the two")
-    return [OBJECTIVES[name] for name in names]
+    found = [OBJECTIVES[name] for name in names]
+    if not any(objective.simulated for objective in found):
+        valid = ", ".join(o.name for o in OBJECTIVES.values() if o.simulated)
+        raise InputError(
+            "search.objectives has none that needs a simulation, which a search is for; "
+            f"add one of {valid}"
+        )
+    return found
+
+
+def leading(study: Study) -> Objective:
+    """Return the objective that decides which design is best: the first simulated one."""
+    return next(objective for objective in objectives_of(study) if objective.simulated)
 
 
 def exact_values(study: Study, design: Design) -> dict[str, float]:
@@ -152,31 +181,35 @@ def exact_values(study: Study, design: Design) -> dict[str, float]:
     return {o.name: o.exact(study, design, dog) for o in objectives_of(study) if o.exact}
 
 
-def values_of(study: Study, design: Design, expectation: Expectation | None) -> list[float]:
-    """Return all objective values in the study's order.
+def values_of(
+    study: Study, design: Design, simulated: Mapping[str, float] | None = None
+) -> list[float]:
+    """Return all objective values in the study's order; ``simulated`` ones are given by name.
 
-    What is unknown, because the design is infeasible and was not simulated, is infinite.
+    What is unknown, because the design is infeasible and was not simulated, is infinitely bad.
     """
-    exact = exact_values(study, design)
-    time = expectation.mean if expectation is not None else float("inf")
-    return [
-        exact.get(o.name, time if o.exact is None else float("inf")) for o in objectives_of(study)
-    ]
+    known = {**exact_values(study, design), **(simulated or {})}
+    return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
 
-def objective_rows(study: Study, designs: Sequence[dict[str, float]], times: Array) -> Array:
-    """Return all objectives of designs, (m, k), with their expected shift times given, (m,), s."""
-    names = study.file.search.objectives
+def losses_of(
+    study: Study, values: Sequence[float], attributes: Mapping[str, Any]
+) -> tuple[Array, Array]:
+    """Return a finished trial's objectives as losses, and their standard errors, each (k,).
+
+    ``values`` and ``attributes`` are the trial's. Losses are to be minimised: what is to be
+    maximised has its sign turned.
+    """
+    objectives = objectives_of(study)
+    errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
+    losses = [o.sign * value for o, value in zip(objectives, values, strict=True)]
+    return np.array(losses), np.array([errors.get(o.name) or 0.0 for o in objectives])
+
+
+def exact_losses(study: Study, designs: Sequence[dict[str, float]]) -> Array:
+    """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
     rows = []
-    for params, time in zip(designs, times.tolist(), strict=True):
+    for params in designs:
         exact = exact_values(study, design_of(study, params))
-        rows.append([time if name == SIMULATED else exact[name] for name in names])
-    return np.array(rows)
-
-
-def not_dominated(values: Array) -> Mask:
-    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
-    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
-    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
-    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
-    return kept
+        rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives_of(study)])
+    return np.array(rows, dtype=float).reshape(len(designs), -1)

@@ -6,16 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.config import Study
+from pipeline.design import Design
+from pipeline.estimates import Shifts, estimates_of
 from pipeline.executor import Executor
 from sim.blocks import even_blocks
 from sim.clutch import OperatingPoint
+from sim.estimate import Estimate
 from sim.expectation import Expectation, expect, expect_point
 from sim.geometry import Dog
-from sim.landing import hardest
+from sim.landing import hardest, landing_checks
 from sim.loads import Landing
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
 from sim.records import Record, landing_of, result_of
+from sim.strength import strength_checks
 from surrogate.covariance import Array
 from surrogate.dataset import rows_of
 
@@ -24,13 +28,14 @@ from surrogate.dataset import rows_of
 class Simulated:
     """What the shifts of a design gave.
 
-    Expected shift time, hardest landing, and a row for the surrogate from each operating point,
-    as ``surrogate.dataset.rows_of`` gives them.
+    Expected shift time, hardest landing, a row for the surrogate from each operating point,
+    as ``surrogate.dataset.rows_of`` gives them, and all simulated objectives by name.
     """
 
     expectation: Expectation
     landing: Landing
     rows: Array
+    estimates: dict[str, Estimate]
 
 
 def evaluate(
@@ -50,18 +55,31 @@ def evaluate(
     for dog in dogs:
         require_makeable(dog, study.limits.manufacturing)
     clutches = [study.clutch.with_dog(dog) for dog in dogs]
-    blocks = [even_blocks(clutch, study.points, angles, seed) for clutch in clutches]
+    unsure = study.uncertainty
+    blocks = [
+        even_blocks(clutch, study.points, angles, seed, uncertainty=unsure) for clutch in clutches
+    ]
     rows = executor.run([block for group in blocks for block in group])
     results = []
-    for group in blocks:
+    for dog, group in zip(dogs, blocks, strict=True):
         mine, rows = rows[: len(group)], rows[len(group) :]
         result = expectation_of(study, [b.point for b in group], mine)
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        landing = hardest(landing_of(row) for block in mine for row in block)
-        found = rows_of(tuple(study.variables), [row for block in mine for row in block])
-        results.append(Simulated(result, landing, found))
+        results.append(_simulated(study, dog, result, mine))
     return results
+
+
+def _simulated(
+    study: Study, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
+) -> Simulated:
+    shifts = [row for mine in rows for row in mine]
+    landing = hardest(landing_of(row) for row in shifts)
+    checks = strength_checks(dog, study.limits) + landing_checks(dog, landing, study.limits)
+    found = Shifts(study, Design({}, dog, checks, ""), expectation, rows)
+    return Simulated(
+        expectation, landing, rows_of(tuple(study.variables), shifts), estimates_of(found)
+    )
 
 
 def expectation_of(

@@ -8,7 +8,7 @@ import shutil
 import signal
 import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from joblib import Parallel, delayed, parallel_config
@@ -51,8 +51,8 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def _unfinished(self, block: Block) -> Block:
-        pairs = zip(block.keys, block.angles, strict=True)
-        return replace(block, angles=tuple(a for key, a in pairs if key not in self.journal.rows))
+        keys = enumerate(block.keys)
+        return block.only([place for place, key in keys if key not in self.journal.rows])
 
     def _simulate(self, blocks: list[Block]) -> Sequence[list[Record]]:
         jobs = min(self.jobs or os.cpu_count() or 1, len(blocks))

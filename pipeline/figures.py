@@ -62,7 +62,7 @@ def is_barred(row: Row) -> bool:
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     """Draw expected shift time against another objective, infeasible designs beside it."""
-    barred = [r for r in result["trials"] if is_barred(r) and other in r]
+    barred = [r for r in result["trials"] if is_barred(r) and r.get(other) is not None]
     hard = [r for r in result["trials"] if not r["feasible"] and not is_barred(r)]
     widths = [0.88, 0.12] if barred else [1.0]
     figure = make_subplots(1, len(widths), shared_yaxes=True, column_widths=widths)

@@ -14,7 +14,7 @@ more designs add to those simulated before.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import count, islice
 
 import numpy as np
@@ -22,11 +22,10 @@ from scipy.stats import qmc
 
 from pipeline.config import Study, profile_for
 from pipeline.design import worth_simulating
-from sim.blocks import Block, phased_block
+from sim.blocks import Block, even_block
 from sim.checks import feasible
 from sim.clutch import OperatingPoint
 from sim.errors import GeometryError, InputError
-from sim.expectation import even_phases
 from sim.strength import strength_checks
 from sim.units import RPM
 
@@ -101,13 +100,11 @@ def filling_point(study: Study, seed: int, index: int) -> OperatingPoint:
     start = np.random.default_rng(seed).random(2)
     steps = np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])
     u, v = 0.5 - 0.5 * np.cos(math.pi * ((start + index * steps) % 1.0))
-    operating = study.file.operating
-    mismatch = _between(operating.mismatch_rpm, float(u))
-    force = _between(operating.force_N, float(v))
+    mismatch, force = _between(study.mismatches, float(u)), _between(study.forces, float(v))
     return OperatingPoint(mismatch * RPM, profile_for(study.file, force))
 
 
-def _between(values: list[float], share: float) -> float:
+def _between(values: Sequence[float], share: float) -> float:
     """Return the value at ``share`` of a range: of the logarithm where all have one sign."""
     low, high = min(values), max(values)
     drawn = low + share * (high - low)
@@ -121,6 +118,12 @@ def filling_blocks(study: Study, design: dict[str, float], index: int, seed: int
     points, angles = study.file.surrogate.points, study.file.surrogate.angles
     clutch = study.clutch.with_dog(study.dog_with(design))
     return [
-        phased_block(clutch, filling_point(study, seed, row), even_phases(angles, seed, row), seed)
+        even_block(
+            clutch,
+            filling_point(study, seed, row),
+            angles,
+            (seed, row),
+            uncertainty=study.uncertainty,
+        )
         for row in range(index * points, (index + 1) * points)
     ]

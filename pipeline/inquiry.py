@@ -15,13 +15,13 @@ from itertools import islice
 import numpy as np
 
 from pipeline.config import Study
-from pipeline.design import not_dominated, objective_rows
+from pipeline.design import exact_losses
 from pipeline.executor import Executor
 from pipeline.filling import filling_designs
 from pipeline.rows import dataset_of, study_mix
-from sim.blocks import Block, phased_block
+from pipeline.sampling.improvement import not_dominated
+from sim.blocks import Block, even_block
 from sim.errors import InputError, did_you_mean
-from sim.expectation import even_phases
 from surrogate.acquisition import Choice, Question, choose
 from surrogate.covariance import Array
 from surrogate.fitting import Effort
@@ -101,17 +101,17 @@ def _question(
     """Return the designs of the pool that draws find best or on the front, by how often."""
     if kind == "design":
         return Question(pool, np.ones(1))
-    over, times = Over(model, study_mix(study)), np.zeros(len(pool))
-    values = objective_rows(study, [study.named(row) for row in pool], times)
-    column = study.file.search.objectives.index("expected_shift_time_s")
+    over = Over(model, study_mix(study))
+    # The surrogate knows the expected time; other simulated objectives are left out.
+    exact = exact_losses(study, [study.named(row) for row in pool])
+    exact = exact[:, np.isfinite(exact).all(axis=0)]
     weights = np.zeros(len(pool))
     for _ in range(DRAWS):
         drawn = over.sample(pool, rng)
         if kind == "best":
             weights[np.argsort(drawn)[: max(1, round(TENTH * len(pool)))]] += 1.0
         else:
-            values[:, column] = drawn
-            weights[not_dominated(values)] += 1.0
+            weights[not_dominated(np.column_stack([drawn, exact]))] += 1.0
     kept = weights > 0.0
     return Question(pool[kept], weights[kept] / weights.sum())
 
@@ -122,6 +122,7 @@ def _blocks(study: Study, question: Question, choice: Choice, seed: int) -> list
     for index, (design, point) in enumerate(zip(choice.designs, choice.points, strict=True)):
         clutch = study.clutch.with_dog(study.dog_with(study.named(question.designs[design])))
         own = APART + 1000 * seed + index
-        phases = even_phases(study.file.surrogate.angles, own, 0)
-        blocks.append(phased_block(clutch, study.points[point], phases, own))
+        count = study.file.surrogate.angles
+        place, unsure = study.points[point], study.uncertainty
+        blocks.append(even_block(clutch, place, count, (own, 0), uncertainty=unsure))
     return blocks

@@ -46,7 +46,8 @@ def expect_to(
     """
     count, seed = FIRST, study.file.expectation.seed
     while True:
-        blocks = even_blocks(study.clutch, points, count, seed, FIRST)
+        unsure = study.uncertainty
+        blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
         share = found.standard_error / found.mean

@@ -79,7 +79,7 @@ def simulate_references(
         found = executor.run(blocks)
         rows = np.array([_mean_and_error(study, shifts) for shifts in found])
         wanted = study.file.surrogate.reference_error
-        finer = finer_counts(rows.reshape(-1, size, 2), counts, wanted)
+        finer = finer_counts(rows.reshape(-1, size, 2), counts, wanted, study_mix(study).weights)
         if finer == counts:
             return
         counts = finer
@@ -88,7 +88,10 @@ def simulate_references(
 def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
     settings = study.file.surrogate
     first, seed = settings.reference_angles, settings.seed + APART
-    finest = {count: even_blocks(clutch, study.points, count, seed, first) for count in set(counts)}
+    finest = {
+        count: even_blocks(clutch, study.points, count, seed, first, uncertainty=study.uncertainty)
+        for count in set(counts)
+    }
     return [finest[count][index] for index, count in enumerate(counts)]
 
 
@@ -99,17 +102,18 @@ def _mean_and_error(study: Study, shifts: Sequence[Record]) -> tuple[float, floa
     return (float(mean), float(error)) if engaged > 2 else (0.0, 0.0)
 
 
-def finer_counts(found: Array, counts: Sequence[int], wanted: float) -> list[int]:
+def finer_counts(found: Array, counts: Sequence[int], wanted: float, weights: Array) -> list[int]:
     """Return the angles of the next round from means and errors of designs at points, (k, m, 2).
 
     Twice at points with more than their part in the error of the expected time, over all designs;
-    the same as before where that is at most ``wanted`` of the time.
+    the same as before where that is at most ``wanted`` of the time. ``weights`` of the points add
+    up to one, (m,).
     """
-    variance, size = (found[:, :, 1] ** 2).mean(axis=0), len(counts)
-    allowed = (wanted * float(found[:, :, 0].mean())) ** 2
-    if variance.sum() / size**2 <= allowed:
+    variance = weights**2 * (found[:, :, 1] ** 2).mean(axis=0)
+    allowed = (wanted * float((found[:, :, 0] @ weights).mean())) ** 2
+    if variance.sum() <= allowed:
         return list(counts)
     return [
-        2 * count if own > allowed * size and 2 * count <= MOST else count
+        2 * count if own * len(counts) > allowed and 2 * count <= MOST else count
         for own, count in zip(variance.tolist(), counts, strict=True)
     ]

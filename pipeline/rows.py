@@ -6,10 +6,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from pipeline.config import Study, physics_of, profile_for
+from pipeline.config import Study, physics_of, rise_table
 from pipeline.records import number_or_none
+from sim.actuation import ForceProfile
 from sim.clutch import OperatingPoint
-from sim.records import Record, clutch_record, content_key
+from sim.records import UNCERTAIN, Record, clutch_record, content_key
 from sim.versions import versions
 from surrogate.covariance import Array
 from surrogate.dataset import Dataset, rows_of
@@ -23,12 +24,13 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
 
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
-    programs, keys, physics = engine(), tuple(clutch_record(study.clutch)), study.physics_hash
+    programs, physics = engine(), study.physics_hash
+    keys = (*clutch_record(study.clutch), *UNCERTAIN)
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):
             return False
-        record = {key: shift[key] for key in keys}
+        record = {key: shift[key] for key in keys if key in shift}
         given = physics_of(record, list(study.variables), study.file)
         return content_key(given) == physics and _rises_as(study, shift)
 
@@ -54,11 +56,11 @@ def engine() -> Record:
 
 
 def _rises_as(study: Study, shift: Record) -> bool:
-    """Tell whether the force of a shift rose as the study's table says."""
-    force, known = shift["force_N"], study.file.actuation.force_N
-    if not min(known) <= force <= max(known):
-        return False
-    return bool(abs(profile_for(study.file, force).rise - shift["force_rise_s"]) < 1e-9)
+    """Tell whether the force of a shift rose as the study's table says, drawn or not."""
+    table = rise_table(study.file)
+    kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
+    profiles = [ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds]
+    return all(table.gives(profile) for profile in profiles)
 
 
 def mix_over(study: Study, points: Sequence[OperatingPoint]) -> Mix:

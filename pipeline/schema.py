@@ -5,10 +5,11 @@ Lengths, angles and speeds are in the unit that a key ends in.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Discriminator, Field, Tag
 
+from sim.distribution import Distribution
 from sim.edge import DogSection, OutputSection, Section, SlidingSection
 from sim.loadcase import LoadCase
 from sim.manufacture import ManufacturingLimits
@@ -16,6 +17,8 @@ from sim.tolerance import Tolerances
 from sim.units import DEG, MM
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
+
+QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
@@ -48,11 +51,66 @@ class ActuationSection(Section):
     rise_s: Numbers
 
 
-class OperatingSection(Section):
-    """Operating points: every mismatch speed with every shift force."""
+def _absent(value: Any) -> bool:
+    """Tell that a key is not given; such are left out of what is stored and hashed."""
+    return value is None
 
-    mismatch_rpm: Numbers
-    force_N: Numbers
+
+class DistributionSection(Section):
+    """A distribution in place of a number (``sim.distribution``)."""
+
+    distribution: str
+    mean: float | None = None
+    sd: float | None = None
+    median: float | None = None
+    factor: float | None = None
+    low: float | None = None
+    mode: float | None = None
+    high: float | None = None
+
+    def named(self, key: str) -> Distribution:
+        """Build the distribution that stands at ``key``; mistakes raise InputError."""
+        numbers = self.model_dump(exclude={"distribution"})
+        return Distribution(key, self.distribution, **numbers)
+
+
+#: A list of numbers or a distribution; tags have a space, which no key has.
+Spread = Annotated[
+    Annotated[Numbers, Tag("a list")] | Annotated[DistributionSection, Tag("a distribution")],
+    Discriminator(
+        lambda v: "a distribution" if isinstance(v, dict | DistributionSection) else "a list"
+    ),
+]
+
+
+class PointSection(Section):
+    """One operating point of a list."""
+
+    mismatch_rpm: float
+    force_N: float
+    weight: float = 1.0
+
+
+class OperatingSection(Section):
+    """Operating points: a grid, a list or a draw (``pipeline.operating``)."""
+
+    mismatch_rpm: Spread | None = Field(default=None, exclude_if=_absent)
+    force_N: Spread | None = Field(default=None, exclude_if=_absent)
+    mismatch_weight: Numbers | None = Field(default=None, exclude_if=_absent)
+    force_weight: Numbers | None = Field(default=None, exclude_if=_absent)
+    points: Annotated[list[PointSection], Field(min_length=1)] | None = Field(
+        default=None, exclude_if=_absent
+    )
+    samples: Annotated[int, Field(ge=1, le=4096)] | None = Field(default=None, exclude_if=_absent)
+    seed: Annotated[int, Field(ge=0)] | None = Field(default=None, exclude_if=_absent)
+
+
+class UncertainSection(Section):
+    """Factors that differ from shift to shift (``sim.uncertainty``); absent ones are one."""
+
+    friction_factor: DistributionSection | None = None
+    force_factor: DistributionSection | None = None
+    inertia_factor: DistributionSection | None = None
 
 
 class ExpectationSection(Section):
@@ -152,6 +210,9 @@ class SearchSection(Section):
     use_known: bool = True
     points: Annotated[int, Field(ge=3)] | None = None
     confirm_angles: Annotated[int, Field(ge=3)] = 16
+    quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=QUANTILE, exclude_if=lambda value: value == QUANTILE
+    )
 
 
 class SolverSection(Section):
@@ -194,6 +255,7 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
+    uncertain: UncertainSection | None = Field(default=None, exclude_if=_absent)
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()

@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler
@@ -21,15 +22,25 @@ from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.config import Study
-from pipeline.design import Design, design_of, objectives_of, values_of
+from pipeline.design import (
+    SIMULATED,
+    Design,
+    design_of,
+    leading,
+    losses_of,
+    objectives_of,
+    values_of,
+)
 from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.journal import drop_torn_line
 from pipeline.rows import row_record
 from pipeline.sampling.dogs import search_space
+from pipeline.sampling.improvement import not_dominated
 from sim.errors import StorageError
 from sim.records import content_key, landing_of, landing_record
+from surrogate.covariance import Array
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
@@ -77,7 +88,7 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: 
             opened = optuna.create_study(
                 study_name=study.name,
                 storage=backend,
-                directions=["minimize"] * len(objectives_of(study)),
+                directions=["maximize" if o.maximise else "minimize" for o in objectives_of(study)],
                 load_if_exists=True,
             )
         except ValueError as error:
@@ -180,13 +191,16 @@ def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated 
     if found is not None:
         trial.set_user_attr("engaged", found.expectation.engaged)
         trial.set_user_attr("standard_error_s", found.expectation.standard_error)
+        estimates = found.estimates.items()
+        trial.set_user_attr("simulated", {name: e.value for name, e in estimates})
+        trial.set_user_attr("standard_errors", {name: e.standard_error for name, e in estimates})
         for name, value in landing_record(found.landing).items():
             trial.set_user_attr(name, value)
         trial.set_user_attr("rows", row_record(found.rows))
     if design.failed:
         trial.set_user_attr("failed", design.failed)
-    expectation = found.expectation if found is not None else None
-    search.optuna.tell(trial, values_of(search.study, design, expectation))
+    simulated = {name: e.value for name, e in found.estimates.items()} if found else {}
+    search.optuna.tell(trial, values_of(search.study, design, simulated))
 
 
 def _status(search: Search) -> str:
@@ -194,29 +208,42 @@ def _status(search: Search) -> str:
     done = len(search.trials)
     text = f"{done} of {search.study.file.search.trials} designs"
     if best is not None:
-        time = expected_time(search, best)
-        text += f", best {time * 1e3:.1f} ms +- {best.user_attrs['standard_error_s'] * 1e3:.1f}"
+        one = leading(search.study)
+        value, error = value_of(search, best, one.name)
+        scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
+        text += f", best {value * scale:.4g} {unit} +- {error * scale:.2g}"
     return text
 
 
-def expected_time(search: Search, trial: FrozenTrial) -> float:
-    """Return a simulated trial's expected shift time, s."""
-    names = search.study.file.search.objectives
-    return float(trial.values[names.index("expected_shift_time_s")])
+def value_of(search: Search, trial: FrozenTrial, name: str) -> tuple[float, float]:
+    """Return what a simulated trial has of the expected time or an objective, and its error."""
+    names, attributes = search.study.file.search.objectives, trial.user_attrs
+    errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
+    simulated = attributes.get("simulated", {})
+    value = simulated[name] if name in simulated else trial.values[names.index(name)]
+    return float(value), float(errors.get(name) or 0.0)
+
+
+def losses(search: Search, trial: FrozenTrial) -> Array:
+    """Return a trial's objectives, all to be minimised, (k,)."""
+    return losses_of(search.study, trial.values, trial.user_attrs)[0]
+
+
+def _leading_loss(search: Search, trial: FrozenTrial) -> float:
+    place = objectives_of(search.study).index(leading(search.study))
+    return float(losses(search, trial)[place])
 
 
 def best_trial(search: Search) -> FrozenTrial | None:
-    """Return the feasible design with the least expected shift time."""
-    return min(search.feasible, key=lambda t: expected_time(search, t), default=None)
+    """Return the feasible design that is best in the first simulated objective."""
+    return min(search.feasible, key=lambda t: _leading_loss(search, t), default=None)
 
 
 def front(search: Search) -> list[FrozenTrial]:
-    """Return the feasible designs that no other dominates, fastest first."""
+    """Return the feasible designs that no other dominates, best of the first simulated first."""
     trials = search.feasible
-    kept = [t for t in trials if not any(_dominates(o, t) for o in trials)]
-    return sorted(kept, key=lambda t: expected_time(search, t))
-
-
-def _dominates(a: FrozenTrial, b: FrozenTrial) -> bool:
-    no_worse = all(x <= y for x, y in zip(a.values, b.values, strict=True))
-    return no_worse and any(x < y for x, y in zip(a.values, b.values, strict=True))
+    if not trials:
+        return []
+    kept = not_dominated(np.array([losses(search, t) for t in trials]))
+    front = [trial for trial, keep in zip(trials, kept, strict=True) if keep]
+    return sorted(front, key=lambda t: _leading_loss(search, t))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,14 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
-from pipeline.design import Design, design_of, exact_values, objectives_of
+from pipeline.design import (
+    SIMULATED,
+    Design,
+    design_of,
+    exact_values,
+    leading,
+    objectives_of,
+)
 from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, write_json
@@ -20,7 +28,7 @@ from pipeline.records import check_record, expectation_record
 from pipeline.report import write_report
 from pipeline.rows import study_mix
 from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search, best_trial, expected_time, front, open_search, run
+from pipeline.search import Search, best_trial, front, open_search, run, value_of
 from pipeline.tolerances import smallest_within, spread_record, time_spread
 from pipeline.training import train
 from sim.checks import smallest_margin
@@ -105,6 +113,8 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
     return {
         "study": study.name,
         "objectives": study.file.search.objectives,
+        "maximised": [o.name for o in objectives_of(study) if o.maximise],
+        "leading": leading(study).name,
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in front(search)],
         "trials": list(rows.values()),
@@ -123,17 +133,20 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
     study = search.study
     design = search.design(trial)
     simulated = "standard_error_s" in trial.user_attrs
+    names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
+    found = {name: value_of(search, trial, name) if simulated else (None, None) for name in names}
     return {
         "trial": trial.number,
         "prototype": bool(trial.user_attrs.get("prototype", False)),
         **trial.params,
         **exact_values(study, design),
-        "expected_shift_time_s": expected_time(search, trial) if simulated else None,
+        **_margins(design),
+        **{name: value for name, (value, _) in found.items()},
+        "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": trial.user_attrs.get("standard_error_s"),
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible,
         "failed": design.failed,
-        **_margins(design),
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
@@ -166,6 +179,7 @@ def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[st
     both = evaluate(study, dogs, executor, angles, seed, checked=True)
     prototype, winner = (found.expectation for found in both)
     gain = prototype.mean - winner.mean
+    signs = {objective.name: objective.sign for objective in objectives_of(study)}
     return {
         "angles": angles,
         "prototype": _confirmed(study, study.prototype, both[0]),
@@ -173,6 +187,15 @@ def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[st
         "gain_s": gain,
         "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
         "gain_share": gain / prototype.mean,
+        "gains": {
+            name: {
+                "value": signs.get(name, 1.0) * (both[0].estimates[name].value - one.value),
+                "standard_error": math.hypot(
+                    both[0].estimates[name].standard_error, one.standard_error
+                ),
+            }
+            for name, one in both[1].estimates.items()
+        },
     }
 
 
@@ -180,5 +203,9 @@ def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict
     design = design_of(study, params, found.landing)
     return {
         **expectation_record(found.expectation),
+        "estimates": {
+            name: {"value": one.value, "standard_error": one.standard_error}
+            for name, one in found.estimates.items()
+        },
         "checks": [check_record(check) for check in design.checks],
     }

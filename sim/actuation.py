@@ -75,3 +75,45 @@ class ForceProfile:
             step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
             time -= step
         return float(time)
+
+
+@dataclass(frozen=True)
+class RiseTable:
+    """Rise time of the shift force by its final value, linear in between.
+
+    Parameters
+    ----------
+    forces : N, in any order.
+    rises : s, one for each force; another number of them raises InputError.
+    """
+
+    forces: tuple[float, ...]
+    rises: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.forces) != len(self.rises):
+            raise InputError(
+                f"actuation.force_N has {len(self.forces)} and actuation.rise_s "
+                f"{len(self.rises)} values, but each force needs its rise time; "
+                "give lists of equal length"
+            )
+
+    def covers(self, force: float) -> bool:
+        """Tell whether a force in N lies within the table."""
+        return min(self.forces) <= force <= max(self.forces)
+
+    def profile(self, force: float) -> ForceProfile:
+        """Return the force profile of a final ``force`` in N; one beyond raises InputError."""
+        low, high = min(self.forces), max(self.forces)
+        if not self.covers(force):
+            rule = f"the rise times of the study cover {low:.6g} to {high:.6g} N"
+            remedy = "extend actuation.force_N and rise_s, or give --force-rise-s"
+            raise InputError(refusal("shift force", force, "N", rule, remedy))
+        order = np.argsort(self.forces)
+        known, rises = np.array(self.forces)[order], np.array(self.rises)[order]
+        return ForceProfile(force, float(np.interp(force, known, rises)))
+
+    def gives(self, profile: ForceProfile) -> bool:
+        """Tell whether a profile rises as the table says."""
+        known = self.covers(profile.force)
+        return known and abs(self.profile(profile.force).rise - profile.rise) < 1e-9

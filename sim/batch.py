@@ -13,7 +13,7 @@ from sim.blocks import Block
 from sim.clutch import Clutch
 from sim.engagement import Engagement, engage
 from sim.plant import ClutchPlant
-from sim.records import Record, content_key, inputs, landing_record
+from sim.records import Record, content_key, landing_record
 from sim.units import MM, RPM
 from sim.versions import versions
 
@@ -46,9 +46,8 @@ def loads_record(result: Engagement) -> Record:
     }
 
 
-def shift_record(result: Engagement) -> Record:
-    """Return one shift as a flat record: key, inputs, result and versions."""
-    given = inputs(result.clutch, result.point, result.relative_angle)
+def shift_record(result: Engagement, given: Record) -> Record:
+    """Return one shift as a flat record: key, the inputs ``given``, result and versions."""
     return {
         "key": content_key(given),
         **given,
@@ -71,6 +70,8 @@ def plant_of(clutch: Clutch) -> ClutchPlant:
 
 def run_block(block: Block) -> Iterator[Record]:
     """Simulate the shifts of a block one after the other and yield their records."""
-    plant = plant_of(block.clutch)
-    for angle in block.angles:
-        yield {**shift_record(engage(plant, block.point, angle)), "seed": block.seed}
+    for angle, variant, given in zip(block.angles, block.each_variant, block.inputs, strict=True):
+        clutch, point = block.clutch, block.point
+        if variant is not None:
+            clutch, point = variant.clutch(clutch), variant.point(point)
+        yield {**shift_record(engage(plant_of(clutch), point, angle), given), "seed": block.seed}

@@ -6,7 +6,7 @@ business of the physics that uses it; here only keys and types.
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
@@ -93,7 +93,8 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
 
 
 def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
-    path = [str(part) for part in error["loc"]]
+    # Pydantic names which of several kinds a value was taken for; no key has a space.
+    path = [str(part) for part in error["loc"] if " " not in str(part)]
     key = ".".join(path) or "the file"
     given = error.get("input")
     if error["type"] == "extra_forbidden":
@@ -118,9 +119,19 @@ def _below(model: type[BaseModel], section: str) -> list[str]:
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
     for name in path:
+        if name.isdecimal():
+            continue  # the place in a list
         field = model.model_fields.get(name)
-        annotation = field.annotation if field else None
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        section = _section_in(field.annotation) if field else None
+        if section is None:
             return []
-        model = annotation
+        model = section
     return list(model.model_fields)
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the section that an annotation allows, alone or beside other kinds of value."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_section_in(one) for one in get_args(annotation))
+    return next((section for section in found if section is not None), None)

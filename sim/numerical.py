@@ -26,14 +26,14 @@ def numerical_error(
     time-out. NaN for a single shift.
     """
     shifts = [
-        (block, angle, row)
+        (block, place, row)
         for block, mine in zip(blocks, rows, strict=True)
-        for angle, row in zip(block.angles, mine, strict=True)
+        for place, row in enumerate(mine)
     ]
     number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
     drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
     chosen = [shifts[k] for k in sorted(drawn.tolist())]
-    fine = run([Block(b.clutch.refined(), b.point, (angle,)) for b, angle, _ in chosen])
+    fine = run([block.refined(place) for block, place, _ in chosen])
     if number < 2:
         return math.nan
     late = blocks[0].clutch.timeout

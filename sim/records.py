@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from typing import Any
 
 from sim.clutch import Clutch, OperatingPoint
 from sim.expectation import ShiftResult
 from sim.loads import Landing
 from sim.outcome import Outcome
+from sim.uncertainty import FACTORS, Variant
 from sim.units import DEG, MM, RPM
 
 Record = dict[str, Any]
@@ -50,14 +52,47 @@ def clutch_record(clutch: Clutch) -> Record:
     }
 
 
-def inputs(clutch: Clutch, point: OperatingPoint, angle: float) -> Record:
-    """Return the inputs of one shift as a flat record."""
+def inputs(
+    clutch: Clutch, point: OperatingPoint, angle: float, variant: Variant | None = None
+) -> Record:
+    """Return the inputs of one shift as a flat record.
+
+    Those of an uncertain shift are nominal; its factors, what was simulated by them and
+    their distributions stand beside them.
+    """
+    drawn = {} if variant is None else variant_record(clutch, point, variant)
     return {
         **clutch_record(clutch),
         "mismatch_rpm": point.mismatch / RPM,
         "force_N": point.profile.force,
         "force_rise_s": point.profile.rise,
         "relative_angle_deg": angle / DEG,
+        **drawn,
+    }
+
+
+#: Keys of a record that say how its factors are distributed; a certain shift has none.
+UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)
+
+
+def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
+    """Return distributions in words as a flat record under ``UNCERTAIN``."""
+    return {f"uncertain_{name}": text for name, text in source}
+
+
+def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
+    """Return the factors of an uncertain shift and what they make of its nominal inputs."""
+    built, operated = variant.clutch(clutch), variant.point(point)
+    return {
+        "friction_factor": variant.friction,
+        "force_factor": variant.force,
+        "inertia_factor": variant.inertia,
+        "drawn_static_friction": built.contact.static_friction,
+        "drawn_dynamic_friction": built.contact.dynamic_friction,
+        "drawn_output_inertia_kgm2": built.rings.output_inertia,
+        "drawn_force_N": operated.profile.force,
+        "drawn_force_rise_s": operated.profile.rise,
+        **uncertain_record(variant.source),
     }
 
 

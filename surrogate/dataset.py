@@ -151,8 +151,12 @@ def among(x: Array, designs: Array) -> Mask:
 def differences(mine: Record, theirs: Record) -> str:
     """Say in which keys two records differ, the first three of them."""
     keys = [k for k in {**mine, **theirs} if not _same(mine.get(k), theirs.get(k))]
-    parts = [f"{k} is {mine.get(k)} here and {theirs.get(k)} there" for k in keys[:3]]
+    parts = [f"{k} is {_said(mine, k)} here and {_said(theirs, k)} there" for k in keys[:3]]
     return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
+
+
+def _said(record: Record, key: str) -> Any:
+    return record.get(key, "absent")
 
 
 def _same(mine: Any, theirs: Any) -> bool:

@@ -28,8 +28,8 @@ class Operating:
 
 def choices(study: Study) -> list[Operating]:
     """Return all of the study's operating points, and single mismatches at the middle force."""
-    mix, force = study_mix(study), middle(study.file.operating.force_N)
-    mismatches = spread(sorted(set(study.file.operating.mismatch_rpm)), SINGLE)
+    mix, force = study_mix(study), middle(study.forces)
+    mismatches = spread(sorted(set(study.mismatches)), SINGLE)
     single = [_single(mismatch, force, mix.retry) for mismatch in mismatches]
     if len(mix.points) == 1:
         return single
@@ -43,8 +43,7 @@ def _single(mismatch: float, force: float, retry: float) -> Operating:
 
 def operating_inputs(study: Study) -> list[Input]:
     """Return mismatch and force over the study's ranges, without what has one value only."""
-    operating = study.file.operating
-    given = {"mismatch_rpm": operating.mismatch_rpm, "force_N": operating.force_N}
+    given = {"mismatch_rpm": study.mismatches, "force_N": study.forces}
     return [
         Input(name, min(values), max(values), LOG if min(values) > 0.0 else EVEN)
         for name, values in given.items()

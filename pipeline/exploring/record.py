@@ -97,8 +97,8 @@ def _indices_record(study: Study, surrogate: Surrogate, over: Over) -> list[Row]
     found = [_index_record(study, surrogate, "designs", alone)]
     operating = operating_inputs(study)
     if operating:
-        fixed = {"mismatch_rpm": study.file.operating.mismatch_rpm[0],
-                 "force_N": middle(study.file.operating.force_N)}  # fmt: skip
+        fixed = {"mismatch_rpm": study.mismatches[0],
+                 "force_N": middle(study.forces)}  # fmt: skip
 
         def times(z: Array) -> Array:
             given = {one.name: z[:, cut + k] for k, one in enumerate(operating)}

@@ -123,10 +123,10 @@ class _Cut:
 
     def _points(self, moved: Input, operating: Operating) -> Row:
         """Return the curve over mismatch or force, the other one fixed."""
-        file, values = self.study.file.operating, moved.at(np.linspace(0.0, 1.0, VALUES))
-        mismatch, force = operating.mismatch, middle(file.force_N)
+        values = moved.at(np.linspace(0.0, 1.0, VALUES))
+        mismatch, force = operating.mismatch, middle(self.study.forces)
         fixed = {
-            "mismatch_rpm": middle(file.mismatch_rpm) if mismatch is None else mismatch,
+            "mismatch_rpm": middle(self.study.mismatches) if mismatch is None else mismatch,
             "force_N": force,
         }
         columns = [values if k == moved.name else np.full(VALUES, v) for k, v in fixed.items()]

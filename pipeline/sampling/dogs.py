@@ -1,9 +1,10 @@
 """The sampler's guide for a study of dogs.
 
 Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
-come from the surrogate over designs and operating points, fitted to every row so far; other
-objectives are exact. How hard dogs land on each other is known after the simulation only; a process
-over designs foretells it.
+come from the surrogate over designs and operating points, fitted to every row so far; each other
+objective that needs a simulation has a process over designs, fitted to its values with their
+standard errors. How hard dogs land on each other is known after the simulation only; another process
+over designs foretells that.
 """
 
 from __future__ import annotations
@@ -17,7 +18,13 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study
-from pipeline.design import SIMULATED, design_of, exact_values, worth_simulating
+from pipeline.design import (
+    SIMULATED,
+    exact_losses,
+    losses_of,
+    objectives_of,
+    worth_simulating,
+)
 from pipeline.rows import study_mix, with_rows
 from pipeline.sampling.guide import Foretold, Params, Response, drawn
 from pipeline.sampling.plans import first_plan, telling_plan
@@ -66,7 +73,7 @@ class DogGuide:
         self._study = study
         self._known = known
         self._over: tuple[tuple[int, ...], Over] | None = None
-        self._exact: dict[tuple[Any, ...], dict[str, float]] = {}
+        self._exact: dict[tuple[Any, ...], Array] = {}
         self.distributions: Mapping[str, BaseDistribution] | None = search_space(study)
 
     def allows(self, params: Params) -> bool:
@@ -78,7 +85,15 @@ class DogGuide:
         told = [trial for trial in trials if simulated(trial)]
         x = space.coordinates([trial.params for trial in told])
         hardest = np.array([_landing(trial) for trial in told])
-        return _Foretold(self, space, self.over(told), Response.fitted(x, hardest))
+        found = [losses_of(self._study, trial.values, trial.user_attrs) for trial in told]
+        losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
+        timed, others = None, {}
+        for column, objective in enumerate(objectives_of(self._study)):
+            if objective.name == SIMULATED:
+                timed = column, self.over(told)
+            elif objective.simulated:
+                others[column] = Response.fitted(x, losses[:, column], errors[:, column])
+        return _Foretold(self, space, timed, others, Response.fitted(x, hardest))
 
     def over(self, trials: Sequence[FrozenTrial]) -> Over:
         """Return the surrogate of the expected time that simulated trials give, fitted once.
@@ -104,9 +119,9 @@ class DogGuide:
         study, points = self._study, self._study.file.search.points
         if points is None or points >= len(study.points):
             return None
-        if not isinstance(foretold, _Foretold):
+        if not isinstance(foretold, _Foretold) or foretold.timed is None:
             return first_plan(study, points, number)
-        model = foretold.over.surrogate
+        model = foretold.timed[1].surrogate
         return telling_plan(study, points, model, study_mix(study), self.rows([params])[0])
 
     def rows(self, params: Sequence[Params]) -> Array:
@@ -114,22 +129,15 @@ class DogGuide:
         names = tuple(self._study.variables)
         return np.array([[p[name] for name in names] for p in params], dtype=float)
 
-    def exact(self, params: Params) -> dict[str, float]:
-        """Return the objectives of a design that need no simulation."""
-        key = tuple(params[name] for name in self._study.variables)
-        if key not in self._exact:
-            found = exact_values(self._study, design_of(self._study, dict(params)))
-            self._exact[key] = found
-        return self._exact[key]
-
-    def values(self, params: Sequence[Params], times: Array) -> Array:
-        """Return all objectives with drawn expected times (s, m), (s, m, k)."""
-        exact = [self.exact(p) for p in params]
-        columns = [
-            times if name == SIMULATED else np.tile([e[name] for e in exact], (len(times), 1))
-            for name in self._study.file.search.objectives
-        ]
-        return np.stack(columns, axis=2)
+    def exact(self, params: Sequence[Params]) -> Array:
+        """Return the objectives as losses, (m, k): NaN where a simulation has to say."""
+        keys = [tuple(p[name] for name in self._study.variables) for p in params]
+        fresh = {
+            key: dict(p) for key, p in zip(keys, params, strict=True) if key not in self._exact
+        }
+        for key, row in zip(fresh, exact_losses(self._study, list(fresh.values())), strict=True):
+            self._exact[key] = row
+        return np.array([self._exact[key] for key in keys])
 
 
 def _landing(trial: FrozenTrial) -> float:
@@ -138,17 +146,26 @@ def _landing(trial: FrozenTrial) -> float:
     return max(found, default=-1.0)
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Foretold:
+    """Surrogate of the expected time with its column, processes of other columns, landing."""
+
     guide: DogGuide
     space: Space
-    over: Over
+    timed: tuple[int, Over] | None
+    others: dict[int, Response]
     landing: Response
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
-        """Draw expected times jointly; what is rough is left out, as no draw of it would last."""
-        times = drawn(*self.over.joint(self.guide.rows(params)), rng, count)
-        return self.guide.values(params, times)
+        """Draw losses jointly; what is rough in times is left out, as no draw of it would last."""
+        losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
+        if self.timed is not None:
+            column, over = self.timed
+            losses[:, :, column] = drawn(*over.joint(self.guide.rows(params)), rng, count)
+        x = self.space.coordinates(params)
+        for column, response in self.others.items():
+            losses[:, :, column] = response.draws(x, rng, count)
+        return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
         """Return the probability that dogs land softly enough on each other, (m,)."""

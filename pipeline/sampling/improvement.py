@@ -17,7 +17,7 @@ import math
 
 import numpy as np
 
-from surrogate.covariance import Array
+from surrogate.covariance import Array, Mask
 
 
 def directions(rng: np.random.Generator, count: int, objectives: int) -> Array:
@@ -68,3 +68,11 @@ def volume_of(objectives: int) -> float:
     """Return the volume of the part of the unit ball with positive coordinates."""
     k = objectives
     return float(math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1)))
+
+
+def not_dominated(values: Array) -> Mask:
+    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
+    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
+    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
+    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
+    return kept

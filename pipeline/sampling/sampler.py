@@ -24,10 +24,10 @@ from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.sampling.guide import Foretold, FreeGuide, Guide, Params, sound
-from pipeline.sampling.improvement import added, directions
+from pipeline.sampling.improvement import added, directions, not_dominated
 from pipeline.sampling.space import Space
 from sim.errors import InputError
-from surrogate.covariance import Array, Mask
+from surrogate.covariance import Array
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
 WIDE = 400  #: candidates of the whole space
@@ -210,11 +210,3 @@ def _ends(values: Array) -> tuple[Array, Array]:
     # A front of one design, or of one value, says nothing of the scale: all values do.
     span = np.where(high > low, high - low, np.ptp(values, axis=0))
     return low, low + np.where(span > 0.0, span, 1.0)
-
-
-def not_dominated(values: Array) -> Mask:
-    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
-    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
-    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
-    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
-    return kept

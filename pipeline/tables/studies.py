@@ -9,6 +9,7 @@ from rich.console import Group, RenderableType
 
 from pipeline.config import Study
 from pipeline.console import columns, in_ms
+from pipeline.design import SIMULATED, objectives_of
 from pipeline.records import is_clear
 from surrogate.store import Stored
 
@@ -16,12 +17,15 @@ from surrogate.store import Stored
 def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
     """Return the front and the confirmation of a study."""
     variables = list(study.variables)
-    table = columns("design", *variables, "time, ms", "s.e., ms", "smallest margin")
+    others = [o for o in objectives_of(study) if o.name not in (SIMULATED, "smallest_margin")]
+    heads = [f"{o.label}, {o.unit}".rstrip(", ") for o in others]
+    table = columns("design", *variables, "time, ms", "s.e., ms", *heads, "smallest margin")
     for row in result["front"]:
         values = [f"{row[v]:.4g}" for v in variables]
         time, error = in_ms(row["expected_shift_time_s"]), in_ms(row["standard_error_s"])
         margin = f"{row['smallest_margin']:.0%} {row['weakest_check']}"
-        table.add_row(str(row["trial"]), *values, time, error, margin)
+        more = [f"{row[o.name]:.4g}" for o in others]
+        table.add_row(str(row["trial"]), *values, time, error, *more, margin)
     lines: list[RenderableType] = [table]
     c = result["confirmation"]
     if c is None:
@@ -36,10 +40,21 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
             f"gain {in_ms(c['gain_s'])} +- {in_ms(c['gain_standard_error_s'])} ms "
             f"(one standard error; numerical error {best['numerical_error_s'] * 1e3:.2g} ms)"
         )
+        lines += [_gain_text(c, o.name, o.label, o.unit) for o in others if o.simulated]
         if not is_clear(c):
             lines.append("the best design is not distinguishable from the prototype")
     lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
     return Group(*lines)
+
+
+def _gain_text(confirmation: dict[str, Any], name: str, label: str, unit: str) -> str:
+    """Return in words what both confirmed designs have of a simulated objective."""
+    told = [
+        f"{who} {one['value']:.4g} +- {one['standard_error']:.2g} {unit}"
+        for who in ("best", "prototype")
+        for one in [confirmation[who]["estimates"][name]]
+    ]
+    return f"{label}: {', '.join(told)}"
 
 
 def validation_text(stored: Stored, path: Path) -> RenderableType:

@@ -30,7 +30,7 @@ from pipeline.progress import ShiftProgress
 from pipeline.records import expectation_record
 from pipeline.tables.shifts import expectation_table, shift_table
 from sim.batch import events_record, loads_record
-from sim.blocks import Block, even_blocks
+from sim.blocks import even_blocks, listed_blocks
 from sim.clutch import OperatingPoint
 from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between
@@ -152,10 +152,11 @@ def _expect_at(
     given: Study, points: tuple[OperatingPoint, ...], angles: str | None, jobs: int
 ) -> Expectation:
     count, listed = angles_of(angles, given.file.expectation.angles)
+    seed, unsure = given.file.expectation.seed, given.uncertainty
     if listed:
-        blocks = [Block(given.clutch, point, listed) for point in points]
+        blocks = listed_blocks(given.clutch, points, listed, seed, unsure)
     else:
-        blocks = even_blocks(given.clutch, points, count, given.file.expectation.seed)
+        blocks = even_blocks(given.clutch, points, count, seed, uncertainty=unsure)
     shifts = sum(len(b.angles) for b in blocks)
     with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
         executor = scratch_executor(jobs, progress.advance)

@@ -22,6 +22,7 @@ from sim.units import RPM
 from surrogate.dataset import COLUMNS, rows_of
 
 WANTED = 0.01  #: relative error of references
+EVEN = np.full(3, 1.0 / 3.0)  #: weights of three operating points
 
 
 def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -> None:
@@ -42,7 +43,7 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -
 @pytest.mark.parametrize("mismatch", ["[5, 249]", "[-100, 100]", "[-249, -5]"])
 def test_operating_points_reach_their_edges(mismatch: str) -> None:
     study = load_study("mq200", [f"operating.mismatch_rpm={mismatch}"])
-    low, high = min(study.file.operating.mismatch_rpm), max(study.file.operating.mismatch_rpm)
+    low, high = min(study.mismatches), max(study.mismatches)
     points = [filling_point(study, 1, index) for index in range(200)]
     speeds = np.array([point.mismatch / RPM for point in points])
     forces = np.array([point.profile.force for point in points])
@@ -61,17 +62,19 @@ def _found(errors: list[list[float]]) -> np.ndarray:
 
 def test_references_look_closer_where_their_error_is() -> None:
     counts = [12, 12, MOST]
-    assert finer_counts(_found([[1e-4] * 3] * 4), counts, WANTED) == counts
+    assert finer_counts(_found([[1e-4] * 3] * 4), counts, WANTED, EVEN) == counts
     part = WANTED * 0.1 * 3**0.5
     rough = _found([[3 * part, 1e-4, 3 * part], [2 * part, 1e-4, 0.0]])
-    assert finer_counts(rough, counts, WANTED) == [24, 12, MOST]
+    assert finer_counts(rough, counts, WANTED, EVEN) == [24, 12, MOST]
+    seldom = np.array([0.05, 0.05, 0.9])  # what seldom counts needs no finer look
+    assert finer_counts(rough, [12] * 3, WANTED, seldom) == [12, 12, 24]
 
 
 def test_one_design_with_a_lucky_draw_is_looked_at_like_the_others() -> None:
     lucky = _found([[1e-5, 1e-5], [0.01, 1e-5], [0.01, 1e-5]])
     assert (
-        finer_counts(lucky, [12, 12], WANTED)
-        == finer_counts(lucky[::-1], [12, 12], WANTED)
+        finer_counts(lucky, [12, 12], WANTED, EVEN[:2] * 1.5)
+        == finer_counts(lucky[::-1], [12, 12], WANTED, EVEN[:2] * 1.5)
         == [24, 12]
     )
 

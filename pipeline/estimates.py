@@ -1,0 +1,90 @@
+"""Objectives that follow from the shifts of a design, each with its standard error.
+
+``expected_shift_time_s``
+    mean time over the mix, retries included (``sim.expectation``).
+``shift_time_quantile_s``
+    time within which the share ``search.quantile`` of all shifts engages (``sim.estimate``).
+``peak_impact_force_N``
+    mean over the mix of each shift's peak contact force: the root of the squares of its largest
+    axial and its largest tangential force, which need not come at one time, so it is an
+    upper bound of the resultant. The forces are those of the whole ring, means over one step
+    of the integration, of rigid rings behind the stiffness of the dogs. A shift that does not
+    engage counts with what it struck.
+``smallest_margin``
+    of all checks, the hardest simulated landing among them. Most margins are exact and the
+    landing's is an extreme, so no standard error is given: it is nought.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from pipeline.config import Study
+from pipeline.design import SIMULATED, Design, objectives_of
+from sim.checks import smallest_margin
+from sim.estimate import Estimate, mean_over, time_quantile
+from sim.expectation import Expectation
+from sim.outcome import Outcome
+from sim.records import Record, result_of
+
+
+@dataclass(frozen=True)
+class Shifts:
+    """All shifts of a design: records of each operating point and what they gave.
+
+    ``design`` knows its hardest landing.
+    """
+
+    study: Study
+    design: Design
+    expectation: Expectation
+    rows: Sequence[Sequence[Record]]
+
+    @property
+    def weights(self) -> list[float]:
+        """Weights of the operating points."""
+        return [found.point.weight for found in self.expectation.points]
+
+
+def _expected_time(shifts: Shifts) -> Estimate:
+    return Estimate(shifts.expectation.mean, shifts.expectation.standard_error)
+
+
+def _quantile(shifts: Shifts) -> Estimate:
+    study = shifts.study
+    results = [[result_of(row) for row in mine] for mine in shifts.rows]
+    share, timeout = study.file.search.quantile, study.clutch.timeout
+    return time_quantile(shifts.weights, results, share, timeout, study.retraction)
+
+
+def _peak_force(shifts: Shifts) -> Estimate:
+    peaks = [
+        [
+            math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+            for row in mine
+            if Outcome(row["outcome"]) is not Outcome.DIVERGED
+        ]
+        for mine in shifts.rows
+    ]
+    return mean_over(shifts.weights, peaks)
+
+
+def _smallest_margin(shifts: Shifts) -> Estimate:
+    return Estimate(smallest_margin(shifts.design.checks).margin, 0.0)
+
+
+#: What each simulated objective is worked out by.
+ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
+    SIMULATED: _expected_time,
+    "shift_time_quantile_s": _quantile,
+    "peak_impact_force_N": _peak_force,
+    "smallest_margin": _smallest_margin,
+}
+
+
+def estimates_of(shifts: Shifts) -> dict[str, Estimate]:
+    """Return the expected shift time and all simulated objectives of the study, by name."""
+    named = [objective.name for objective in objectives_of(shifts.study) if objective.simulated]
+    return {name: ESTIMATORS[name](shifts) for name in dict.fromkeys([SIMULATED, *named])}

@@ -1,0 +1,390 @@
+"""Operating points as grid, list and draw; uncertainty and objectives of the study file."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.config import Study, bundled_studies, load_study
+from pipeline.design import exact_losses, leading, losses_of, not_dominated, objectives_of
+from pipeline.executor import scratch_executor
+from pipeline.folder import StudyFolder
+from pipeline.precision import FIRST
+from pipeline.rows import dataset_of, study_mix
+from pipeline.schema import QUANTILE
+from pipeline.study import Run, run_study
+from sim.blocks import even_blocks
+from sim.clutch import OperatingPoint
+from sim.errors import DogshapeError
+from sim.expectation import PointExpectation, expect
+from sim.records import clutch_record, content_key, inputs, result_of
+from sim.units import RPM
+from surrogate.query import require_same_physics
+from surrogate.targets import point_coordinates
+
+TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"
+NORMAL = "{distribution='normal', mean=60, sd=20}"
+FORCE = "{distribution='uniform', low=240, high=640}"
+FRICTION = "{distribution='uniform', low=0.7, high=1.3}"
+
+
+def _points(study: Study) -> list[tuple[float, float, float]]:
+    return [(round(p.mismatch / RPM, 9), p.profile.force, p.weight) for p in study.points]
+
+
+def _listed(*more: str) -> Study:
+    """The default study with other operating points alone."""
+    return load_study("mq200", [f"operating={{{', '.join(more)}}}"])
+
+
+def test_grid_weights_multiply() -> None:
+    study = load_study(
+        "mq200",
+        [
+            "operating.mismatch_rpm=[-20, 60]",
+            "operating.force_N=[300, 469]",
+            "operating.mismatch_weight=[1, 3]",
+            "operating.force_weight=[2, 0.5]",
+        ],
+    )
+    assert _points(study) == [(-20, 300, 2), (-20, 469, 0.5), (60, 300, 6), (60, 469, 1.5)]
+    assert study_mix(study).weights == pytest.approx([0.2, 0.05, 0.6, 0.15])
+    assert study.operating_text == "-20, 60 1/min, each with 300, 469 N, weighted"
+
+
+def test_points_are_listed_with_their_weights() -> None:
+    study = _listed(f"points={TWO}")
+    assert _points(study) == [(-50, 300, 3), (80, 469, 1)]
+    assert (study.mismatches, study.forces) == ([-50, 80], [300, 469])
+    assert study.operating_text == "2 listed, -50 to 80 1/min with 300 to 469 N, by weight"
+
+
+def test_drawn_points_are_fixed_and_follow_their_distributions() -> None:
+    study = _listed(f"mismatch_rpm={NORMAL}", f"force_N={FORCE}", "samples=64", "seed=3")
+    points = np.array(_points(study))
+    assert points.shape == (64, 3)
+    assert (points[:, 2] == 1.0).all()
+    assert points[:, 0].mean() == pytest.approx(60, abs=1)
+    assert points[:, 0].std() == pytest.approx(20, abs=1.5)
+    assert points[:, 1].mean() == pytest.approx(440, abs=5)
+    # A Sobol sequence has as many values in each part of the range.
+    assert np.histogram(points[:, 1], 8, (240, 640))[0].tolist() == [8] * 8
+    again = _listed(f"mismatch_rpm={NORMAL}", f"force_N={FORCE}", "samples=64", "seed=3")
+    assert _points(again) == _points(study)
+    assert "60, sd 20 1/min, each with uniform, low 240, high 640 N; 64" in study.operating_text
+
+
+def test_a_list_goes_with_every_draw() -> None:
+    points = _points(_listed(f"mismatch_rpm={NORMAL}", "force_N=[300, 469]", "samples=5"))
+    assert len(points) == 10
+    assert {force for _, force, _ in points} == {300, 469}
+
+
+def _found(point: OperatingPoint, mean: float) -> PointExpectation:
+    return PointExpectation(point, mean, mean, 0.001, 0.01, 1.0, 6)
+
+
+def test_weights_count_by_their_ratio_alone() -> None:
+    more = TWO.replace("469}", "469, weight=20}").replace("weight=3}", "weight=60}")
+    once, scaled = _listed(f"points={TWO}"), _listed(f"points={more}")
+    assert study_mix(once).weights == pytest.approx(study_mix(scaled).weights)
+    one, two = (
+        expect([_found(p, m) for p, m in zip(s.points, (0.05, 0.09), strict=True)])
+        for s in (once, scaled)
+    )
+    assert one.mean == pytest.approx(two.mean)
+    assert one.mean == pytest.approx(0.75 * 0.05 + 0.25 * 0.09)
+    assert one.standard_error == pytest.approx(two.standard_error)
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        (
+            ["operating.mismatch_rpm={distribution='gauss', mean=1}"],
+            "valid are lognormal, normal, triangular, uniform",
+        ),
+        (["operating.mismatch_rpm={distribution='norml', mean=1}"], "did you mean 'normal'?"),
+        (["operating.mismatch_rpm={distribution='normal', mean=1}"], "lacks 'sd'"),
+        (["operating.mismatch_rpm={mean=1}"], "'operating.mismatch_rpm.distribution' is missing"),
+        (["operating.mismatch_rpm={distribution='normal', men=1}"], "did you mean 'operating.mism"),
+        (
+            ["operating.mismatch_rpm={distribution='uniform', low=1, high=2, sd=3}"],
+            "operating.mismatch_rpm.sd is nothing that a uniform distribution has",
+        ),
+        (
+            ["operating.force_N={distribution='uniform', low=500, high=300}"],
+            "operating.force_N.low is 500, but it must lie below high = 300",
+        ),
+        (
+            ["operating.force_N={distribution='triangular', low=300, mode=200, high=400}"],
+            "operating.force_N.mode is 200, but it must lie between low = 300 and high = 400",
+        ),
+        (
+            ["operating.mismatch_rpm={distribution='normal', mean=9, sd=0}"],
+            "operating.mismatch_rpm.sd is 0, but it must be more than 0",
+        ),
+        (
+            ["operating.mismatch_rpm={distribution='lognormal', median=9, factor=1}"],
+            "operating.mismatch_rpm.factor is 1, but it must be more than 1",
+        ),
+        (
+            ["operating.mismatch_rpm={distribution='normal', mean=nan, sd=1}"],
+            "operating.mismatch_rpm.mean is nan, but it must be finite",
+        ),
+        (
+            ["operating.mismatch_rpm={distribution='normal', mean=0, sd=1, low=9}"],
+            "next to nothing of the normal distribution lies between",
+        ),
+        (
+            ["operating.force_N={distribution='normal', mean=300, sd=100}"],
+            "the rise times of the study cover 235.2 to 641.5 N",
+        ),
+        (["operating.samples=8"], "operating.samples is for a distribution"),
+        (["operating.seed=8"], "operating.seed is for a distribution"),
+        (["operating.mismatch_weight=[1]"], "operating.mismatch_weight has 1 and"),
+        (["operating.force_weight=[1, 1, 0, 1]"], "weights must be positive"),
+        (
+            [f"operating.mismatch_rpm={NORMAL}", "operating.force_weight=[1, 1, 1, 1]"],
+            "operating.force_weight goes with a grid of lists",
+        ),
+        ([f"operating.points={TWO}"], "operating.mismatch_rpm cannot stand beside"),
+        (["operating={force_N=[300]}"], "'operating.mismatch_rpm' is missing"),
+        (["operating={points=[]}"], "operating.points is []"),
+        (["operating={points=[{mismatch_rpm=5}]}"], "'operating.points.0.force_N' is missing"),
+        (
+            ["operating={points=[{mismatch_rpm=5, force_N=300, wight=1}]}"],
+            "did you mean 'operating.points.0.weight'?",
+        ),
+        (["operating={points=[{mismatch_rpm=5, force_N=300, weight=0}]}"], "weight is 0, but it"),
+        (["operating={points=[{mismatch_rpm=5, force_N=9}]}"], "study cover 235.2 to 641.5 N"),
+        (
+            ["operating={points=[{mismatch_rpm=5, force_N=300}, {mismatch_rpm=5, force_N=300}]}"],
+            "operating.points has 5 1/min with 300 N twice",
+        ),
+        ([f"uncertain.friction={FRICTION}"], "did you mean 'uncertain.friction_factor'?"),
+        (
+            ["uncertain.friction_factor={distribution='normal', mean=1, sd=0.1}"],
+            "a factor must be positive and at most 10; give low and high",
+        ),
+        ([f"uncertain.force_factor={FRICTION}"], "narrow uncertain.force_factor"),
+        (
+            ["uncertain.friction_factor={distribution='uniform', low=1, high=9.9}",
+             "contact.static_friction=0.3"],
+            "contact.static_friction is 2.97",
+        ),
+        (["uncertain.inertia_factor=1.1"], "uncertain.inertia_factor is 1.1"),
+        (["search.quantile=1"], "search.quantile is 1"),
+    ],
+)  # fmt: skip
+def test_every_mistake_is_one_sentence(more: list[str], sentence: str) -> None:
+    with pytest.raises(DogshapeError) as refused:
+        load_study("mq200", more)
+    text = str(refused.value)
+    assert sentence in text
+    assert "\n" not in text
+
+
+def test_a_certain_study_has_the_keys_and_hashes_that_it_had() -> None:
+    """Those of the version before operating points could be drawn and factors uncertain."""
+    study = load_study("mq200")
+    assert study.uncertainty is None
+    assert study.physics_hash == "d9069ea6093eea848d23"
+    assert study.config_hash == "01cd5a2418b5b9a28e0c"
+    assert load_study("mq200", ["operating.mismatch_rpm=[-50,20]"]).config_hash == (
+        "1f66ed6e240f253da8ef"
+    )
+    (block, *_) = even_blocks(study.clutch, study.points, 6, 1)
+    assert block.keys == [
+        content_key(inputs(study.clutch, block.point, angle)) for angle in block.angles
+    ]
+    assert set(block.inputs[0]) == {
+        *clutch_record(study.clutch),
+        "mismatch_rpm",
+        "force_N",
+        "force_rise_s",
+        "relative_angle_deg",
+    }
+
+
+def test_uncertainty_belongs_to_the_physics_and_a_surrogate_without_it_is_refused() -> None:
+    plain = load_study("mq200")
+    unsure = load_study("mq200", [f"uncertain.friction_factor={FRICTION}"])
+    other = load_study("mq200", [f"uncertain.friction_factor={FRICTION.replace('1.3', '1.2')}"])
+    assert len({s.physics_hash for s in (plain, unsure, other)}) == 3
+    data = dataset_of(plain, [])
+    with pytest.raises(
+        DogshapeError,
+        match=r"friction_factor is uniform, low 0\.7, high 1\.3 here and absent there",
+    ):
+        require_same_physics(data, unsure.physics)
+
+
+def test_rows_of_uncertain_shifts_are_traced_to_their_study() -> None:
+    more = [
+        "operating.mismatch_rpm=[-149]",
+        "operating.force_N=[469]",
+        f"uncertain.friction_factor={FRICTION}",
+        "uncertain.force_factor={distribution='uniform', low=0.8, high=1.2}",
+        "uncertain.inertia_factor={distribution='uniform', low=0.8, high=1.2}",
+    ]
+    study = load_study("mq200", more)
+    other = load_study("mq200", [*more[:3], more[3].replace("0.8", "0.9"), more[4]])
+    plain = load_study("mq200", more[:2])
+    executor = scratch_executor(1)
+    for one in (study, plain):
+        executor.run(even_blocks(one.clutch, one.points, 3, 1, uncertainty=one.uncertainty))
+    shifts = list(executor.journal.rows.values())
+    assert len(shifts) == 6
+    for one, mine in ((study, shifts[:3]), (plain, shifts[3:])):
+        data = dataset_of(one, shifts)
+        assert data.points.tolist() == [[-149.0, 469.0]]
+        mean = np.mean([result_of(row).shift_time for row in mine])
+        assert data.column("mean_s") == pytest.approx([mean])
+    assert len(dataset_of(other, shifts)) == 0
+    drawn = shifts[0]
+    assert drawn["drawn_force_N"] == pytest.approx(469 * drawn["force_factor"])
+    assert drawn["drawn_dynamic_friction"] == pytest.approx(0.1 * drawn["friction_factor"])
+    assert drawn["force_N"] == 469.0
+    assert "drawn_force_N" not in shifts[3]
+    again = [{**row, "drawn_force_rise_s": 0.3} for row in shifts[:3]]
+    assert len(dataset_of(study, again)) == 0
+
+
+def test_a_finer_draw_repeats_no_uncertain_shift() -> None:
+    study = load_study("mq200_robust")
+    coarse, fine = (
+        even_blocks(study.clutch, study.points, n, 5, FIRST, uncertainty=study.uncertainty)
+        for n in (FIRST, 4 * FIRST)
+    )
+    for few, many in zip(coarse, fine, strict=True):
+        assert set(few.keys) < set(many.keys)
+    designs = [study.clutch, study.clutch.with_dog(study.dog_with({"count": 18}))]
+    first, second = (
+        even_blocks(c, study.points, 6, 5, uncertainty=study.uncertainty)[0] for c in designs
+    )
+    assert first.variants == second.variants
+
+
+def test_the_surrogate_knows_either_sign_of_the_mismatch_alike() -> None:
+    speeds = np.array([0.0, 5.0, 60.0, 249.0])
+    ahead, behind = (
+        point_coordinates(np.column_stack([sign * speeds, np.full(4, 300.0)])) for sign in (1, -1)
+    )
+    assert behind[:, 0] == pytest.approx(-ahead[:, 0])
+    assert (behind[:, 1] == ahead[:, 1]).all()
+
+
+def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
+    names = "['smallest_margin', 'axial_length_mm']"
+    study = load_study("mq200", [f"search.objectives={names}"])
+    assert leading(study).name == "smallest_margin"
+    assert [o.maximise for o in objectives_of(study)] == [True, False]
+    losses, errors = losses_of(study, [0.2, 8.0], {"standard_errors": {"smallest_margin": 0.0}})
+    assert losses.tolist() == [-0.2, 8.0]
+    assert errors.tolist() == [0.0, 0.0]
+    exact = exact_losses(study, [study.prototype])
+    assert np.isnan(exact[0, 0])
+    assert exact[0, 1] == pytest.approx(8.4)
+    rows = np.array([losses_of(study, v, {})[0] for v in ([0.2, 8.0], [0.1, 8.0], [0.1, 7.0])])
+    assert not_dominated(rows).tolist() == [True, False, True]
+
+
+def _tiny(name: str, *more: str) -> Study:
+    """A bundled study of two operating points, three angles and few designs."""
+    points = "operating={points=[{mismatch_rpm=100, force_N=469, weight=2}, "
+    points += "{mismatch_rpm=-149, force_N=469}]}"
+    budget = ["expectation.angles=3", "search.confirm_angles=3", "search.trials=4"]
+    return load_study(name, [points, *budget, "search.sampler=space_filling", *more])
+
+
+def _run(study: Study, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    result = run_study(study, Run(StudyFolder(folder), jobs=1))
+    lines = (folder / "shifts.jsonl").read_text().splitlines()
+    return result, [json.loads(line) for line in lines]
+
+
+def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
+    study = _tiny("mq200_robust")
+    result, shifts = _run(study, tmp_path)
+    assert result["leading"] == "shift_time_quantile_s"
+    assert study.file.search.quantile == QUANTILE
+    rows = [row for row in result["trials"] if row["feasible"]]
+    assert result["best"] == min(rows, key=lambda row: row["shift_time_quantile_s"])
+    assert {row["force_factor"] for row in shifts} != {1.0}
+    for row in result["trials"]:
+        assert row["standard_errors"]["shift_time_quantile_s"] > 0.0
+        assert row["shift_time_quantile_s"] > row["expected_shift_time_s"]
+        # Three angles at two points: beyond all other times stands the slowest shift.
+        mine = [s for s in shifts if all(s[v] == pytest.approx(row[v]) for v in study.variables)]
+        if all(s["outcome"] == "engaged" for s in mine) and not row["prototype"]:
+            slowest = max(s["shift_time_s"] for s in mine if s["accuracy"] == 3e-4)
+            assert row["shift_time_quantile_s"] <= slowest + 1e-12
+    gain = result["confirmation"]["gains"]["shift_time_quantile_s"]
+    both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
+    told = [one["shift_time_quantile_s"]["value"] for one in both]
+    assert gain["value"] == pytest.approx(told[0] - told[1])
+    assert (tmp_path / "report.html").stat().st_size > 0
+    resumed = run_study(study, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+    assert resumed["trials"] == result["trials"]
+    assert resumed["n_simulated_shifts"] == len(shifts)
+
+
+def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
+    study = _tiny("mq200_three")
+    result, shifts = _run(study, tmp_path)
+    names = ["expected_shift_time_s", "axial_length_mm", "peak_impact_force_N"]
+    assert result["objectives"] == names
+    values = {row["trial"]: [row[name] for name in names] for row in result["trials"]}
+    feasible = [row["trial"] for row in result["trials"] if row["feasible"]]
+    best = {
+        trial
+        for trial in feasible
+        if not any(
+            all(a <= b for a, b in zip(values[o], values[trial], strict=True))
+            and values[o] != values[trial]
+            for o in feasible
+        )
+    }
+    assert {row["trial"] for row in result["front"]} == best
+    row = result["trials"][1]
+    peaks: dict[float, list[float]] = {}
+    for shift in shifts:
+        if shift["height_mm"] == pytest.approx(row["height_mm"]) and shift["seed"] == 1:
+            force = np.hypot(shift["peak_axial_force_N"], shift["peak_tangential_force_N"])
+            peaks.setdefault(round(shift["mismatch_rpm"]), []).append(force)
+    assert {len(found) for found in peaks.values()} == {3}
+    mean = (2.0 * np.mean(peaks[100]) + np.mean(peaks[-149])) / 3.0
+    assert row["peak_impact_force_N"] == pytest.approx(mean)
+
+
+def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
+    """Fourteen designs, so that the sampler's own process is used for what is not a time."""
+    budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
+    points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
+    more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
+    study = _tiny("mq200", *more, "shift.timeout_s=1.1")
+    result, _ = _run(study, tmp_path)
+    rows = [row for row in result["trials"] if row["feasible"]]
+    assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)
+    margins = [row["smallest_margin"] for row in result["front"]]
+    lengths = [row["axial_length_mm"] for row in result["front"]]
+    assert margins == sorted(margins, reverse=True)
+    assert lengths == sorted(lengths, reverse=True)
+    assert result["maximised"] == ["smallest_margin"]
+    for row in result["trials"]:
+        if row["margins"]:
+            assert row["smallest_margin"] == min(row["margins"].values())
+
+
+def test_every_bundled_study_can_be_read_and_searched() -> None:
+    names = bundled_studies()
+    assert {"mq200", "mq200_robust", "mq200_three"} <= set(names)
+    for name in names:
+        study = load_study(name)
+        assert study.name == name
+        assert any(objective.simulated for objective in objectives_of(study))

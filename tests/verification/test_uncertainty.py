@@ -1,0 +1,259 @@
+"""Uncertain factors and numbers of the mix: unbiased, and errors that say how far they are off."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from pipeline.config import Study, load_study
+from sim.clutch import OperatingPoint
+from sim.distribution import NEEDS, Distribution, sobol_shares
+from sim.estimate import mean_over, time_quantile
+from sim.expectation import ShiftResult, even_phases, variance_of_mean
+from sim.outcome import Outcome
+from sim.planar import planar_times
+from sim.uncertainty import Uncertainty, Variant, draw_order
+from sim.units import RPM
+
+Array = NDArray[np.float64]
+TIMEOUT, RETRACTION = 1.0, 0.2
+
+
+@pytest.mark.parametrize(
+    ("given", "mean", "sd"),
+    [
+        ({"kind": "normal", "mean": 60.0, "sd": 20.0}, 60.0, 20.0),
+        ({"kind": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
+        # A lognormal with sigma = ln 1.5: mean m e^(s2/2), variance mean2 (e^s2 - 1).
+        (
+            {"kind": "lognormal", "median": 50.0, "factor": 1.5},
+            50.0 * np.exp(np.log(1.5) ** 2 / 2),
+            50.0 * np.exp(np.log(1.5) ** 2 / 2) * np.expm1(np.log(1.5) ** 2) ** 0.5,
+        ),
+        # Kotz and van Dorp: mean (a + b + c)/3, variance (a2 + b2 + c2 - ab - ac - bc)/18.
+        ({"kind": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5}, 1.1, (0.39 / 18) ** 0.5),
+        # A normal cut at its mean: mean mu + sigma sqrt(2/pi), sd sigma sqrt(1 - 2/pi).
+        (
+            {"kind": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
+            3.0 * (2.0 / np.pi) ** 0.5,
+            3.0 * (1.0 - 2.0 / np.pi) ** 0.5,
+        ),
+    ],
+    ids=lambda v: v["kind"] if isinstance(v, dict) else "",
+)
+def test_distributions_have_the_moments_of_their_closed_forms(
+    given: dict[str, float], mean: float, sd: float
+) -> None:
+    one = Distribution("key", **given)  # type: ignore[arg-type]
+    values = one.at((np.arange(20_000) + 0.5) / 20_000)
+    assert values.mean() == pytest.approx(mean, rel=1e-3)
+    assert values.std() == pytest.approx(sd, rel=3e-3)
+    low, high = one.bounds
+    assert low <= values.min() < values.max() <= high
+    assert (np.diff(values) > 0.0).all()
+    assert one.kind in NEEDS
+
+
+def test_sobol_shares_fill_evenly_and_hang_on_the_seed() -> None:
+    shares = sobol_shares(16, 2, 1)
+    for column in shares.T:
+        assert sorted((column * 16).astype(int)) == list(range(16))
+    assert (shares == sobol_shares(16, 2, 1)).all()
+    assert (shares != sobol_shares(16, 2, 2)).any()
+    assert len(sobol_shares(24, 1, 1)) == 24
+
+
+@pytest.mark.parametrize(("base", "steps"), [(6, (12, 24, 48)), (5, (15,)), (12, (24, 96))])
+def test_a_finer_draw_keeps_the_factors_of_each_angle(base: int, steps: tuple[int, ...]) -> None:
+    before = dict(
+        zip(even_phases(base, 3, 7).round(9), draw_order(base, 3, 7, base).tolist(), strict=True)
+    )
+    for count in steps:
+        order = draw_order(count, 3, 7, base)
+        assert sorted(order) == list(range(count))
+        now = dict(zip(even_phases(count, 3, 7, base).round(9), order.tolist(), strict=True))
+        assert {angle: now[angle] for angle in before} == before
+        before = now
+
+
+def _unsure() -> tuple[Study, Uncertainty]:
+    study = load_study("mq200_robust")
+    assert study.uncertainty is not None
+    return study, study.uncertainty
+
+
+def _drawn_means(
+    time: Callable[[float, Variant], float], count: int, draws: int
+) -> tuple[Array, Array]:
+    """Return mean and its variance of a known time over many draws, each (draws,)."""
+    study, unsure = _unsure()
+    found = []
+    for seed in range(draws):
+        variants = unsure.variants(study.points[0], count, seed, 0)
+        phases = even_phases(count, seed, 0).tolist()
+        times = np.array([time(p, v) for p, v in zip(phases, variants, strict=True)])
+        found.append((times.mean(), variance_of_mean(times)))
+    means, variances = np.array(found).T
+    return means, variances
+
+
+def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
+    """A slope with a jump whose place and height follow the factors.
+
+    Its mean by a dense grid over the angle and half a million draws of the factors.
+    """
+
+    def time(phase: float, v: Variant) -> float:
+        late = phase < 0.5 * v.friction
+        return 0.05 / v.force + 0.06 * phase * v.friction**2 + (0.03 * v.inertia if late else 0.0)
+
+    _, unsure = _unsure()
+    shares = np.random.default_rng(0).random((500_000, 3))
+    f, p, j = (d.at(u) for d, u in zip(unsure.distributions, shares.T, strict=True))
+    exact = float((0.05 / p + 0.03 * f**2 + 0.015 * f * j).mean())
+    for count in (6, 12, 24):
+        means, variances = _drawn_means(time, count, 400)
+        assert means.mean() == pytest.approx(exact, abs=4.0 * means.std() / 20.0)
+        assert 0.8 <= variances.mean() ** 0.5 / means.std(ddof=1) <= 1.3
+
+
+def test_a_mean_that_hangs_on_factors_alone_has_the_error_of_chance() -> None:
+    for count in (6, 12):
+        means, variances = _drawn_means(lambda _, v: 0.05 * v.friction + 0.02 * v.force, count, 400)
+        assert variances.mean() ** 0.5 / means.std(ddof=1) == pytest.approx(1.0, abs=0.1)
+
+
+def test_planar_shifts_with_uncertain_factors_have_the_error_that_is_told() -> None:
+    """Twelve angles at a slow and a fast point, 60 draws: force and inertia uncertain.
+
+    Both are inputs of a planar shift; so many operating points run at once.
+    """
+    study, unsure = _unsure()
+    clutch, count, draws = study.clutch, 12, 60
+    points = [p for p in study.points if p.profile.force == 469.0][2:5:2]
+    assert len(points) == 2
+    each, angles = [], []
+    for seed in range(draws):
+        for index, point in enumerate(points):
+            variants = unsure.variants(point, count, seed, index)
+            phases = even_phases(count, seed, index) * clutch.dog.pitch_angle
+            each += [v.point(point) for v in variants]
+            angles += phases.tolist()
+    times = planar_times(clutch, each, np.array(angles)[:, None]).reshape(draws, 2, count)
+    assert np.isfinite(times).all()
+    means = times.mean(axis=(1, 2))
+    told = np.array([[variance_of_mean(row) for row in two] for two in times]).sum(axis=1) / 4.0
+    assert 0.8 <= told.mean() ** 0.5 / means.std(ddof=1) <= 1.3
+
+
+def _shifts(times: Array) -> list[ShiftResult]:
+    return [
+        ShiftResult(Outcome.ENGAGED, float(t))
+        if t < TIMEOUT
+        else ShiftResult(Outcome.BLOCKED, None)
+        for t in times
+    ]
+
+
+def _quantiles(
+    time: Callable[[Array, int, np.random.Generator], Array], share: float, draws: int = 300
+) -> tuple[Array, Array]:
+    """Return quantile and standard error over draws of twelve points with eight angles."""
+    found = []
+    for seed in range(draws):
+        rng = np.random.default_rng([seed, 1])
+        shifts = [_shifts(time(even_phases(8, seed, k), k, rng)) for k in range(12)]
+        one = time_quantile([1.0] * 12, shifts, share, TIMEOUT, RETRACTION)
+        found.append((one.value, one.standard_error))
+    values, errors = np.array(found).T
+    return values, errors
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_quantile_of_scattered_times(share: float) -> None:
+    """Exponential times: quantile -ln(1 - q), coverage 95 % or little less."""
+
+    def time(phases: Array, _: int, rng: np.random.Generator) -> Array:
+        return 0.02 + 0.03 * rng.exponential(size=len(phases))
+
+    exact = 0.02 - 0.03 * np.log1p(-share)
+    values, errors = _quantiles(time, share)
+    assert values.mean() == pytest.approx(exact, abs=0.5 * values.std())
+    assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 1.3
+    assert np.mean(np.abs(values - exact) < 1.96 * errors) > 0.85
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_quantile_of_slopes_with_a_jump(share: float) -> None:
+    """Times that run in slopes over the angle, each operating point at its own height.
+
+    As for means, even angles leave less error than is told, by up to 2.5 times.
+    """
+
+    def time(phases: Array, k: int, _: np.random.Generator) -> Array:
+        return 0.03 + 0.001 * k + 0.05 * phases + np.where(phases > 0.7, 0.04, 0.0)
+
+    dense = np.concatenate([time((np.arange(4000) + 0.5) / 4000, k, None) for k in range(12)])  # type: ignore[arg-type]
+    exact = float(np.quantile(dense, share))
+    values, errors = _quantiles(time, share)
+    assert values.mean() == pytest.approx(exact, abs=0.5 * values.std())
+    assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 2.5
+    assert np.mean(np.abs(values - exact) < 1.96 * errors) > 0.85
+
+
+def test_quantile_counts_retries_as_a_drawn_experiment_does() -> None:
+    """A fifth does not engage at one of two points: times by so many drawn shifts."""
+    times = np.linspace(0.04, 0.08, 40)
+    shifts = [_shifts(times), _shifts(np.where(np.arange(40) % 5 == 0, 2.0, times))]
+    rng = np.random.default_rng(3)
+    good = np.delete(times, np.arange(0, 40, 5))
+    failures = rng.geometric(0.8, 200_000) - 1
+    drawn = rng.choice(good, 200_000) + failures * (TIMEOUT + RETRACTION)
+    both = np.concatenate([rng.choice(times, 200_000), drawn])
+    for share in (0.5, 0.85, 0.95, 0.99):
+        found = time_quantile([1.0, 1.0], shifts, share, TIMEOUT, RETRACTION)
+        assert found.value == pytest.approx(np.quantile(both, share), abs=2e-3)
+    assert found.value > TIMEOUT + RETRACTION
+
+
+def test_where_nothing_engages_the_quantile_has_the_share_of_the_expected_time() -> None:
+    none = [ShiftResult(Outcome.TIMED_OUT, None)] * 3
+    found = time_quantile([1.0], [none], 0.5, TIMEOUT, RETRACTION)
+    # p = 1/4: half of all have engaged after the third try.
+    assert found.value == pytest.approx(TIMEOUT + 2 * (TIMEOUT + RETRACTION), abs=0.6)
+    assert np.isfinite(found.standard_error)
+
+
+def test_numbers_of_the_mix_know_weights_by_their_ratio_alone() -> None:
+    rng = np.random.default_rng(2)
+    values = rng.random((3, 6)) * 0.05
+    shifts = [_shifts(row) for row in values]
+    weights = np.array([1.0, 2.0, 5.0])
+    once = time_quantile(weights.tolist(), shifts, 0.9, TIMEOUT, RETRACTION)
+    more = time_quantile((40.0 * weights).tolist(), shifts, 0.9, TIMEOUT, RETRACTION)
+    assert (more.value, more.standard_error) == pytest.approx((once.value, once.standard_error))
+    mean = mean_over(weights.tolist(), values.tolist())
+    again = mean_over((40.0 * weights).tolist(), values.tolist())
+    assert mean.value == pytest.approx(float(weights @ values.mean(axis=1) / 8.0))
+    assert (again.value, again.standard_error) == pytest.approx((mean.value, mean.standard_error))
+
+
+def test_a_variant_scales_what_it_says() -> None:
+    study, unsure = _unsure()
+    point = next(p for p in study.points if p.profile.force == 469.0)
+    variant = Variant(1.2, 1.1, 0.9, 0.15, ())
+    drawn = variant.clutch(study.clutch)
+    assert drawn.contact.static_friction == pytest.approx(1.2 * 0.12)
+    assert drawn.contact.dynamic_friction == pytest.approx(1.2 * 0.10)
+    assert drawn.rings.output_inertia == pytest.approx(0.9 * 0.6048)
+    assert replace(drawn, contact=study.clutch.contact, rings=study.clutch.rings) == study.clutch
+    assert variant.point(point).profile.force == pytest.approx(515.9)
+    for one in unsure.variants(point, 8, 1, 0):
+        forces, rises = study.file.actuation.force_N, study.file.actuation.rise_s
+        assert one.rise == pytest.approx(np.interp(469.0 * one.force, forces, rises))
+    slow = OperatingPoint(50 * RPM, replace(point.profile, rise=0.4))
+    assert {one.rise for one in unsure.variants(slow, 8, 1, 0)} == {0.4}
