@@ -28,7 +28,7 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in engine.items()):
             return False
-        record = {key: shift[key] for key in keys}
+        record = {key: shift.get(key) for key in keys}
         given = physics_of(record, list(study.variables), study.file)
         return content_key(given) == physics and _rises_as(study, shift)
 

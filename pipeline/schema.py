@@ -5,7 +5,7 @@ Lengths, angles and speeds are in the unit that a key ends in.
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
@@ -19,6 +19,11 @@ FORMAT = 1  #: version of the study file and of the folder that a study writes
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
+
+
+def _unless_given() -> Any:
+    """Return the default of a key that came later: unset, it is no part of a file's hash."""
+    return Field(default=None, exclude_if=lambda value: value is None)
 
 
 class ContactSection(Section):
@@ -154,6 +159,8 @@ class SolverSection(Section):
     scheme: str | None = None
     accuracy: float | None = None
     max_step_s: float | None = None
+    max_steps: int | None = _unless_given()
+    time_limit_s: float | None = _unless_given()
 
 
 class SurrogateSection(Section):

@@ -12,6 +12,7 @@ from functools import lru_cache
 from sim.blocks import Block
 from sim.clutch import Clutch
 from sim.engagement import Engagement, engage
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.records import Record, content_key, inputs, landing_record
 from sim.units import MM, RPM
@@ -58,6 +59,7 @@ def shift_record(result: Engagement) -> Record:
         **loads_record(result),
         "steps": result.steps,
         "evaluations": result.evaluations,
+        **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
         "dogshape": versions()["dogshape"],
         "drake": versions()["drake"],
     }

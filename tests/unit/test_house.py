@@ -21,7 +21,13 @@ ALLOWED = {
 #: Outside packages that only some modules may import.
 GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
-    "optuna": {"pipeline/search.py", "pipeline/sampler.py", "pipeline/study.py"},
+    "optuna": {
+        "pipeline/search.py",
+        "pipeline/sampler.py",
+        "pipeline/storage.py",
+        "pipeline/study.py",
+    },
+    "sqlalchemy": {"pipeline/claims.py", "pipeline/storage.py"},
     "sklearn": {"surrogate/fitting.py"},
     "plotly": {
         "pipeline/figures.py",
@@ -41,6 +47,7 @@ GUARDED = {
         "pipeline/verbs/exploring.py",
     },
     "joblib": {"pipeline/executor.py"},
+    "distributed": {"pipeline/executor.py"},
     "mujoco": {"diagnosis/second_engine.py"},
     "build123d": {"pipeline/cad.py"},
     "skfem": {"sim/root_stress.py"},
