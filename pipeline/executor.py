@@ -214,8 +214,15 @@ def connect(address: str | None) -> Any:
             f"{PATIENCE:.0f} s); give the address of its scheduler, for instance "
             "tcp://scheduler:8786, and start workers"
         ) from error
-    for where, found in client.run(_versions_here, on_error="return").items():
-        _require_same(address, found, f"the worker {where}")
+    try:
+        found = client.run(_versions_here, on_error="return")
+    except Exception as error:  # what a worker raises does not always find its way here
+        raise WorkerError(
+            f"the workers of the cluster {address} do not answer ({type(error).__name__}); "
+            "install the same versions of Dogshape, Drake and Dask on all of them"
+        ) from error
+    for where, theirs in found.items():
+        _require_same(address, theirs, f"the worker {where}")
     return client
 
 

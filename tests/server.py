@@ -96,3 +96,42 @@ def postgres() -> Iterator[Server]:
 def command_of(verb: str, *arguments: str) -> list[str]:
     """Return the command line of a verb for a process of its own."""
     return [sys.executable, "-m", "pipeline", verb, *arguments]
+
+
+@dataclass
+class Cluster:
+    """A Dask scheduler with workers of one thread each, all processes on loopback."""
+
+    address: str
+    workers: list[subprocess.Popen[bytes]]
+
+
+@contextmanager
+def dask_cluster(workers: int, prepared: str = "") -> Iterator[Cluster]:
+    """Run a cluster; ``prepared`` is Python that each worker runs first."""
+    address = f"tcp://127.0.0.1:{free_port()}"
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    quiet = ["--no-dashboard", "--host", "127.0.0.1"]
+    started = [_quietly(*program, *quiet, "--port", address.rpartition(":")[2])]
+    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
+    try:
+        with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
+            before = Path(folder) / "before.py"
+            before.write_text(prepared)
+            options += ["--local-directory", folder, "--preload", str(before)]
+            for _ in range(workers):
+                worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
+                started.append(_quietly(*worker, *options))
+            yield Cluster(address, started[1:])
+            for process in started:
+                process.kill()
+                process.wait()
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def _quietly(*command: str) -> subprocess.Popen[bytes]:
+    nothing = subprocess.DEVNULL
+    return subprocess.Popen(command, cwd=ROOT, stdout=nothing, stderr=nothing)
