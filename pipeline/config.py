@@ -272,6 +272,10 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
         solver = replace(solver, accuracy=section.accuracy)
     if section.max_step_s is not None:
         solver = replace(solver, max_step=section.max_step_s)
+    if section.max_steps is not None:
+        solver = replace(solver, max_steps=section.max_steps)
+    if section.time_limit_s is not None:
+        solver = replace(solver, time_limit=section.time_limit_s)
     return solver
 
 

@@ -6,6 +6,7 @@
 ``result.json``      front, best design and confirmation
 ``surrogate.json``   the surrogate with its data
 ``points.csv``       its data as a table: simulated operating points
+``others.json``      of a search that several machines share, what all of them simulated
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
 ``best.json``        which of them are of the best tenth
 ``report.html``      the report
@@ -36,6 +37,7 @@ class StudyFolder:
         self.trials = root / "trials.log"
         self.shifts = root / "shifts.jsonl"
         self.result = root / "result.json"
+        self.others = root / "others.json"
         self.references = root / "references.jsonl"
         self.best = root / "best.json"
         self.points = root / "points.csv"
@@ -130,10 +132,13 @@ def _whole(result: dict[str, Any]) -> bool:
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Return what must not change between runs in one folder; numbers of designs may."""
+    """Return what must not change between runs in one folder; numbers of designs may, and so may
+    the limit of time, on which no finished shift depends.
+    """
     content = file.model_dump()
     del content["search"]["trials"]
     del content["surrogate"]["designs"]
+    content["solver"].pop("time_limit_s", None)
     return content
 
 

@@ -1,14 +1,16 @@
 """The journal of shifts: one JSON line for every finished simulation.
 
-Workers append with one write each, so lines of several processes do not mix
-and a kill costs at most the line being written. Opening cuts off a torn last line.
+Workers append one at a time, under a lock of the operating system's, so lines do not mix. What
+a kill or a full disk left of a line is cut off before the next one is written, and on opening.
 """
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
@@ -25,6 +27,13 @@ class ShiftJournal:
         self.rows: dict[str, Record] = {}
         if path.exists():
             self._read()
+
+    def read_new(self) -> list[Record]:
+        """Read what workers wrote and did not hand over; return the rows that are new."""
+        known = set(self.rows)
+        if self.path.exists():
+            self._read()
+        return [row for key, row in self.rows.items() if key not in known]
 
     def _read(self) -> None:
         drop_torn_line(self.path)
@@ -52,16 +61,54 @@ class ShiftJournal:
 def drop_torn_line(path: Path) -> None:
     """Cut off a last line that a kill left unfinished, so that the next one starts clean."""
     content = path.read_bytes()
-    whole = content.rfind(b"\n") + 1
-    if whole < len(content):
-        os.truncate(path, whole)
+    if content and not content.endswith(b"\n"):
+        with _alone_in(path) as descriptor:
+            _drop_torn_line(descriptor)
 
 
-def append(path: Path, row: Record) -> None:
-    """Append one finished shift as a single write."""
-    line = json.dumps(row, allow_nan=False) + "\n"
-    descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+def append(path: Path, *rows: Record) -> None:
+    """Append finished shifts, all of them or none.
+
+    Raises StorageError where there is no room or no right to write.
+    """
+    lines = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
     try:
-        os.write(descriptor, line.encode())
+        with _alone_in(path) as descriptor:
+            end = _drop_torn_line(descriptor)
+            try:
+                _write(descriptor, lines)
+            except OSError:
+                os.ftruncate(descriptor, end)
+                raise
+    except OSError as error:
+        raise StorageError(
+            f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
+            "or give the right to write, and run the command again to go on"
+        ) from error
+
+
+@contextmanager
+def _alone_in(path: Path) -> Iterator[int]:
+    """Open a file for appending and hold its lock, which ends with the process."""
+    descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield descriptor
     finally:
         os.close(descriptor)
+
+
+def _drop_torn_line(descriptor: int) -> int:
+    """Cut off what follows the last whole line; return where the file then ends."""
+    end = os.fstat(descriptor).st_size
+    if end == 0 or os.pread(descriptor, 1, end - 1) == b"\n":
+        return end
+    whole = os.pread(descriptor, end, 0).rfind(b"\n") + 1
+    os.ftruncate(descriptor, whole)
+    return whole
+
+
+def _write(descriptor: int, content: bytes) -> None:
+    """Write all of it; a disk that fills up takes a part first and then refuses."""
+    while content:
+        content = content[os.write(descriptor, content) :]

@@ -8,9 +8,9 @@ from pathlib import Path
 from pipeline.config import Study
 from pipeline.folder import StudyFolder
 from pipeline.options import default_out
-from pipeline.rows import engine
 from sim.bundled import bundled_root
 from sim.records import content_key
+from sim.versions import engine
 from surrogate.dataset import differences
 from surrogate.model import Surrogate
 from surrogate.store import Stored, load

@@ -20,6 +20,9 @@ Sets = Annotated[
     typer.Option("--set", metavar="KEY=VALUE", help="override a key, e.g. dog.chamfer_deg=14"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
+Cluster = Annotated[
+    str | None, typer.Option(help="Dask scheduler to simulate on, e.g. tcp://scheduler:8786")
+]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
 
 

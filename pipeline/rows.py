@@ -11,12 +11,10 @@ from pipeline.records import number_or_none
 from sim.actuation import ForceProfile
 from sim.clutch import OperatingPoint
 from sim.records import UNCERTAIN, Record, clutch_record, content_key
-from sim.versions import versions
+from sim.versions import engine
 from surrogate.covariance import Array
 from surrogate.dataset import Dataset, rows_of
 from surrogate.mix import Mix, mix_of
-
-ENGINE = ("dogshape", "drake")  #: programs whose versions a row depends on
 
 
 def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
@@ -25,7 +23,7 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
     programs, physics = engine(), study.physics_hash
-    keys = (*clutch_record(study.clutch), *UNCERTAIN)
+    keys = {*clutch_record(study.clutch), "max_steps", *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):
@@ -48,11 +46,6 @@ def with_rows(study: Study, rows: Array) -> Dataset:
 def row_record(rows: Array) -> list[list[float | None]]:
     """Return rows as lists that JSON can hold: None where a number is missing."""
     return [[number_or_none(float(value)) for value in row] for row in rows]
-
-
-def engine() -> Record:
-    """Return the versions of the programs that simulate here."""
-    return {name: versions()[name] for name in ENGINE}
 
 
 def _rises_as(study: Study, shift: Record) -> bool:

@@ -24,6 +24,11 @@ Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
 
 
+def _unless_given() -> Any:
+    """Return the default of a key that came later: unset, it is no part of a file's hash."""
+    return Field(default=None, exclude_if=lambda value: value is None)
+
+
 class ContactSection(Section):
     """A named contact set and what is to differ from it."""
 
@@ -221,6 +226,8 @@ class SolverSection(Section):
     scheme: str | None = None
     accuracy: float | None = None
     max_step_s: float | None = None
+    max_steps: int | None = _unless_given()
+    time_limit_s: float | None = _unless_given()
 
 
 class SurrogateSection(Section):

@@ -3,24 +3,25 @@
 Trials of a round are asked together, simulated side by side and told in the
 order of their numbers, so the result does not depend on which finished first.
 A round that was cut off is taken up again with the parameters it had; shifts
-that it had finished come from the journal.
+that it had finished come from the journal. Several runs can share a search: each
+asks for rounds of its own, and takes up those of runs that have ended.
 """
 
 from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
 
 import numpy as np
 import optuna
-from optuna.exceptions import ExperimentalWarning
+from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.samplers import BaseSampler
-from optuna.storages import BaseStorage, JournalStorage
-from optuna.storages.journal import JournalFileBackend
 from optuna.trial import FrozenTrial, TrialState
 
+from pipeline.claims import Alone, Claims
 from pipeline.config import Study
 from pipeline.design import (
     SIMULATED,
@@ -34,13 +35,17 @@ from pipeline.design import (
 from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
-from pipeline.journal import drop_torn_line
 from pipeline.rows import row_record
 from pipeline.sampling.dogs import search_space
 from pipeline.sampling.improvement import not_dominated
+from pipeline.storage import opening
+from sim.blocks import even_blocks
 from sim.errors import StorageError
 from sim.records import content_key, landing_of, landing_record
+from sim.versions import engine
 from surrogate.covariance import Array
+
+WORKER = "worker"  #: attribute of a trial: number of the run that is at it
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
@@ -51,6 +56,7 @@ class Search:
 
     study: Study
     optuna: optuna.Study
+    claims: Claims = field(default_factory=Alone)
 
     @property
     def trials(self) -> list[FrozenTrial]:
@@ -73,6 +79,23 @@ class Search:
         landing = landing_of(given) if "standard_error_s" in given else None
         return design_of(self.study, dict(trial.params), landing)
 
+    @property
+    def rows(self) -> list[list[float | None]]:
+        """Return what all simulated trials hold for the surrogate, in their order."""
+        return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
+
+    def shifts(self, known: Iterable[str]) -> int:
+        """Return how many shifts there are: those known by their keys, and other runs'."""
+        if self.claims.worker is None:
+            return len(set(known))
+        settings = self.study.file.expectation
+        keys = set(known)
+        for trial in self.simulated:
+            clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
+            blocks = even_blocks(clutch, self.study.points, settings.angles, settings.seed)
+            keys.update(key for block in blocks for key in block.keys)
+        return len(keys)
+
 
 def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
@@ -81,9 +104,8 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: 
     of that name which is of another configuration or is not to be resumed.
     """
     logging.getLogger("optuna").setLevel(logging.WARNING)
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
         warnings.simplefilter("ignore", ExperimentalWarning)
-        backend = _storage(folder, storage)
         try:
             opened = optuna.create_study(
                 study_name=study.name,
@@ -96,8 +118,10 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: 
                 f"the storage holds a study '{study.name}' with other objectives; "
                 "give the study another name or use another storage"
             ) from error
-    _require_same(study, opened, resume)
-    return Search(study, opened)
+        _require_same(study, opened, resume)
+        if claims.worker is not None:
+            _require_same_versions(opened)
+    return Search(study, opened, claims)
 
 
 def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
@@ -117,20 +141,18 @@ def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
         )
 
 
-def _storage(folder: StudyFolder, url: str | None) -> BaseStorage:
-    try:
-        if url is not None:
-            return optuna.storages.RDBStorage(url)
-        if folder.trials.exists():
-            drop_torn_line(folder.trials)
-        return JournalStorage(JournalFileBackend(str(folder.trials)))
-    except Exception as error:
-        where = url or str(folder.trials)
-        first = str(error).split("\n")[0]
+def _require_same_versions(opened: optuna.Study) -> None:
+    """Refuse a machine whose shifts would differ from those of the others."""
+    here = engine()
+    known = opened.user_attrs.get("versions")
+    if known is None:
+        opened.set_user_attr("versions", here)
+    elif known != here:
+        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
         raise StorageError(
-            f"the storage {where} cannot be opened ({type(error).__name__}: {first}); "
-            "check the address and that its server runs"
-        ) from error
+            f"the storage holds a study that other versions simulate ({apart}); install the same "
+            "or give the study another name"
+        )
 
 
 def run(
@@ -139,29 +161,48 @@ def run(
     executor: Executor,
     after_round: AfterRound,
 ) -> None:
-    """Run the search until the study's number of trials is finished."""
-    study = search.study
+    """Run the search until the study's number of trials is finished, by this run and others."""
+    while True:
+        with search.claims.turn():
+            ids = _next_round(search, sampler_of)
+        if ids:
+            _finish(search, ids, executor)
+            after_round(_status(search))
+        elif len(search.trials) >= search.study.file.search.trials:
+            return
+        else:
+            search.claims.wait()
+
+
+def _next_round(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[int]:
+    """Return the trials of this run's next round: those cut off, then new ones.
+
+    What other runs have asked for counts as if it were finished, so none is asked too many.
+    """
+    study, settings = search.study, search.study.file.search
     if not search.optuna.get_trials(deepcopy=False):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
-    left = _cut_off(search)
-    while left or len(search.trials) < study.file.search.trials:
-        # A round that was cut off while it was asked is asked to its end first.
-        wanted = study.file.search.trials - len(search.trials)
-        size = max(0, min(study.file.search.batch, wanted) - len(left))
-        asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
-        search.optuna.sampler = sampler_of(len(asked) - len(left))
-        space = search_space(study)
-        trials = [search.optuna.ask(space) for _ in range(size)]
-        _finish(search, [*left, *(t._trial_id for t in trials)], executor)
-        left = []
-        after_round(_status(search))
+    left = _cut_off(search)[: settings.batch]
+    # A round that was cut off while it was asked is asked to its end first.
+    asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
+    begun = [t for t in asked if t.state != TrialState.WAITING]
+    size = max(0, min(settings.batch - len(left), settings.trials - len(begun)))
+    search.optuna.sampler = sampler_of(len(asked) - len(left))
+    space = search_space(study)
+    ids = [*left, *(search.optuna.ask(space)._trial_id for _ in range(size))]
+    if search.claims.worker is not None:
+        for trial_id in ids:
+            optuna.Trial(search.optuna, trial_id).set_user_attr(WORKER, search.claims.worker)
+    return ids
 
 
 def _cut_off(search: Search) -> list[int]:
-    """Return the trials that an earlier run asked and did not tell; fail incomplete ones."""
-    left = []
+    """Return the trials that a dead run asked and did not tell; fail incomplete ones."""
+    left, living = [], search.claims.living()
     names = set(search.study.variables)
     for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        if trial.user_attrs.get(WORKER) in living:
+            continue
         if names <= set(trial.params):
             left.append(trial._trial_id)
         else:
@@ -171,18 +212,18 @@ def _cut_off(search: Search) -> list[int]:
 
 def _finish(search: Search, ids: list[int], executor: Executor) -> None:
     """Simulate the designs among trials that may pass and tell them all in order."""
-    study, settings = search.study, search.study.file.expectation
+    study = search.study
     trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
     designs = [design_of(study, dict(t.params)) for t in trials]
     worth = [d.dog for d in designs if d.dog is not None and d.feasible]
+    settings = study.file.expectation
     results = iter(evaluate(study, worth, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
-        if design.feasible:
-            found = next(results)
-            landed = design_of(study, design.params, found.landing)
+        found = next(results) if design.feasible else None
+        landed = design if found is None else design_of(study, design.params, found.landing)
+        # A run that seemed dead may have told it meanwhile: it found the same.
+        with suppress(UpdateFinishedTrialError):
             _tell(search, trial, landed, found)
-        else:
-            _tell(search, trial, design, None)
 
 
 def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
@@ -200,7 +241,8 @@ def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated 
     if design.failed:
         trial.set_user_attr("failed", design.failed)
     simulated = {name: e.value for name, e in found.estimates.items()} if found else {}
-    search.optuna.tell(trial, values_of(search.study, design, simulated))
+    values = values_of(search.study, design, simulated)
+    search.optuna.tell(trial, values, skip_if_finished=True)
 
 
 def _status(search: Search) -> str:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
+from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
@@ -19,7 +22,7 @@ from pipeline.design import (
     objectives_of,
 )
 from pipeline.evaluation import Simulated, evaluate
-from pipeline.executor import Executor
+from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.known import joining
@@ -29,24 +32,28 @@ from pipeline.report import write_report
 from pipeline.rows import study_mix
 from pipeline.sampling.factory import sampler_factory
 from pipeline.search import Search, best_trial, front, open_search, run, value_of
+from pipeline.storage import kept
 from pipeline.tolerances import smallest_within, spread_record, time_spread
-from pipeline.training import train
+from pipeline.training import Say, train
 from sim.checks import smallest_margin
 from sim.errors import InputError
+from sim.outcome import Outcome
 from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
 
+SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a round by its first trial
 FRESH = 7919  #: added to the seed of the search for angles that it did not use
 
 
 @dataclass(frozen=True)
 class Run:
-    """Where and how a study is run; ``jobs`` 0 is one for each core."""
+    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers."""
 
     folder: StudyFolder
     jobs: int = 0
     storage: str | None = None
     resume: bool = False
+    cluster: str | None = None
 
 
 def run_study(study: Study, how: Run) -> dict[str, Any]:
@@ -56,32 +63,40 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     known = joining(study, lambda _: None) if study.file.search.use_known else None
     sampler_of = sampler_factory(study, known)
     folder = how.folder
+    connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
         search = open_search(study, folder, how.storage, how.resume)
-        journal = ShiftJournal(folder.shifts)
-        with ShiftProgress(_shifts(study)) as progress:
-
-            def after_round(line: str) -> None:
-                progress.say(line)
-                write_json(folder.result, collect(search, journal))
-
-            executor = Executor(journal, how.jobs, progress.advance)
-            try:
-                run(search, sampler_of, executor, after_round)
-                confirmation = _confirm(search, executor, progress)
-            except KeyboardInterrupt:
-                progress.say(f"finished shifts are kept in {folder.root}; --resume goes on")
-                raise
-        result = collect(search, journal)
-        result["confirmation"] = confirmation
+        with closing(search.claims), kept(how.storage, folder):
+            result, say = _searched(search, sampler_of, how)
         if result["n_simulated_designs"] > MIN_DESIGNS:
-            _learn(study, folder, result, progress.say)
+            _learn(study, folder, result, say)
         else:
-            progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
+            say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
         write_report(folder)
     return result
+
+
+def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
+    """Run a search to its end and confirm its best; return the result and how to say more."""
+    folder, journal = how.folder, ShiftJournal(how.folder.shifts)
+    with ShiftProgress(_shifts(search.study)) as progress:
+
+        def after_round(line: str) -> None:
+            progress.say(line)
+            write_json(folder.result, collect(search, journal))
+
+        executor = Executor(journal, how.jobs, progress.advance, how.cluster)
+        try:
+            run(search, sampler_of, executor, after_round)
+            confirmation = _confirm(search, executor, progress)
+        except KeyboardInterrupt:
+            progress.say(f"finished shifts are kept in {folder.root}; --resume goes on")
+            raise
+    if search.claims.worker is not None:
+        write_json(folder.others, {"rows": search.rows})
+    return {**collect(search, journal), "confirmation": confirmation}, progress.say
 
 
 def _learn(
@@ -119,13 +134,20 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "front": [rows[trial.number] for trial in front(search)],
         "trials": list(rows.values()),
         "n_simulated_designs": len(search.simulated),
-        "n_simulated_shifts": len(journal.rows),
+        "n_simulated_shifts": search.shifts(journal.rows),
+        "failed_shifts": failed_shifts(journal),
         "confirmation": None,
         "surrogate": None,
         "versions": versions(),
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,
     }
+
+
+def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
+    """Return how many shifts of a journal failed, by the reason; they have no time."""
+    failed = [row for row in journal.rows.values() if row["outcome"] == Outcome.DIVERGED.value]
+    return dict(Counter(str(row.get("reason", Outcome.DIVERGED.message)) for row in failed))
 
 
 def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:

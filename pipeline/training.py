@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.config import Study
-from pipeline.executor import Executor
+from pipeline.executor import Executor, connect
 from pipeline.filling import filling_blocks, first_designs
 from pipeline.folder import StudyFolder, read_json, write_json
 from pipeline.inquiry import Inquiry, inquire
@@ -22,10 +22,10 @@ from pipeline.journal import ShiftJournal
 from pipeline.known import joining
 from pipeline.progress import ShiftProgress
 from pipeline.references import best_designs, reference_designs, simulate_references
-from pipeline.rows import dataset_of, study_mix
+from pipeline.rows import dataset_of, study_mix, with_rows
 from sim.errors import InputError
 from surrogate.comparison import compare
-from surrogate.dataset import among
+from surrogate.dataset import COLUMNS, Dataset, among
 from surrogate.figures import Validation, predict, ranked
 from surrogate.fitting import WHOLE, Effort
 from surrogate.learning import fit
@@ -38,16 +38,18 @@ Say = Callable[[str], None]  #: prints a line for people
 FILLED = 1200  #: rows that parameters are fitted to where a folder was filled for it: minutes
 
 
-def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
+def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = None) -> None:
     """Simulate designs that fill their space, and references; go on where a call was stopped."""
     settings = study.file.surrogate
+    connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)
         designs = first_designs(study, settings.designs)
         with ShiftProgress(settings.designs * settings.points * settings.angles) as progress:
             try:
-                _fill(study, designs, Executor(ShiftJournal(folder.shifts), jobs, progress.advance))
-                executor = Executor(ShiftJournal(folder.references), jobs, progress.advance)
+                shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
+                _fill(study, designs, Executor(shifts, jobs, progress.advance, cluster))
+                executor = Executor(apart_from_them, jobs, progress.advance, cluster)
                 apart = [
                     d for d in reference_designs(study, settings.references) if d not in designs
                 ]
@@ -58,11 +60,12 @@ def fill(study: Study, folder: StudyFolder, jobs: int) -> None:
                 raise
 
 
-def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int) -> None:
+def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:
     """Simulate more about a question into a folder that has shifts already."""
+    connect(cluster)
     study = folder.stored_study()
     with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
-        executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance)
+        executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance, cluster)
         try:
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
         except KeyboardInterrupt:
@@ -101,8 +104,7 @@ def train(
     Fewer designs than it needs raise InputError.
     """
     study = folder.stored_study()
-    journal = ShiftJournal(folder.shifts)
-    data = dataset_of(study, journal.rows.values())
+    data = _data_of(study, folder)
     known = None if folder.references.exists() else joining(study, say)
     if known is not None:
         data = known.data.joined(data)  # its parameters are in units of its own ranges
@@ -118,6 +120,16 @@ def train(
     save(out or folder.surrogate, stored)
     data.frame().to_csv(folder.points, index=False)
     return stored
+
+
+def _data_of(study: Study, folder: StudyFolder) -> Dataset:
+    """Return what the folder's shifts say, after what all machines at its search found."""
+    own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
+    if not folder.others.exists():
+        return own
+    rows = read_json(folder.others, "run 'dogshape study' with --resume to write it again")
+    width = len(study.variables) + len(COLUMNS)
+    return with_rows(study, np.array(rows["rows"], dtype=float).reshape(-1, width)).joined(own)
 
 
 def _judged(study: Study, folder: StudyFolder, surrogate: Surrogate, parts: Effort) -> Validation:

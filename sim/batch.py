@@ -12,6 +12,7 @@ from functools import lru_cache
 from sim.blocks import Block
 from sim.clutch import Clutch
 from sim.engagement import Engagement, engage
+from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.records import Record, content_key, landing_record
 from sim.units import MM, RPM
@@ -57,6 +58,7 @@ def shift_record(result: Engagement, given: Record) -> Record:
         **loads_record(result),
         "steps": result.steps,
         "evaluations": result.evaluations,
+        **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
         "dogshape": versions()["dogshape"],
         "drake": versions()["drake"],
     }

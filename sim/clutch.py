@@ -43,6 +43,9 @@ class Rings:
         return self.sliding_inertia * self.output_inertia / both
 
 
+MAX_STEPS = 400_000  #: steps of a shift where the study gives no other number
+
+
 @dataclass(frozen=True)
 class Solver:
     """How the motion is integrated.
@@ -55,12 +58,18 @@ class Solver:
     contact and the steps spent on coming back cost more than was saved.
     ``cenic`` is needed where static and dynamic friction differ much; it wants an
     accuracy of 1e-7 (position error of a step in m and rad).
+
+    A shift takes some hundred steps and a fifth of a second. One that takes more than
+    ``max_steps``, or more than ``time_limit`` in s, counts as diverged. The first limit makes
+    the same shift fail on every machine and stands far below the second.
     """
 
     scheme: str = "runge_kutta3"
     accuracy: float = 3e-4
     max_step: float = 1e-3
     all_dogs: bool = False
+    max_steps: int = MAX_STEPS
+    time_limit: float = 600.0
 
     def __post_init__(self) -> None:
         if self.scheme not in SCHEMES:
@@ -69,6 +78,8 @@ class Solver:
         remedy = "correct the solver settings"
         require_between("solver.accuracy", self.accuracy, 1e-10, 0.1, remedy)
         require_between("solver.max_step_s", self.max_step, 1e-6, 0.01, remedy)
+        require_between("solver.max_steps", self.max_steps, 10, 1e8, remedy)
+        require_between("solver.time_limit_s", self.time_limit, 0.01, 86_400.0, remedy)
 
 
 #: Schemes with the accuracy that each needs.

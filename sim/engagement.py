@@ -8,6 +8,7 @@ and stops the run; everything else is worked out afterwards from the record.
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,6 @@ from sim.plant import ClutchPlant
 from sim.trace import Series, Trace, crossing, trace_of
 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
-STEP_LIMIT = 400_000  #: steps after which a run counts as diverged
 
 
 @dataclass(frozen=True)
@@ -63,22 +63,36 @@ class _Record:
         self.blocked = False
         self.failure = ""
         self.evaluations = 0
+        self._solver = clutch.solver
+        self._end = time.monotonic() + clutch.solver.time_limit
         self._check_at = STILL_WINDOW
         self._last: Series | None = None
 
     def __call__(self, context: Context) -> EventStatus | None:
-        time = context.get_time()
+        now = context.get_time()
         state = self.plant.state()
-        self.times.append(time)
+        self.times.append(now)
         self.states.append(state)
         if state[1] >= self.travel:
             return self._stop("engaged")
-        if len(self.times) > STEP_LIMIT or not math.isfinite(state[1]):
-            raise RuntimeError(f"no end after {len(self.times)} steps at {time:.6g} s")
-        if time >= self._check_at and self._stands_still(time, state):
+        self._require_within_limits(now, state)
+        if now >= self._check_at and self._stands_still(now, state):
             self.blocked = True
             return self._stop("blocked")
         return None
+
+    def _require_within_limits(self, now: float, state: Series) -> None:
+        """Raise RuntimeError where the run is lost; Drake hands it on as its own."""
+        if len(self.times) < 2:
+            return
+        if not math.isfinite(state[1]):
+            raise RuntimeError(f"the motion is not finite at {now:.6g} s")
+        if len(self.times) > self._solver.max_steps:
+            limit = f"solver.max_steps = {self._solver.max_steps}"
+            raise RuntimeError(f"no end after {limit}, at {now:.6g} s of the shift")
+        if time.monotonic() > self._end:
+            limit = f"solver.time_limit_s = {self._solver.time_limit:.6g}"
+            raise RuntimeError(f"no end after {limit}, at {now:.6g} s of the shift")
 
     def _stands_still(self, time: float, state: Series) -> bool:
         """Tell whether the rings are held, once the force is half up and would move free ones."""

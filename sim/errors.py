@@ -32,6 +32,10 @@ class StorageError(DogshapeError):
     """A study folder or storage that is in use, of another version or damaged."""
 
 
+class WorkerError(DogshapeError):
+    """Worker processes or a cluster that cannot be reached or cannot go on."""
+
+
 def number(value: float) -> str:
     """Format ``value`` for a sentence: up to six significant digits."""
     return f"{value:.6g}"

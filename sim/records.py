@@ -10,18 +10,23 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from sim.clutch import Clutch, OperatingPoint
+from sim.clutch import MAX_STEPS, Clutch, OperatingPoint
 from sim.expectation import ShiftResult
 from sim.loads import Landing
 from sim.outcome import Outcome
 from sim.uncertainty import FACTORS, Variant
 from sim.units import DEG, MM, RPM
+from sim.versions import versions
 
 Record = dict[str, Any]
 
 
 def clutch_record(clutch: Clutch) -> Record:
-    """Return everything about a clutch that a simulation uses, in the edge's units."""
+    """Return everything about a clutch that a simulation uses, in the edge's units.
+
+    The limit of steps is named only where it is not the usual one, which then is no part of a
+    key; the limit of time never is, since what a shift gives does not depend on it.
+    """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
         "count": dog.count,
@@ -49,6 +54,7 @@ def clutch_record(clutch: Clutch) -> Record:
         "accuracy": solver.accuracy,
         "max_step_s": solver.max_step,
         "all_dogs": solver.all_dogs,
+        **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
     }
 
 
@@ -104,6 +110,21 @@ def content_key(record: Record) -> str:
     rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
     text = json.dumps(rounded, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def failed_record(given: Record, seed: int | None, reason: str) -> Record:
+    """Return the record of a shift that took its process down and so says nothing but why."""
+    return {
+        "key": content_key(given),
+        **given,
+        "outcome": Outcome.DIVERGED.value,
+        "shift_time_s": None,
+        **landing_record(Landing()),
+        "reason": reason,
+        "dogshape": versions()["dogshape"],
+        "drake": versions()["drake"],
+        "seed": seed,
+    }
 
 
 def result_of(record: Record) -> ShiftResult:

@@ -3,8 +3,8 @@
 Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
 come from the surrogate over designs and operating points, fitted to every row so far; each other
 objective that needs a simulation has a process over designs, fitted to its values with their
-standard errors. How hard dogs land on each other is known after the simulation only; another process
-over designs foretells that.
+standard errors. How hard dogs land on each other is known after the simulation only; another
+process over designs foretells that.
 """
 
 from __future__ import annotations

@@ -43,6 +43,8 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
         lines += [_gain_text(c, o.name, o.label, o.unit) for o in others if o.simulated]
         if not is_clear(c):
             lines.append("the best design is not distinguishable from the prototype")
+    for reason, count in result["failed_shifts"].items():
+        lines.append(f"{count} shifts failed and count as not engaged: {reason}")
     lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
     return Group(*lines)
 

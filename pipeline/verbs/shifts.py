@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,8 +15,9 @@ from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study
 from pipeline.console import emit, verb
 from pipeline.evaluation import expectation_of
-from pipeline.executor import scratch_executor
+from pipeline.executor import Executor, scratch_executor
 from pipeline.options import (
+    Cluster,
     Jobs,
     Json,
     OneForce,
@@ -42,6 +45,7 @@ from sim.units import DEG
 
 Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
+Simulate = Callable[..., Executor]  #: gives an executor that reports its progress
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
@@ -117,6 +121,7 @@ def expect(
     ] = None,
     set_: Sets = None,
     jobs: Jobs = 0,
+    cluster: Cluster = None,
     json: Json = False,
 ) -> None:
     """Expected shift time over the relative angle.
@@ -128,28 +133,29 @@ def expect(
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(given, mismatch_rpm, force_N, force_rise_s)
+    simulate = partial(scratch_executor, jobs, cluster=cluster)
     if precision is not None:
         if angles is not None:
             raise InputError("--precision finds the number of angles itself; leave out --angles")
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        result = _expect_to(given, points, precision, jobs)
+        result = _expect_to(given, points, precision, simulate)
     else:
-        result = _expect_at(given, points, angles, jobs)
+        result = _expect_at(given, points, angles, simulate)
     emit(expectation_record(result), json, lambda: expectation_table(result))
 
 
 def _expect_to(
-    given: Study, points: tuple[OperatingPoint, ...], precision: float, jobs: int
+    given: Study, points: tuple[OperatingPoint, ...], precision: float, simulate: Simulate
 ) -> Expectation:
     with ShiftProgress(FIRST * len(points)) as progress:
-        executor = scratch_executor(jobs, progress.advance)
+        executor = simulate(progress=progress.advance)
         precise = expect_to(given, points, precision, executor, progress)
         error = numerical_error(precise.blocks, precise.rows, executor.run)
     return replace(precise.expectation, numerical_error=error)
 
 
 def _expect_at(
-    given: Study, points: tuple[OperatingPoint, ...], angles: str | None, jobs: int
+    given: Study, points: tuple[OperatingPoint, ...], angles: str | None, simulate: Simulate
 ) -> Expectation:
     count, listed = angles_of(angles, given.file.expectation.angles)
     seed, unsure = given.file.expectation.seed, given.uncertainty
@@ -159,7 +165,7 @@ def _expect_at(
         blocks = even_blocks(given.clutch, points, count, seed, uncertainty=unsure)
     shifts = sum(len(b.angles) for b in blocks)
     with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
-        executor = scratch_executor(jobs, progress.advance)
+        executor = simulate(progress=progress.advance)
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)
     result = expectation_of(given, points, rows, even=not listed)

@@ -12,7 +12,7 @@ from pipeline.console import emit, verb
 from pipeline.folder import StudyFolder
 from pipeline.inquiry import Inquiry
 from pipeline.known import space_out
-from pipeline.options import Jobs, Json, Sets, StudyArg, default_out
+from pipeline.options import Cluster, Jobs, Json, Sets, StudyArg, default_out
 from pipeline.progress import ShiftProgress
 from pipeline.report import write_report
 from pipeline.study import Run, run_study
@@ -27,8 +27,12 @@ def study(
     out: Annotated[Path | None, typer.Option(help="default: results/NAME")] = None,
     trials: Annotated[int | None, typer.Option(min=1, help="designs to propose")] = None,
     jobs: Jobs = 0,
+    cluster: Cluster = None,
     seed: Annotated[int | None, typer.Option(min=0, help="of the search")] = None,
-    storage: Annotated[str | None, typer.Option(help="Optuna URL instead of a journal")] = None,
+    storage: Annotated[
+        str | None,
+        typer.Option(help="PostgreSQL that machines share: postgresql+psycopg://user@host/db"),
+    ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on if there is a study")] = False,
     set_: Sets = None,
     json: Json = False,
@@ -42,7 +46,7 @@ def study(
     overrides += [f"search.seed={seed}"] if seed is not None else []
     given = load_study(study, overrides)
     folder = StudyFolder(out or default_out(given))
-    result = run_study(given, Run(folder, jobs, storage, resume))
+    result = run_study(given, Run(folder, jobs, storage, resume, cluster))
     keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
     data = {key: result[key] for key in keys} | {"report": str(folder.report)}
     emit(data, json, lambda: study_table(given, result, folder.report))
@@ -75,6 +79,7 @@ def fit(
     ] = None,
     shifts: Annotated[int, typer.Option(min=1, help="with --question: how many more")] = 1024,
     jobs: Jobs = 0,
+    cluster: Cluster = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
@@ -97,9 +102,9 @@ def fit(
         given = load_study(where, set_)
         folder = StudyFolder(space_out(given))
         require_variables(given)
-        fill(given, folder, jobs)
+        fill(given, folder, jobs, cluster)
     if asked is not None:
-        ask_more(folder, asked, jobs)
+        ask_more(folder, asked, jobs, cluster)
     with ShiftProgress(0) as progress:
         stored = train(folder, out, choose=choose, say=progress.say)
     path = out or folder.surrogate

@@ -23,6 +23,7 @@ GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {
         "pipeline/search.py",
+        "pipeline/storage.py",
         "pipeline/study.py",
         "pipeline/sampling/space.py",
         "pipeline/sampling/guide.py",
@@ -30,6 +31,7 @@ GUARDED = {
         "pipeline/sampling/dogs.py",
         "pipeline/sampling/factory.py",
     },
+    "sqlalchemy": {"pipeline/claims.py", "pipeline/storage.py"},
     "sklearn": {"surrogate/fitting.py"},
     "plotly": {
         "pipeline/figures.py",
@@ -49,6 +51,7 @@ GUARDED = {
         "pipeline/verbs/exploring.py",
     },
     "joblib": {"pipeline/executor.py"},
+    "distributed": {"pipeline/executor.py"},
     "mujoco": {"diagnosis/second_engine.py"},
     "build123d": {"pipeline/cad.py"},
     "skfem": {"sim/root_stress.py"},

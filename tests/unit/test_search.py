@@ -189,8 +189,13 @@ def test_a_broken_journal_of_trials_is_said(tmp_path: Path) -> None:
     run_study(short, Run(StudyFolder(tmp_path), jobs=1))
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
-    with pytest.raises(StorageError, match=r"trials\.log.* cannot be opened"):
+    shifts = (tmp_path / "shifts.jsonl").read_bytes()
+    with pytest.raises(StorageError, match=r"trials\.log, line 1 is damaged; remove the file"):
         run_study(short, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+    log.unlink()
+    again = run_study(short, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+    assert len(again["trials"]) == 1
+    assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
 
 def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, Any]]) -> None:

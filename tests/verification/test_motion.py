@@ -219,16 +219,22 @@ def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
     assert result.trace.time[-1] == pytest.approx(0.03)
 
 
-def test_failed_integration_is_an_outcome(
-    plant: ClutchPlant, point: Point, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        ({"max_steps": 20}, "no end after solver.max_steps = 20, at 0."),
+        ({"time_limit": 0.01}, "no end after solver.time_limit_s = 0.01, at 0."),
+    ],
+)
+def test_a_shift_beyond_its_limits_is_an_outcome(
+    clutch: Clutch, point: Point, limit: dict[str, float], words: str
 ) -> None:
-    monkeypatch.setattr("sim.engagement.STEP_LIMIT", 20)
-    result = engage(plant, point(50, 235.2), 0.0)
+    limited = replace(clutch, solver=replace(clutch.solver, **limit))
+    result = engage(ClutchPlant(limited), point(50, 235.2), 0.0)
     assert result.outcome is Outcome.DIVERGED
     assert result.shift_time is None
-    assert "no end after 21 steps" in result.detail
-    monkeypatch.undo()
-    assert engage(plant, point(50, 235.2), 0.0).outcome is Outcome.ENGAGED
+    assert words in result.detail
+    assert engage(ClutchPlant(clutch), point(50, 235.2), 0.0).outcome is Outcome.ENGAGED
 
 
 def test_contact_set_decides_the_scheme() -> None:

@@ -1,0 +1,137 @@
+"""A PostgreSQL server of the tests' own, and Dask clusters as processes on this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.conftest import needed
+
+ROOT = Path(__file__).parents[1]
+
+
+def free_port() -> int:
+    """Return a port of this machine that nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def _tools() -> Path | None:
+    """Return the folder of the server's programs, the newest version's."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
+    on_path = shutil.which("initdb")
+    return found[-1].parent if found else Path(on_path).parent if on_path else None
+
+
+@dataclass
+class Server:
+    """A PostgreSQL server on loopback."""
+
+    tools: Path
+    folder: Path
+    port: int
+
+    @property
+    def url(self) -> str:
+        """Address of its database for Optuna."""
+        return f"postgresql+psycopg://postgres@127.0.0.1:{self.port}/postgres"
+
+    def call(self, tool: str, *arguments: str) -> str:
+        """Run one of the server's programs, which refuse to run as root."""
+        command = [str(self.tools / tool), *arguments]
+        if os.geteuid() == 0:
+            command = ["runuser", "-u", "postgres", "--", *command]
+        log = self.folder / "out.txt"
+        with log.open("w") as out:  # the server inherits it, so no pipe
+            done = subprocess.run(command, stdout=out, stderr=out, cwd="/", timeout=60, check=False)
+        assert done.returncode == 0, log.read_text()
+        return log.read_text()
+
+    def start(self) -> None:
+        """Start the server and wait until it answers."""
+        data = str(self.folder / "data")
+        options = f"-p {self.port} -c listen_addresses=127.0.0.1 -c fsync=off -k {self.folder}"
+        self.call("pg_ctl", "-D", data, "-o", options, "-w", "-l", f"{data}/log", "start")
+
+    def stop(self) -> None:
+        """Stop the server at once, as a power cut would."""
+        self.call("pg_ctl", "-D", str(self.folder / "data"), "-m", "immediate", "-w", "stop")
+
+    def ask(self, question: str) -> list[str]:
+        """Return the lines that a query gives."""
+        where = ["-h", "127.0.0.1", "-p", str(self.port), "-U", "postgres", "-At", "-c", question]
+        return self.call("psql", *where).splitlines()
+
+
+@contextmanager
+def postgres() -> Iterator[Server]:
+    """Run a server in a folder of its own."""
+    tools = _tools()
+    needed(tools is not None, "postgresql")
+    assert tools is not None
+    folder = Path(tempfile.mkdtemp(prefix="dogshape-pg-"))
+    folder.chmod(0o700)
+    if os.geteuid() == 0:
+        shutil.chown(folder, "postgres", "postgres")
+    server = Server(tools, folder, free_port())
+    try:
+        server.call("initdb", "-D", str(folder / "data"), "-U", "postgres", "-A", "trust", "-N")
+        server.start()
+        yield server
+        server.stop()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def command_of(verb: str, *arguments: str) -> list[str]:
+    """Return the command line of a verb for a process of its own."""
+    return [sys.executable, "-m", "pipeline", verb, *arguments]
+
+
+@dataclass
+class Cluster:
+    """A Dask scheduler with workers of one thread each, all processes on loopback."""
+
+    address: str
+    workers: list[subprocess.Popen[bytes]]
+
+
+@contextmanager
+def dask_cluster(workers: int, prepared: str = "") -> Iterator[Cluster]:
+    """Run a cluster; ``prepared`` is Python that each worker runs first."""
+    address = f"tcp://127.0.0.1:{free_port()}"
+    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
+    quiet = ["--no-dashboard", "--host", "127.0.0.1"]
+    started = [_quietly(*program, *quiet, "--port", address.rpartition(":")[2])]
+    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
+    try:
+        with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
+            before = Path(folder) / "before.py"
+            before.write_text(prepared)
+            options += ["--local-directory", folder, "--preload", str(before)]
+            for _ in range(workers):
+                worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
+                started.append(_quietly(*worker, *options))
+            yield Cluster(address, started[1:])
+            for process in started:
+                process.kill()
+                process.wait()
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def _quietly(*command: str) -> subprocess.Popen[bytes]:
+    nothing = subprocess.DEVNULL
+    return subprocess.Popen(command, cwd=ROOT, stdout=nothing, stderr=nothing)

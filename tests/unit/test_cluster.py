@@ -1,0 +1,155 @@
+"""Simulating on a Dask cluster: the same shifts, whoever dies on the way."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.conftest import SMALL
+from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
+
+OVERRIDES = [part for text in SMALL for part in ("--set", text)]
+EXPECT = ["mq200", "--angles", "3", *OVERRIDES, "--json"]
+
+
+def _call(verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command_of(verb, *arguments), cwd=ROOT, capture_output=True, text=True, timeout=300,
+        check=False,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    """A cluster of one worker."""
+    with dask_cluster(1) as running:
+        yield running
+
+
+def test_a_cluster_gives_what_one_machine_gives(cluster: Cluster) -> None:
+    away, here = (_call("expect", *EXPECT, *m) for m in (["--cluster", cluster.address], []))
+    assert away.returncode == 0, away.stderr
+    assert json.loads(away.stdout) == json.loads(here.stdout)
+    # One worker must do it, and not this machine in its place.
+    busy = sum(float(t) for t in _times(cluster.workers[0].pid))
+    assert busy > 1.0
+
+
+def _times(pid: int) -> list[float]:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return [int(fields[k]) / os.sysconf("SC_CLK_TCK") for k in (11, 12)]
+
+
+def test_a_killed_worker_loses_no_trial(tmp_path: Path) -> None:
+    """Its shifts run again on the other one; the result is that of one machine."""
+    outs = [tmp_path / "away", tmp_path / "here"]
+    size = ["--set", "search.trials=4"]
+    with dask_cluster(2) as two:
+        process = subprocess.Popen(
+            command_of("study", "mq200", "--out", str(outs[0]), *OVERRIDES, *size,
+                       "--cluster", two.address),
+            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        _wait_for_shifts(outs[0], 6)
+        os.kill(two.workers[0].pid, signal.SIGKILL)
+        two.workers[0].wait()
+        _, err = process.communicate(timeout=240)
+        assert process.returncode == 0, err.decode()
+    here = _call("study", "mq200", "--out", str(outs[1]), *OVERRIDES, *size)
+    assert here.returncode == 0, here.stderr
+    away, alone = (json.loads((out / "result.json").read_text()) for out in outs)
+    assert away == alone
+    rows = [sorted(_keys(out)) for out in outs]
+    assert rows[0] == rows[1]
+    assert len(set(rows[0])) == len(rows[0]) == 4 * 6 + 12 + 8
+
+
+def _keys(out: Path) -> list[Any]:
+    return [json.loads(line)["key"] for line in (out / "shifts.jsonl").read_text().splitlines()]
+
+
+def _wait_for_shifts(out: Path, count: int) -> None:
+    end = time.monotonic() + 120
+    journal = out / "shifts.jsonl"
+    while not journal.exists() or journal.read_bytes().count(b"\n") < count:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def test_ctrl_c_stops_a_run_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
+    process = subprocess.Popen(
+        command_of("study", "mq200", "--out", str(tmp_path), *OVERRIDES,
+                   "--cluster", cluster.address),
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )  # fmt: skip
+    _wait_for_shifts(tmp_path, 3)
+    os.kill(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err.decode()
+    assert "finished shifts are kept" in err.decode()
+    assert "Traceback" not in err.decode()
+    assert _call("expect", *EXPECT, "--cluster", cluster.address).returncode == 0
+
+
+def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
+    with dask_cluster(1) as doomed:
+        process = subprocess.Popen(
+            command_of("study", "mq200", "--out", str(tmp_path), *OVERRIDES,
+                       "--cluster", doomed.address),
+            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+        _wait_for_shifts(tmp_path, 3)
+        kept = (tmp_path / "shifts.jsonl").read_bytes()
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 2, err.decode()
+    assert "was lost" in err.decode().strip().splitlines()[-1]
+    assert "Traceback" not in err.decode()
+    assert (tmp_path / "shifts.jsonl").read_bytes().startswith(kept)
+
+
+def test_no_cluster_is_said(tmp_path: Path) -> None:
+    nobody = f"tcp://127.0.0.1:{free_port()}"
+    start = time.monotonic()
+    for verb, more in (("expect", EXPECT), ("study", ["mq200", "--out", str(tmp_path / "out")])):
+        refused = _call(verb, *more, "--cluster", nobody)
+        assert refused.returncode == 2
+        assert f"there is no Dask cluster with workers at {nobody}" in refused.stderr
+        assert len(refused.stderr.strip().splitlines()) == 1
+    assert time.monotonic() - start < 90
+    assert not (tmp_path / "out").exists()
+
+
+OTHER_DRAKE = """
+import sim.versions
+sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
+    "Metadata", (), {"version": lambda name: "1.2.3" if name == "drake" else "0.1.0"}
+)
+"""
+NO_DOGSHAPE = """
+import sys
+sys.modules["pipeline.executor"] = None
+"""
+
+
+@pytest.mark.parametrize(
+    ("prepared", "words"),
+    [
+        (OTHER_DRAKE, "has drake 1.2.3, but here it is"),
+        (NO_DOGSHAPE, "does not have Dogshape"),
+    ],
+)
+def test_workers_with_other_programs_are_refused(prepared: str, words: str) -> None:
+    with dask_cluster(1, prepared) as other:
+        refused = _call("expect", *EXPECT, "--cluster", other.address)
+    assert refused.returncode == 2
+    assert words in refused.stderr
+    assert len(refused.stderr.strip().splitlines()) == 1
