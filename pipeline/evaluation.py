@@ -9,7 +9,7 @@ from pipeline.config import Study
 from pipeline.design import Design
 from pipeline.estimates import Shifts, estimates_of
 from pipeline.executor import Executor
-from sim.blocks import even_blocks
+from pipeline.plans import Plan, blocks_of
 from sim.clutch import OperatingPoint
 from sim.estimate import Estimate
 from sim.expectation import Expectation, expect, expect_point
@@ -28,8 +28,9 @@ from surrogate.dataset import rows_of
 class Simulated:
     """What the shifts of a design gave.
 
-    Expected shift time, hardest landing, a row for the surrogate from each operating point,
-    as ``surrogate.dataset.rows_of`` gives them, and all simulated objectives by name.
+    Expected shift time over the operating points that were simulated, hardest landing, a row for
+    the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, and all simulated
+    objectives by name.
     """
 
     expectation: Expectation
@@ -42,22 +43,22 @@ def evaluate(
     study: Study,
     dogs: Sequence[Dog],
     executor: Executor,
-    angles: int,
+    plans: Sequence[Plan],
     seed: int,
     *,
     checked: bool = False,
 ) -> list[Simulated]:
     """Return what the shifts of several designs give, simulated side by side.
 
-    ``checked`` adds the numerical error, from an eighth of the shifts repeated.
+    ``plans`` say what is simulated of each. ``checked`` adds the numerical error, from an eighth
+    of the shifts repeated.
     Raises GeometryError for a dog that cannot be made, before anything is simulated.
     """
     for dog in dogs:
         require_makeable(dog, study.limits.manufacturing)
-    clutches = [study.clutch.with_dog(dog) for dog in dogs]
-    unsure = study.uncertainty
     blocks = [
-        even_blocks(clutch, study.points, angles, seed, uncertainty=unsure) for clutch in clutches
+        blocks_of(study, study.clutch.with_dog(dog), plan, seed)
+        for dog, plan in zip(dogs, plans, strict=True)
     ]
     rows = executor.run([block for group in blocks for block in group])
     results = []

@@ -214,6 +214,7 @@ class SearchSection(Section):
     seed: Annotated[int, Field(ge=0)] = 1
     use_known: bool = True
     points: Annotated[int, Field(ge=3)] | None = None
+    confirm_designs: Annotated[int, Field(ge=1)] = 4
     confirm_angles: Annotated[int, Field(ge=3)] = 16
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=QUANTILE, exclude_if=lambda value: value == QUANTILE

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -35,12 +35,14 @@ from pipeline.design import (
 from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
+from pipeline.plans import Plan, blocks_of, is_whole, whole_plan
 from pipeline.rows import row_record
-from pipeline.sampling.dogs import search_space
+from pipeline.sampling.dogs import DogGuide, search_space
+from pipeline.sampling.factory import first_designs
 from pipeline.sampling.improvement import not_dominated
+from pipeline.sampling.sampler import PLAN
 from pipeline.storage import opening
-from sim.blocks import even_blocks
-from sim.errors import StorageError
+from sim.errors import InputError, StorageError
 from sim.records import content_key, landing_of, landing_record
 from sim.versions import engine
 from surrogate.covariance import Array
@@ -57,6 +59,29 @@ class Search:
     study: Study
     optuna: optuna.Study
     claims: Claims = field(default_factory=Alone)
+    guide: DogGuide | None = None
+    _foretold: tuple[int, dict[int, tuple[float, float]]] = (0, {})
+
+    def plan(self, trial: FrozenTrial) -> Plan:
+        """Return what was, or is to be, simulated of a trial's design."""
+        plan: Plan = trial.system_attrs.get(PLAN) or whole_plan(self.study)
+        return plan
+
+    @property
+    def foretold(self) -> dict[int, tuple[float, float]]:
+        """Expected times and standard errors by trial, s, of a search that foretells some points.
+
+        What all shifts so far say of each design. Empty where every point was simulated.
+        """
+        trials = self.simulated
+        if self.guide is None or not any(not is_whole(self.plan(trial)) for trial in trials):
+            return {}
+        if self._foretold[0] != len(trials):
+            times, errors = (values.tolist() for values in self.guide.times(trials))
+            numbers = [trial.number for trial in trials]
+            found = dict(zip(numbers, zip(times, errors, strict=True), strict=True))
+            self._foretold = len(trials), found
+        return self._foretold[1]
 
     @property
     def trials(self) -> list[FrozenTrial]:
@@ -88,11 +113,10 @@ class Search:
         """Return how many shifts there are: those known by their keys, and other runs'."""
         if self.claims.worker is None:
             return len(set(known))
-        settings = self.study.file.expectation
-        keys = set(known)
+        keys, seed = set(known), self.study.file.expectation.seed
         for trial in self.simulated:
             clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
-            blocks = even_blocks(clutch, self.study.points, settings.angles, settings.seed)
+            blocks = blocks_of(self.study, clutch, self.plan(trial), seed)
             keys.update(key for block in blocks for key in block.keys)
         return len(keys)
 
@@ -182,11 +206,15 @@ def _next_round(search: Search, sampler_of: Callable[[int], BaseSampler]) -> lis
     study, settings = search.study, search.study.file.search
     if not search.optuna.get_trials(deepcopy=False):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
-    left = _cut_off(search)[: settings.batch]
+    batch = settings.batch
+    if search.guide is not None and search.guide.partial and not search.trials:
+        # Only with all of the first designs can any of them be told what it lacks.
+        batch = max(batch, first_designs(study, search.guide))
+    left = _cut_off(search)[:batch]
     # A round that was cut off while it was asked is asked to its end first.
     asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
     begun = [t for t in asked if t.state != TrialState.WAITING]
-    size = max(0, min(settings.batch - len(left), settings.trials - len(begun)))
+    size = max(0, min(batch - len(left), settings.trials - len(begun)))
     search.optuna.sampler = sampler_of(len(asked) - len(left))
     space = search_space(study)
     ids = [*left, *(search.optuna.ask(space)._trial_id for _ in range(size))]
@@ -210,25 +238,51 @@ def _cut_off(search: Search) -> list[int]:
     return left
 
 
-def _finish(search: Search, ids: list[int], executor: Executor) -> None:
-    """Simulate the designs among trials that may pass and tell them all in order."""
+def _finish(search: Search, ids: list[int], executor: Executor, *, whole: bool = False) -> None:
+    """Simulate the designs among trials that may pass and tell them all in order.
+
+    ``whole`` simulates every operating point, whatever their plans say.
+    """
     study = search.study
     trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
     designs = [design_of(study, dict(t.params)) for t in trials]
-    worth = [d.dog for d in designs if d.dog is not None and d.feasible]
-    settings = study.file.expectation
-    results = iter(evaluate(study, worth, executor, settings.angles, settings.seed))
-    for trial, design in zip(trials, designs, strict=True):
-        found = next(results) if design.feasible else None
-        landed = design if found is None else design_of(study, design.params, found.landing)
-        # A run that seemed dead may have told it meanwhile: it found the same.
-        with suppress(UpdateFinishedTrialError):
-            _tell(search, trial, landed, found)
+    worth = [k for k, d in enumerate(designs) if d.dog is not None and d.feasible]
+    plans = [whole_plan(study) if whole else search.plan(_frozen(search, ids[k])) for k in worth]
+    dogs = [design.dog for design in designs if design.dog is not None and design.feasible]
+    found = dict(zip(worth, evaluate(study, dogs, executor, plans, _seed(study)), strict=True))
+    # A run that seemed dead may have told them meanwhile: it found the same.
+    with suppress(UpdateFinishedTrialError):
+        for k, trial in enumerate(trials):
+            _note(study, trial, designs[k], found.get(k))
+        try:
+            times = _foretell(search, [ids[k] for k, p in zip(worth, plans, strict=True)
+                                       if not is_whole(p)])  # fmt: skip
+        except InputError:  # too few engage to foretell anything
+            _finish(search, ids, executor, whole=True)
+            return
+        for k, trial in enumerate(trials):
+            estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}
+            if ids[k] in times:
+                estimates[SIMULATED] = times[ids[k]]
+            values = values_of(study, designs[k], estimates)
+            search.optuna.tell(trial, values, skip_if_finished=True)
 
 
-def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
-    for name, value in design.constraints.items():
-        trial.set_constraint(name, value)
+def _seed(study: Study) -> int:
+    return study.file.expectation.seed
+
+
+def _frozen(search: Search, trial_id: int) -> FrozenTrial:
+    return search.optuna._storage.get_trial(trial_id)
+
+
+def _note(study: Study, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
+    """Write what the simulation of a design gave into its trial."""
+    landed = design if found is None else design_of(study, design.params, found.landing)
+    known = trial.constraints
+    for name, value in landed.constraints.items():
+        if name not in known:  # a round that was cut off may have noted it
+            trial.set_constraint(name, value)
     if found is not None:
         trial.set_user_attr("engaged", found.expectation.engaged)
         trial.set_user_attr("standard_error_s", found.expectation.standard_error)
@@ -238,11 +292,29 @@ def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated 
         for name, value in landing_record(found.landing).items():
             trial.set_user_attr(name, value)
         trial.set_user_attr("rows", row_record(found.rows))
-    if design.failed:
-        trial.set_user_attr("failed", design.failed)
-    simulated = {name: e.value for name, e in found.estimates.items()} if found else {}
-    values = values_of(search.study, design, simulated)
-    search.optuna.tell(trial, values, skip_if_finished=True)
+    if landed.failed:
+        trial.set_user_attr("failed", landed.failed)
+
+
+def _foretell(search: Search, ids: Sequence[int]) -> dict[int, float]:
+    """Note and return the expected times, s, of trials that lack some operating points."""
+    if not ids or search.guide is None:
+        return {}
+    trials = [_frozen(search, trial_id) for trial_id in ids]
+    known = {trial.number: trial for trial in [*search.simulated, *trials]}
+    together = list(known.values())
+    times, errors = search.guide.times(together)
+    found = {}
+    for trial, time, error in zip(together, times.tolist(), errors.tolist(), strict=True):
+        if trial._trial_id in ids:
+            found[trial._trial_id] = time
+            attributes = trial.user_attrs
+            noted = optuna.Trial(search.optuna, trial._trial_id)
+            noted.set_user_attr("standard_error_s", error)
+            noted.set_user_attr("simulated", {**attributes["simulated"], SIMULATED: time})
+            errors_by_name = {**attributes["standard_errors"], SIMULATED: error}
+            noted.set_user_attr("standard_errors", errors_by_name)
+    return found
 
 
 def _status(search: Search) -> str:
@@ -259,6 +331,8 @@ def _status(search: Search) -> str:
 
 def value_of(search: Search, trial: FrozenTrial, name: str) -> tuple[float, float]:
     """Return what a simulated trial has of the expected time or an objective, and its error."""
+    if name == SIMULATED and trial.number in (times := search.foretold):
+        return times[trial.number]
     names, attributes = search.study.file.search.objectives, trial.user_attrs
     errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
     simulated = attributes.get("simulated", {})
@@ -268,7 +342,11 @@ def value_of(search: Search, trial: FrozenTrial, name: str) -> tuple[float, floa
 
 def losses(search: Search, trial: FrozenTrial) -> Array:
     """Return a trial's objectives, all to be minimised, (k,)."""
-    return losses_of(search.study, trial.values, trial.user_attrs)[0]
+    found, _ = losses_of(search.study, trial.values, trial.user_attrs)
+    if trial.number in (times := search.foretold):
+        for place, objective in enumerate(objectives_of(search.study)):
+            found[place] = times[trial.number][0] if objective.name == SIMULATED else found[place]
+    return found
 
 
 def _leading_loss(search: Search, trial: FrozenTrial) -> float:

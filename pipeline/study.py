@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -26,12 +26,15 @@ from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.known import joining
+from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.report import write_report
 from pipeline.rows import study_mix
+from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.factory import sampler_factory
 from pipeline.search import Search, best_trial, front, open_search, run, value_of
+from pipeline.standing import standings
 from pipeline.storage import kept
 from pipeline.tolerances import smallest_within, spread_record, time_spread
 from pipeline.training import Say, train
@@ -61,12 +64,14 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     objectives_of(study)
     require_variables(study)
     known = joining(study, lambda _: None) if study.file.search.use_known else None
-    sampler_of = sampler_factory(study, known)
+    guide = DogGuide(study, known)
+    sampler_of = sampler_factory(study, guide)
     folder = how.folder
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
         search = open_search(study, folder, how.storage, how.resume)
+        search.guide = guide
         with closing(search.claims), kept(how.storage, folder):
             result, say = _searched(search, sampler_of, how)
         if result["n_simulated_designs"] > MIN_DESIGNS:
@@ -117,13 +122,21 @@ def _learn(
 def _shifts(study: Study) -> int:
     """Return the number of shifts that a study takes at most."""
     search, points = study.file.search, len(study.points)
-    return points * (search.trials * study.file.expectation.angles + 2 * search.confirm_angles)
+    own = min(search.points or points, points)
+    confirmed = points * (1 + search.confirm_designs) * search.confirm_angles
+    return own * search.trials * study.file.expectation.angles + confirmed
 
 
 def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
     """Return what a search has found so far."""
     study = search.study
     rows = {trial.number: row_of(search, trial) for trial in search.trials}
+    for number, standing in standings(search).items():
+        rows[number] |= {
+            "low_s": standing.low,
+            "high_s": standing.high,
+            "probability_on_front": standing.probability,
+        }
     best = best_trial(search)
     return {
         "study": study.name,
@@ -165,7 +178,8 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         **_margins(design),
         **{name: value for name, (value, _) in found.items()},
         "standard_errors": {name: error for name, (_, error) in found.items()},
-        "standard_error_s": trial.user_attrs.get("standard_error_s"),
+        "standard_error_s": found[SIMULATED][1],
+        "points": sum(count > 0 for count in search.plan(trial)) if simulated else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible,
         "failed": design.failed,
@@ -189,36 +203,52 @@ def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dic
     best = best_trial(search)
     if best is None:
         return None
-    progress.say("confirming the best design and the prototype at fresh angles")
-    return confirm(search.study, dict(best.params), executor)
+    shown = [best, *(t for t in front(search) if t.number != best.number)]
+    shown = shown[: search.study.file.search.confirm_designs]
+    progress.say(f"confirming prototype and {len(shown)} of the front at fresh angles")
+    return confirm(search.study, {t.number: dict(t.params) for t in shown}, executor)
 
 
-def confirm(study: Study, best: dict[str, float], executor: Executor) -> dict[str, Any]:
-    """Simulate prototype and best design again at angles that the search did not use."""
-    angles = study.file.search.confirm_angles
-    seed = study.file.expectation.seed + FRESH
-    dogs = [study.clutch.dog, study.dog_with(best)]
-    both = evaluate(study, dogs, executor, angles, seed, checked=True)
-    prototype, winner = (found.expectation for found in both)
+def confirm(
+    study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
+) -> dict[str, Any]:
+    """Simulate prototype and designs, the best first, at angles that the search did not use.
+
+    Every operating point is simulated, whatever the search left out. ``designs`` are by trial.
+    """
+    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
+    plan = whole_plan(study, angles)
+    dogs = [study.clutch.dog, *(study.dog_with(params) for params in designs.values())]
+    both = evaluate(study, dogs[:2], executor, [plan] * 2, seed, checked=True)
+    others = evaluate(study, dogs[2:], executor, [plan] * len(dogs[2:]), seed)
+    found = dict(zip(designs, [both[1], *others], strict=True))
+    prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean
-    signs = {objective.name: objective.sign for objective in objectives_of(study)}
     return {
         "angles": angles,
         "prototype": _confirmed(study, study.prototype, both[0]),
-        "best": _confirmed(study, best, both[1]),
+        "best": _confirmed(study, next(iter(designs.values())), both[1]),
+        "designs": [
+            {"trial": trial, **_confirmed(study, designs[trial], one)}
+            for trial, one in found.items()
+        ],
         "gain_s": gain,
         "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
         "gain_share": gain / prototype.mean,
-        "gains": {
-            name: {
-                "value": signs.get(name, 1.0) * (both[0].estimates[name].value - one.value),
-                "standard_error": math.hypot(
-                    both[0].estimates[name].standard_error, one.standard_error
-                ),
-            }
-            for name, one in both[1].estimates.items()
-        },
+        "gains": _gains(study, *both),
     }
+
+
+def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
+    """Return what is gained in each simulated objective, with its standard error."""
+    signs = {objective.name: objective.sign for objective in objectives_of(study)}
+    gains = {}
+    for name, one in best.estimates.items():
+        other = prototype.estimates[name]
+        value = signs.get(name, 1.0) * (other.value - one.value)
+        error = math.hypot(other.standard_error, one.standard_error)
+        gains[name] = {"value": value, "standard_error": error}
+    return gains
 
 
 def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:

@@ -25,6 +25,7 @@ from pipeline.design import (
     objectives_of,
     worth_simulating,
 )
+from pipeline.plans import Plan
 from pipeline.rows import study_mix, with_rows
 from pipeline.sampling.guide import Foretold, Params, Response, drawn
 from pipeline.sampling.plans import first_plan, telling_plan
@@ -114,10 +115,35 @@ class DogGuide:
             return fit(data, self._known.form, self._known, Effort(steps=0))
         return fit(data, effort=Effort(QUICK.rows, QUICK.steps, self._study.file.search.seed))
 
-    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
-        """Return the angles of a chosen design at each operating point."""
+    @property
+    def informed(self) -> bool:
+        """Whether the search begins with rows of an earlier one."""
+        return self._known is not None
+
+    @property
+    def partial(self) -> bool:
+        """Whether designs are simulated at some operating points only, the others foretold.
+
+        That needs the surrogate over operating points to say every objective that is simulated.
+        """
+        points, foretold = self._study.file.search.points, {SIMULATED, "smallest_margin"}
+        simulated = {o.name for o in objectives_of(self._study) if o.simulated}
+        return points is not None and points < len(self._study.points) and simulated <= foretold
+
+    def times(self, trials: Sequence[FrozenTrial]) -> tuple[Array, Array]:
+        """Return what the rows of trials say of their expected times, and its errors, (m,), s."""
+        return self.over(trials).predict(self.rows([trial.params for trial in trials]))
+
+    def joint(
+        self, trials: Sequence[FrozenTrial], asked: Sequence[FrozenTrial]
+    ) -> tuple[Array, Array]:
+        """Return what the rows of trials say of the times of those asked, jointly, (m,), (m, m)."""
+        return self.over(trials).joint(self.rows([t.params for t in asked]), rough=True)
+
+    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Plan | None:
+        """Return the angles of a chosen design at each operating point; None for all."""
         study, points = self._study, self._study.file.search.points
-        if points is None or points >= len(study.points):
+        if points is None or not self.partial:
             return None
         if not isinstance(foretold, _Foretold) or foretold.timed is None:
             return first_plan(study, points, number)

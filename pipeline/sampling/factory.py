@@ -11,22 +11,22 @@ from pipeline.config import Study
 from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.sampler import SurrogateSampler
 from sim.errors import InputError, did_you_mean
-from surrogate.model import MIN_DESIGNS, Surrogate
+from surrogate.model import MIN_DESIGNS
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 
 
-def sampler_factory(study: Study, known: Surrogate | None = None) -> Callable[[int], BaseSampler]:
+def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[int], BaseSampler]:
     """Return a function that gives the sampler for a round, by the round's first trial.
 
-    ``known`` is a surrogate of the study's physics that the search begins with. Optuna's samplers
-    are made and seeded afresh for each round, which makes a resumed search equal to an
+    ``guide`` steers the study's own sampler; None for one that knows nothing beforehand. Optuna's
+    samplers are made and seeded afresh for each round, which makes a resumed search equal to an
     uninterrupted one.
     """
-    search = study.file.search
+    search, guide = study.file.search, guide or DogGuide(study)
     if search.sampler in ("surrogate", "space_filling"):
-        startup = search.startup if search.sampler == "surrogate" else search.trials
-        own = SurrogateSampler(DogGuide(study, known), search.seed, max(startup, MIN_DESIGNS))
+        startup = first_designs(study, guide) if search.sampler == "surrogate" else search.trials
+        own = SurrogateSampler(guide, search.seed, startup)
         own.require_allowed()
         return lambda _: own
     kinds: dict[str, Callable[[int], BaseSampler]] = {
@@ -39,3 +39,8 @@ def sampler_factory(study: Study, known: Surrogate | None = None) -> Callable[[i
         raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
     make = kinds[search.sampler]
     return lambda first: make(int(np.random.default_rng([search.seed, first]).integers(2**31)))
+
+
+def first_designs(study: Study, guide: DogGuide) -> int:
+    """Return how many designs fill the space first: few where much is known already."""
+    return 1 if guide.informed else max(study.file.search.startup, MIN_DESIGNS)

@@ -12,23 +12,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.config import Study
+from pipeline.plans import Plan
 from surrogate.acquisition import Question, choose
 from surrogate.covariance import Array
 from surrogate.mix import Mix
 from surrogate.model import Surrogate
 
-Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 HARD = 2  #: points that every design is simulated at for the landing's sake
-
-
-def whole_plan(study: Study) -> Plan:
-    """Return the plan that simulates every operating point."""
-    return [study.file.expectation.angles] * len(study.points)
-
-
-def is_whole(plan: Sequence[int]) -> bool:
-    """Tell whether every operating point is simulated."""
-    return all(count > 0 for count in plan)
 
 
 def hard_points(study: Study) -> list[int]:

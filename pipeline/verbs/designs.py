@@ -17,6 +17,7 @@ from pipeline.drawing import dimensioned_svg
 from pipeline.evaluation import evaluate
 from pipeline.executor import scratch_executor
 from pipeline.options import Jobs, Json, Sets, StudyArg
+from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.tables.checks import strength_table
 from pipeline.tables.designs import export_text, root_record, root_table
@@ -82,7 +83,7 @@ def _landed(given: Study, jobs: int) -> Design:
         return design_of(given, {})
     with ShiftProgress(len(given.points) * settings.angles) as progress:
         executor = scratch_executor(jobs, progress.advance)
-        (found,) = evaluate(given, [dog], executor, settings.angles, settings.seed)
+        (found,) = evaluate(given, [dog], executor, [whole_plan(given)], settings.seed)
     return design_of(given, {}, found.landing)
 
 

@@ -11,6 +11,7 @@ from pipeline.design import design_of
 from pipeline.evaluation import evaluate
 from pipeline.executor import scratch_executor
 from pipeline.known import known_surrogate
+from pipeline.plans import whole_plan
 from pipeline.rows import study_mix
 
 #: What ``make study`` found, rounded as in the README.
@@ -30,7 +31,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     assert design.feasible
     assert design.dog is not None
     dogs = [study.clutch.dog, design.dog]
-    both = evaluate(study, dogs, scratch_executor(), angles=6, seed=20_000)
+    both = evaluate(study, dogs, scratch_executor(), [whole_plan(study)] * 2, seed=20_000)
     prototype, best = (found.expectation for found in both)
     gain = prototype.mean - best.mean
     assert prototype.engaged == best.engaged == 1.0

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from pipeline.config import Study, bundled_studies, load_study
-from pipeline.design import exact_losses, leading, losses_of, not_dominated, objectives_of
+from pipeline.design import exact_losses, leading, losses_of, objectives_of
 from pipeline.executor import scratch_executor
 from pipeline.folder import StudyFolder
 from pipeline.precision import FIRST
 from pipeline.rows import dataset_of, study_mix
+from pipeline.sampling.improvement import not_dominated
 from pipeline.schema import QUANTILE
 from pipeline.study import Run, run_study
 from sim.blocks import even_blocks

@@ -1,0 +1,63 @@
+"""How sure a front is: intervals, and the probability that no other design is better.
+
+What is known of the simulated designs is drawn many times. Where a surrogate foretells operating
+points its draws are joint, so that errors which designs share cancel; otherwise each design has
+the standard error of its own shifts. A design's probability is the share of the draws in which
+no other feasible design beats it in all objectives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from optuna.trial import FrozenTrial
+
+from pipeline.design import SIMULATED, leading, losses_of, objectives_of
+from pipeline.sampling.guide import drawn
+from pipeline.sampling.improvement import not_dominated
+from pipeline.search import Search, losses, value_of
+from surrogate.covariance import Array
+from surrogate.model import interval
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a design stands: interval (95 %) of the leading objective, probability of the front."""
+
+    low: float
+    high: float
+    probability: float
+
+
+def standings(search: Search) -> dict[int, Standing]:
+    """Return how each feasible design of a search stands, by its trial."""
+    trials = search.feasible
+    if not trials:
+        return {}
+    rng = np.random.default_rng(search.study.file.search.seed)
+    draws = _draws(search, trials, rng)
+    share = np.mean([not_dominated(draw) for draw in draws], axis=0)
+    name = leading(search.study).name
+    found = {}
+    for trial, probability in zip(trials, share.tolist(), strict=True):
+        value, error = value_of(search, trial, name)
+        low, high = value - 1.96 * error, value + 1.96 * error
+        if value > 0.0:
+            low, high = (float(end[0]) for end in interval(np.array([value]), np.array([error])))
+        found[trial.number] = Standing(low, high, probability)
+    return found
+
+
+def _draws(search: Search, trials: list[FrozenTrial], rng: np.random.Generator) -> Array:
+    """Draw all losses of designs, (s, n, k)."""
+    means = np.array([losses(search, trial) for trial in trials])
+    errors = np.array([losses_of(search.study, t.values, t.user_attrs)[1] for t in trials])
+    draws: Array = means + errors * rng.standard_normal((DRAWS, *means.shape))
+    names = [objective.name for objective in objectives_of(search.study)]
+    if search.foretold and search.guide is not None and SIMULATED in names:
+        times, covariance = search.guide.joint(search.simulated, trials)
+        draws[:, :, names.index(SIMULATED)] = drawn(times, covariance, rng, DRAWS)
+    return draws
