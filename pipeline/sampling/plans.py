@@ -1,8 +1,8 @@
 """What to simulate of a design: how many angles at which operating points.
 
 A surrogate over operating points foretells those that are left out, so a new design needs some
-of them only. The points where dogs land hardest, the fastest with the largest force, are always
-among them: what they say of the landing nothing else does.
+of them only. Those where dogs land hardest are always among them: what they say of the landing nothing else
+does.
 """
 
 from __future__ import annotations
@@ -22,8 +22,12 @@ HARD = 2  #: points that every design is simulated at for the landing's sake
 
 
 def hard_points(study: Study) -> list[int]:
-    """Return the places of the points where dogs land hardest: fastest, then strongest."""
-    keys = [(abs(p.mismatch) * p.profile.force, i) for i, p in enumerate(study.points)]
+    """Return the places of the points where dogs land hardest.
+
+    Of 32 designs at the published points 19 landed hardest at the fastest with the largest force,
+    12 at the next slower with that force, one at the fastest with the next smaller force.
+    """
+    keys = [(abs(p.mismatch) * p.profile.force**2, i) for i, p in enumerate(study.points)]
     return sorted(i for _, i in sorted(keys, reverse=True)[:HARD])
 
 

@@ -69,7 +69,11 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert result["best"]["expected_shift_time_s"] == min(
         row["expected_shift_time_s"] for row in result["trials"]
     )
-    assert result["n_simulated_shifts"] == len(_rows(folder)) == 12 * 6 + 2 * 6 + 2 * 4
+    confirmed = result["confirmation"]["designs"]
+    assert confirmed[0]["trial"] == result["best"]["trial"]
+    assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
+    shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
+    assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts
     assert result["confirmation"]["gain_s"] == pytest.approx(
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]
