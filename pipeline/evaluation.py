@@ -19,6 +19,8 @@ from sim.records import Record, landing_of, result_of
 from surrogate.covariance import Array
 from surrogate.dataset import rows_of
 
+FRESH = 7919  #: added to the seed of the search for angles that it did not use
+
 
 @dataclass(frozen=True)
 class Simulated:

@@ -8,7 +8,10 @@
 ``points.csv``       its data as a table: simulated operating points
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
 ``best.json``        which of them are of the best tenth
+``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
+``designs.csv``      every simulated design of the search as a table
+``shifts/``          pages of the shifts that the report links
 """
 
 from __future__ import annotations
@@ -40,6 +43,8 @@ class StudyFolder:
         self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
+        self.effects = root / "effects.json"
+        self.designs = root / "designs.csv"
         self.report = root / "report.html"
 
     @contextmanager

@@ -10,13 +10,13 @@ from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
 from pipeline.design import Design, design_of, exact_values, objectives_of
-from pipeline.evaluation import Simulated, evaluate
+from pipeline.evaluation import FRESH, Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
-from pipeline.report import write_report
+from pipeline.reporting.publish import publish
 from pipeline.rows import study_mix
 from pipeline.sampler import sampler_factory
 from pipeline.search import Search, best_trial, expected_time, front, open_search, run
@@ -26,8 +26,6 @@ from sim.checks import smallest_margin
 from sim.errors import InputError
 from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
-
-FRESH = 7919  #: added to the seed of the search for angles that it did not use
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         else:
             progress.say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
-        write_report(folder)
+        publish(folder, progress.say)
     return result
 
 

@@ -14,7 +14,7 @@ import pytest
 from pipeline.animation import write_animation
 from pipeline.config import load_study
 from pipeline.folder import StudyFolder
-from pipeline.report import write_report
+from pipeline.reporting.publish import write_report
 from pipeline.study import Run, run_study
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
