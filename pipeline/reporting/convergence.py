@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.design import SIMULATED
-from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, axis_title, styled
+from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, styled
 from pipeline.reporting.names import design_name
 from pipeline.reporting.shifts import Array, Shifts
 
@@ -84,7 +84,7 @@ def convergence_figure(result: Row, found: Course) -> go.Figure:
     )  # fmt: skip
     figure.add_scatter(
         x=found.shifts, y=[row[SIMULATED] * 1e3 for row in found.rows], mode="markers",
-        name="simulated design that passes every check",
+        name="simulated design",
         marker={"color": GREY, "symbol": "circle-open", "size": 8, "line": {"width": 1.5}},
         text=[design_name(row) for row in found.rows],
         hovertemplate="%{text}: %{y:.1f} ms after %{x} shifts<extra></extra>", row=1, col=1,
@@ -94,14 +94,14 @@ def convergence_figure(result: Row, found: Course) -> go.Figure:
         line={"color": BLUE, "width": 2.5, "shape": "hv"}, hoverinfo="skip", row=1, col=1,
     )  # fmt: skip
     _first(figure, found)
-    figure.update_yaxes(title=axis_title(SIMULATED), row=1)
+    figure.update_yaxes(title="expected shift<br>time, ms", row=1)
     if several:
         figure.add_scatter(
-            x=found.shifts, y=found.volume, mode="lines+markers", name="hypervolume of the front",
+            x=found.shifts, y=found.volume, mode="lines+markers", name="hypervolume",
             line={"color": INK, "width": 2, "shape": "hv", "dash": "dash"}, marker={"size": 5},
             hovertemplate="%{y:.3f} after %{x} shifts<extra></extra>", row=2, col=1,
         )  # fmt: skip
-        figure.update_yaxes(title="hypervolume,<br>share of the box", rangemode="tozero", row=2)
+        figure.update_yaxes(title="hypervolume", rangemode="tozero", row=2)
     figure.update_xaxes(rangemode="tozero")
     figure.update_xaxes(title="simulated shifts of the search", row=2 if several else 1)
     return styled(figure, 540 if several else 380)

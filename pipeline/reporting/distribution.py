@@ -79,8 +79,8 @@ def _label(figure: go.Figure, found: dict[str, Distribution]) -> None:
             figure.add_annotation(
                 x=time * 1e3, y=share, text=f"{share:.0%}: {time * 1e3:.0f} ms", showarrow=False,
                 xanchor="right" if left else "left", xshift=-12 if left else 12,
-                yshift=UP[share] if left or share == QUANTILES[-1] else -UP[share], bgcolor="rgba(255, 255, 255, 0.85)",
-                font={"size": 13},
+                yshift=UP[share] if left or share == QUANTILES[-1] else -UP[share],
+                bgcolor="rgba(255, 255, 255, 0.85)", font={"size": 13},
             )  # fmt: skip
 
 

@@ -6,13 +6,13 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.design import SIMULATED
+from pipeline.reporting.labels import Label, write_labels
 from pipeline.reporting.look import (
     BLUE,
     INK,
     MARKS,
     Row,
     axis_title,
-    label_at,
     shown,
     styled,
     window,
@@ -21,9 +21,6 @@ from pipeline.reporting.names import describe, design_name, interval, of_kinds
 
 PALE = "#b9c9dd"
 CHOICES = ("front", "chosen", "prototype")  #: kinds of designs that are named
-#: Where the number of a design of the front stands, px right and up; below a stair, else around.
-BELOW = (-14.0, -20.0)
-AROUND = (BELOW, (14.0, -20.0), (14.0, 20.0), (-14.0, 20.0))
 
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
@@ -42,12 +39,22 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     if barred:
         figure.add_trace(_not_simulated(barred, other, variables), 1, 2)
         figure.update_xaxes(tickangle=0, col=2)
-    _name(figure, kinds, other, (BELOW,) if len(result["objectives"]) == 2 else AROUND)
-    seen = [row for kind in CHOICES for row in kinds[kind] if other in row]
-    times = [shown(r, SIMULATED) for r in seen if r[SIMULATED] is not None]
-    figure.update_xaxes(title=axis_title(SIMULATED), range=window(times), col=1)
-    heights = [row[other] for row in seen + barred]
-    figure.update_yaxes(title=axis_title(other), range=window(heights), col=1)
+    seen = _timed(kinds)
+    x = window([shown(row, SIMULATED) for row in seen])
+    y = window([row[other] for row in seen + barred])
+    chosen = kinds["chosen"]
+    labels = [
+        Label(
+            f"<b>chosen: {design_name(row)}</b>" if row in chosen else _short(row),
+            (shown(row, SIMULATED), row[other]),
+        )
+        for row in seen
+    ]
+    rest = [*kinds["dominated"], *kinds["lands too hard"]]
+    marks = [(shown(row, SIMULATED), row[other]) for row in rest]
+    write_labels(figure, labels, x, y, marks, row=1, col=1)
+    figure.update_xaxes(title=axis_title(SIMULATED), range=x, col=1)
+    figure.update_yaxes(title=axis_title(other), range=y, col=1)
     return styled(figure, 520)
 
 
@@ -67,15 +74,14 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
         trace.marker = {**trace.marker.to_plotly_json(), "size": sizes, "opacity": 0.75}
         trace.error_x = None
         figure.add_trace(trace)
-    seen = [row for kind in CHOICES for row in kinds[kind] if row[SIMULATED] is not None]
-    for place, row in enumerate(sorted(seen, key=lambda row: shown(row, SIMULATED))):
-        words = f"<b>{design_name(row)}</b>: {row[third]:.4g}"
-        x, y = AROUND[place % len(AROUND)]
-        label_at(figure, words, (shown(row, SIMULATED), row[second]), (2.0 * x, 2.0 * y))
-    figure.update_xaxes(
-        title=axis_title(SIMULATED), range=window([shown(r, SIMULATED) for r in seen])
-    )
-    figure.update_yaxes(title=axis_title(second), range=window([row[second] for row in seen]))
+    seen = _timed(kinds)
+    x = window([shown(row, SIMULATED) for row in seen])
+    y = window([row[second] for row in seen])
+    named = [(f"{_short(row)}: {row[third]:.4g}", row) for row in seen]
+    labels = [Label(words, (shown(row, SIMULATED), row[second])) for words, row in named]
+    write_labels(figure, labels, x, y)
+    figure.update_xaxes(title=axis_title(SIMULATED), range=x)
+    figure.update_yaxes(title=axis_title(second), range=y)
     figure = styled(figure, 520)
     figure.update_layout(legend={"itemsizing": "constant"})
     return figure
@@ -206,22 +212,11 @@ def _not_simulated(barred: list[Row], other: str, variables: list[str]) -> go.Sc
     )
 
 
-def _name(
-    figure: go.Figure,
-    kinds: dict[str, list[Row]],
-    other: str,
-    places: tuple[tuple[float, float], ...],
-) -> None:
-    """Write the names of prototype, chosen design and front beside their marks."""
+def _timed(kinds: dict[str, list[Row]]) -> list[Row]:
+    """Return the designs that are named and have a time."""
+    return [row for kind in CHOICES for row in kinds[kind] if row[SIMULATED] is not None]
 
-    def name(row: Row, words: str, shift: tuple[float, float]) -> None:
-        if row[SIMULATED] is not None and other in row:
-            at = (shown(row, SIMULATED), row[other])
-            label_at(figure, words, at, shift, row=1, col=1)
 
-    for place, row in enumerate(sorted(kinds["front"], key=lambda row: shown(row, SIMULATED))):
-        name(row, str(row["trial"]), places[place % len(places)])
-    for row in kinds["chosen"]:
-        name(row, f"<b>chosen: {design_name(row)}</b>", (40.0, 30.0))
-    for row in kinds["prototype"]:
-        name(row, "<b>prototype</b>", (-50.0, 26.0))
+def _short(row: Row) -> str:
+    """Return the name that stands beside a mark: the number, or in bold the prototype."""
+    return "<b>prototype</b>" if row["prototype"] else str(row["trial"])

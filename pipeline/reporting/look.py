@@ -71,14 +71,3 @@ def window(values: Sequence[float]) -> list[float]:
     low, high = min(values), max(values)
     room = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
     return [low - room, high + room]
-
-
-def label_at(
-    figure: go.Figure, words: str, at: tuple[float, float], shift: tuple[float, float], **where: Any
-) -> None:
-    """Write words beside a point, ``shift`` px right and up, with a thin line to it."""
-    figure.add_annotation(
-        x=at[0], y=at[1], text=words, ax=shift[0], ay=-shift[1], showarrow=True, arrowhead=0,
-        arrowwidth=1, arrowcolor=INK, standoff=8, bgcolor="rgba(255, 255, 255, 0.85)",
-        font={"size": 14}, **where,
-    )  # fmt: skip
