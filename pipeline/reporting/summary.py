@@ -44,7 +44,10 @@ def headline(result: Row) -> str:
 def points_of(result: Row) -> list[str]:
     """Return sentences on a confirmed design: how sure, what limits it, where it is slower."""
     confirmation, best = result["confirmation"], result["best"]
-    return [_how_sure(result), *_limits(best, confirmation), *_slower(gains(confirmation))]
+    limits = _limits(best, confirmation)
+    if best["prototype"]:
+        return [_simulated(result), *limits]
+    return [_how_sure(result), *limits, *_slower(gains(confirmation))]
 
 
 def _how_sure(result: Row) -> str:
@@ -53,10 +56,14 @@ def _how_sure(result: Row) -> str:
     clear = f"Clear: the gain is {ratio:.0f} times its standard error" if is_clear(c) else (
         f"Not clear: the gain is {ratio:.1f} times its standard error"
     )  # fmt: skip
+    return f"{clear}. {_simulated(result)}"
+
+
+def _simulated(result: Row) -> str:
+    angles = result["confirmation"]["angles"]
     return (
-        f"{clear}. {result['n_simulated_shifts']} shifts were simulated; the times above "
-        f"are from {c['angles']} fresh relative angles at each operating point, which the "
-        "search did not use."
+        f"{result['n_simulated_shifts']} shifts were simulated; the times above are from {angles} "
+        "fresh relative angles at each operating point, which the search did not use."
     )
 
 
@@ -78,9 +85,7 @@ def _limits(best: Row, confirmation: Row) -> list[str]:
 def _slower(found: list[Gain]) -> list[str]:
     slower = [gain for gain in found if gain.gain_s < 0.0]
     if not slower:
-        return [
-            f"It is nowhere slower than the prototype, at none of {len(found)} operating points."
-        ]
+        return [f"Nowhere slower than the prototype, at {len(found)} operating points."]
     clear = [gain for gain in slower if gain.clear]
     rest = len(slower) - len(clear)
     said = f"Slower than the prototype at {len(slower)} of {len(found)} operating points"
