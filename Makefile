@@ -3,7 +3,7 @@
 #   make test    environment, lint, types, tests
 # make surrogate simulates and fits the surrogate that the package brings (an hour).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
-# make picture draws docs/shift.png again; it needs Chromium.
+# make picture draws docs/shift.png and docs/report.png again; it needs Chromium and a study.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -51,15 +51,21 @@ surrogate: $(VENV)/ready
 	  $(BIN)/python -m benchmarks.$$name >> build/evidence.txt || exit 1; \
 	  mv build/evidence.txt docs/evidence/$$name.txt; done
 
-# The picture of the README: one shift at 45 ms, drawn without a screen.
-picture: $(VENV)/ready
+SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
+  --no-first-run --user-data-dir=build/chromium --hide-scrollbars --virtual-time-budget=8000
+
+$(OUT)/report.html:
+	$(MAKE) study
+
+# The pictures of the README: one shift at 45 ms and the report, drawn without a screen.
+picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
 	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
 	  --html build/shift.html
-	$(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
-	  --no-first-run --user-data-dir=build/chromium --hide-scrollbars \
-	  --window-size=1280,880 --force-device-scale-factor=0.9375 \
-	  --virtual-time-budget=8000 --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"
+	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \
+	  --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"
+	$(SHOOT) --window-size=1220,1330 --force-device-scale-factor=0.75 \
+	  --screenshot=docs/report.png "file://$(abspath $(OUT))/report.html"
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)

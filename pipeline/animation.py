@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
+from markupsafe import Markup
 from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from pipeline.drawing import outline
-from pipeline.figures import BLUE, GREEN, GREY, INK, ORANGE
-from pipeline.report import figure_html, render
+from pipeline.reporting.html import figure_html, render, script, script_beside
+from pipeline.reporting.look import BLUE, GREEN, GREY, INK, ORANGE
 from pipeline.scene import solids, viewer_code
 from pipeline.story import facts, why
 from sim.engagement import Engagement
@@ -53,10 +55,17 @@ def write_trace(result: Engagement, path: Path) -> None:
     table.to_csv(path, index=False, float_format="%.9g")
 
 
-def write_animation(result: Engagement, path: Path, torque_peak: float | None = None) -> None:
+def write_animation(
+    result: Engagement,
+    path: Path,
+    torque_peak: float | None = None,
+    *,
+    scripts_beside: bool = False,
+) -> None:
     """Write the shift as one HTML page that opens without a network.
 
-    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness.
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness. With
+    ``scripts_beside`` many pages in one folder share the code of their figures, megabytes each.
     """
     series = _series(result.trace)
     page = render(
@@ -71,9 +80,14 @@ def write_animation(result: Engagement, path: Path, torque_peak: float | None = 
         # A script ends at the first "</", wherever it stands.
         data=json.dumps(_content(result, series)).replace("<", "\\u003c"),
         curves=figure_html(_curves(result, series), "curves"),
-        meshcat=viewer_code(),
+        plotly=_script(path, "plotly.js", get_plotlyjs(), scripts_beside),
+        meshcat=_script(path, "meshcat.js", viewer_code(), scripts_beside),
     )
     path.write_text(page, encoding="utf-8")
+
+
+def _script(page: Path, name: str, code: str, beside: bool) -> Markup:
+    return script_beside(page, name, code) if beside else script(code)
 
 
 def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:

@@ -23,6 +23,8 @@ from sim.strength import strength_checks
 from surrogate.covariance import Array
 from surrogate.dataset import rows_of
 
+FRESH = 7919  #: added to the seed of the search for angles that it did not use
+
 
 @dataclass(frozen=True)
 class Simulated:

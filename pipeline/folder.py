@@ -9,7 +9,10 @@
 ``others.json``      of a search that several machines share, what all of them simulated
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
 ``best.json``        which of them are of the best tenth
+``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
+``designs.csv``      every simulated design of the search as a table
+``shifts/``          pages of the shifts that the report links
 """
 
 from __future__ import annotations
@@ -42,6 +45,8 @@ class StudyFolder:
         self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
+        self.effects = root / "effects.json"
+        self.designs = root / "designs.csv"
         self.report = root / "report.html"
 
     @contextmanager

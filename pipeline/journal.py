@@ -20,13 +20,16 @@ from sim.records import Record, landing_of, result_of
 
 
 class ShiftJournal:
-    """Finished shifts by their content key, on disk and in memory."""
+    """Finished shifts by their content key, on disk and in memory.
 
-    def __init__(self, path: Path) -> None:
+    ``only_read`` leaves the file alone, in which another run may be writing a line.
+    """
+
+    def __init__(self, path: Path, only_read: bool = False) -> None:
         self.path = path.absolute()  # workers may stand in another folder
         self.rows: dict[str, Record] = {}
         if path.exists():
-            self._read()
+            self._read(only_read)
 
     def read_new(self) -> list[Record]:
         """Read what workers wrote and did not hand over; return the rows that are new."""
@@ -35,9 +38,12 @@ class ShiftJournal:
             self._read()
         return [row for key, row in self.rows.items() if key not in known]
 
-    def _read(self) -> None:
-        drop_torn_line(self.path)
-        for number, line in enumerate(self.path.read_bytes().splitlines(), start=1):
+    def _read(self, only_read: bool = False) -> None:
+        if not only_read:
+            drop_torn_line(self.path)
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        for number, line in enumerate(whole.splitlines(), start=1):
             try:
                 row = json.loads(line)
                 result_of(row)

@@ -21,7 +21,7 @@ from pipeline.design import (
     leading,
     objectives_of,
 )
-from pipeline.evaluation import Simulated, evaluate
+from pipeline.evaluation import FRESH, Simulated, evaluate
 from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
@@ -29,7 +29,7 @@ from pipeline.known import joining
 from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
-from pipeline.report import write_report
+from pipeline.reporting.publish import publish
 from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.factory import sampler_factory
@@ -45,7 +45,6 @@ from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
 
 SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a round by its first trial
-FRESH = 7919  #: added to the seed of the search for angles that it did not use
 
 
 @dataclass(frozen=True)
@@ -79,7 +78,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         else:
             say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
-        write_report(folder)
+        publish(folder, say)
     return result
 
 

@@ -21,7 +21,7 @@ console.error = (...words) => said.error = words.join(" ");
 window.addEventListener("load", () => setTimeout(() => {
   const figures = [...document.querySelectorAll(".js-plotly-plot")];
   said.figures = figures.length;
-  said.drawn = figures.filter(f => f.querySelector(".trace")).length;
+  said.drawn = figures.filter(f => f.querySelector(".trace, .hm")).length;
   said.wide = document.documentElement.scrollWidth > window.innerWidth;
   said.high = document.documentElement.scrollHeight > window.innerHeight;
   const loads = performance.getEntriesByType("resource").map(r => r.name);
@@ -34,6 +34,21 @@ window.addEventListener("load", () => setTimeout(() => {
 #: Drawn in software with and without WebGL.
 WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WITHOUT_WEBGL = ("--disable-3d-apis",)
+
+
+def print_pdf(page: Path, tmp_path: Path) -> bytes:
+    """Print a page as PDF without a screen and return the file."""
+    needed(CHROMIUM is not None, "chromium")
+    assert CHROMIUM is not None
+    path = tmp_path / "printed.pdf"
+    command = [
+        CHROMIUM, "--headless", "--no-sandbox", *WITHOUT_WEBGL, "--no-first-run",
+        "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=6000", "--no-pdf-header-footer", f"--print-to-pdf={path}",
+        page.as_uri(),
+    ]  # fmt: skip
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    return path.read_bytes()
 
 
 def look(

@@ -8,7 +8,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.exploring.labels import axis, label, value
-from pipeline.figures import BLUE, GREY, INK, ORANGE, styled
+from pipeline.reporting.look import BLUE, GREY, INK, ORANGE, styled
 
 Row = dict[str, Any]
 Series = dict[str, list[Any]]

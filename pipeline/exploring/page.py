@@ -13,7 +13,7 @@ from pipeline.exploring.figures import (
     slices_figure,
 )
 from pipeline.exploring.labels import label, value
-from pipeline.report import figure_html, render
+from pipeline.reporting.html import figure_html, render
 from surrogate.figures import validation_of
 
 Row = dict[str, Any]

@@ -44,22 +44,25 @@ def explored(study: Study, stored: Stored, bases: list[Base], say: Say) -> Row:
     require_same_physics(surrogate.data, study.physics)
     say("the surrogate over the study's operating points")
     overs = [(one, Over(surrogate, one.mix)) for one in choices(study)]
-    over = overs[0][1]
-    say(f"effects over {DESIGNS} feasible designs")
-    effect = _effects_record(study, surrogate, over)
-    say("Sobol indices")
-    index = _indices_record(study, surrogate, over)
+    known = learned(study, surrogate, overs[0][1], say)
     say(f"slices through {len(bases)} {'design' if len(bases) == 1 else 'designs'}")
     return {
         "study": study.name,
-        "effects": effect,
-        "indices": index,
+        **known,
         "slices": slices_record(study, surrogate, overs, bases),
         "validation": stored.validation.as_dict(),
         "comparison": list(stored.comparison),
         "data": _data_record(surrogate),
         "versions": versions(),
     }
+
+
+def learned(study: Study, surrogate: Surrogate, over: Over, say: Say) -> Row:
+    """Return effects and indices over the operating points of ``over``, as the page has them."""
+    say(f"effects over {DESIGNS} feasible designs")
+    effect = _effects_record(study, surrogate, over)
+    say("Sobol indices")
+    return {"effects": effect, "indices": _indices_record(study, surrogate, over)}
 
 
 def _effects_record(study: Study, surrogate: Surrogate, over: Over) -> Row:

@@ -1,8 +1,8 @@
-"""What to simulate of a design: how many angles at which operating points.
+"""Which operating points of a design tell most.
 
 A surrogate over operating points foretells those that are left out, so a new design needs some
-of them only. Those where dogs land hardest are always among them: what they say of the landing nothing else
-does.
+of them only. Those where dogs land hardest are always among them: what they say of the landing
+nothing else does.
 """
 
 from __future__ import annotations

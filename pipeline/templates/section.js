@@ -55,6 +55,16 @@ const Section = (() => {
     }
   }
 
+  // What the dogs of a stronger colour are.
+  function marked() {
+    const text = "marked dog of each ring", y = 40, end = width - 12;
+    label(text, end, y, "#55626f", "right");
+    const start = end - pen.measureText(text).width - 32;
+    ["#9cc3ee", "#f5b98a"].forEach((tone, i) => {
+      pen.fillStyle = tone; pen.fillRect(start + 12 * i, y - 10, 12, 12);
+    });
+  }
+
   // How close two parallel edges are, and the piece they share: along is 0 for faces, 1 for flanks.
   function pair(a, b, along) {
     const low = Math.max(Math.min(a[0][along], a[1][along]), Math.min(b[0][along], b[1][along]));
@@ -129,6 +139,7 @@ const Section = (() => {
     speed("sliding ring", now.sliding_speed, 20, BLUE, now.fastest);
     speed("output ring", now.output_speed, height - 12, ORANGE, now.fastest);
     label("unrolled at the mean radius, seen from outside", width - 12, 20, "#55626f", "right");
+    marked();
     scaleBar();
     return [...new Set(touching.map(t => t.name))];
   }

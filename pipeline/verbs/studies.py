@@ -14,7 +14,7 @@ from pipeline.inquiry import Inquiry
 from pipeline.known import space_out
 from pipeline.options import Cluster, Jobs, Json, Sets, StudyArg, default_out
 from pipeline.progress import ShiftProgress
-from pipeline.report import write_report
+from pipeline.reporting.publish import publish
 from pipeline.study import Run, run_study
 from pipeline.tables.studies import study_table, validation_text
 from pipeline.training import ask_more, fill, train
@@ -61,9 +61,12 @@ def report(
 ) -> None:
     """Write the report again from what a study stored.
 
+    Animations of its fastest and slowest shifts that are missing are simulated again, and what
+    the surrogate says of each variable is worked out unless it is there.
+
     Example: dogshape report results/mq200
     """
-    path = write_report(StudyFolder(directory))
+    path = publish(StudyFolder(directory), lambda line: typer.echo(line, err=True))
     emit({"report": str(path)}, json, lambda: f"report: {path}")
 
 

@@ -2,25 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
+from urllib.parse import unquote
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from pipeline.animation import write_animation
 from pipeline.config import load_study
 from pipeline.folder import StudyFolder
-from pipeline.report import write_report
+from pipeline.reporting.publish import write_report
 from pipeline.study import Run, run_study
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
 from sim.plant import ClutchPlant
 from sim.units import DEG, MM, MS
-from tests.browser import PROBE, WITH_WEBGL, WITHOUT_WEBGL, look
+from tests.browser import PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
 from tests.conftest import SMALL
 
 #: Put into the page of a shift: what a scrub, a click and a choice of phase change.
@@ -67,13 +71,103 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_report_in_a_browser(reported: Path, tmp_path: Path) -> None:
-    seen = look(reported / "report.html", tmp_path)
+#: Put into a report: words that its figures cut off, on the screen and as on paper, and its table.
+REPORT_PROBE = """
+<script>
+function cut() {
+  const found = [];
+  for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+    const frame = figure.querySelector(".main-svg").getBoundingClientRect();
+    for (const text of figure.querySelectorAll("text")) {
+      const box = text.getBoundingClientRect();
+      if (box.width && (box.left < frame.left - 2 || box.right > frame.right + 2
+          || box.top < frame.top - 2 || box.bottom > frame.bottom + 2))
+        found.push(figure.id + ": " + text.textContent);
+    }
+  }
+  return found;
+}
+function probe(said) {
+  said.ids = [...document.querySelectorAll(".js-plotly-plot")].map(f => f.id).join(" ");
+  said.cut = JSON.stringify(cut());
+  said.csv = document.getElementById("csv").href;
+  const links = [...document.querySelectorAll(".replays a")];
+  said.links = JSON.stringify(links.map(link => link.getAttribute("href")));
+  fit(true);
+  setTimeout(() => {
+    said.paper = JSON.stringify(cut());
+    said.widths = [...document.querySelectorAll(".js-plotly-plot")]
+      .map(f => f.querySelector(".main-svg").getBoundingClientRect().width).join(" ");
+  }, 500);
+}
+</script>
+"""
+
+
+@pytest.mark.parametrize("width", [1280, 800])
+def test_report_in_a_browser(reported: Path, tmp_path: Path, width: int) -> None:
+    window = f"{width},900"
+    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE, window=window)
     assert "error" not in seen
-    assert seen["figures"] == seen["drawn"] == "3"
+    assert seen["figures"] == seen["drawn"]
+    assert seen["ids"].split() == [
+        "front-axial_length_mm", "sure", "parallel", "gain", "points", "engaged", "distribution",
+        "convergence",
+    ]  # fmt: skip
     assert seen["wide"] == "false"
-    for words in ("Pareto front", "prototype", "infeasible", "Margins of each check", "versions"):
+    assert seen["loads"] == "0"
+    assert json.loads(seen["cut"]) == json.loads(seen["paper"]) == []
+    # A4 less its margins of 12 mm is 703 px wide.
+    assert {float(one) for one in seen["widths"].split()} == {700.0}
+    for words in ("not simulated", "prototype", "infeasible", "Margins of each check", "versions"):
         assert words in seen["dom"]
+
+
+def test_report_brings_its_designs_as_a_table(reported: Path, tmp_path: Path) -> None:
+    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE)
+    kind, _, data = seen["csv"].partition(",")
+    assert kind.startswith("data:text/csv")
+    table = pd.read_csv(io.StringIO(unquote(data)))
+    trials = json.loads((reported / "result.json").read_text())["trials"]
+    simulated = [row for row in trials if row["expected_shift_time_s"] is not None]
+    assert table["trial"].tolist() == [row["trial"] for row in simulated]
+    for name in ("chamfer_deg", "expected_shift_time_s", "axial_length_mm", "smallest_margin"):
+        assert table[name].tolist() == pytest.approx([row[name] for row in simulated])
+    assert pd.read_csv(reported / "designs.csv").equals(table)
+
+
+def test_report_links_pages_of_shifts_that_are_there(reported: Path, tmp_path: Path) -> None:
+    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE)
+    links = json.loads(seen["links"])
+    result = json.loads((reported / "result.json").read_text())
+    assert len(links) == 2 * len({0} | {row["trial"] for row in result["front"]})
+    assert all((reported / link).is_file() for link in links)
+    assert (reported / links[-1]).stat().st_size < 1_500_000
+    # A copy of a page beside its code opens as any other.
+    for name in ("plotly.js", "meshcat.js"):
+        shutil.copy(reported / "shifts" / name, tmp_path)
+    shown = look(reported / links[-1], tmp_path, PROBE + SHIFT_PROBE, WITH_WEBGL, "1400,900")
+    assert "error" not in shown
+    assert shown["state"] == "drawn"
+    assert (shown["loads"], shown["high"]) == ("0", "false")
+
+
+def test_report_prints_on_a_few_pages(reported: Path, tmp_path: Path) -> None:
+    printed = print_pdf(reported / "report.html", tmp_path)
+    assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
+    boxes = re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed)
+    assert {tuple(round(float(side)) for side in box.split()) for box in boxes} == {
+        (0, 0, 595, 842)
+    }
+
+
+def test_report_is_written_again_without_what_it_links(reported: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(reported, folder, ignore=shutil.ignore_patterns("shifts", "effects.json"))
+    text = write_report(StudyFolder(folder)).read_text()
+    assert "(no page)" in text
+    assert 'href="shifts/' not in text
+    assert "Shifts to look at" in text
 
 
 def test_report_needs_no_network(reported: Path) -> None:

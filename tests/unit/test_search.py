@@ -204,13 +204,13 @@ def test_a_broken_journal_of_trials_is_said(tmp_path: Path) -> None:
 
 def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, Any]]) -> None:
     folder, _ = finished
-    before = {p.name: p.read_bytes() for p in folder.iterdir()}
+    before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
         run_study(load_study("mq200", SMALL), Run(StudyFolder(folder)))
     other = load_study("mq200", [*SMALL, "sliding.mass_kg=0.4"])
     with pytest.raises(StorageError, match="another configuration"):
         run_study(other, Run(StudyFolder(folder), resume=True))
-    assert {p.name: p.read_bytes() for p in folder.iterdir()} == before
+    assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
 def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:

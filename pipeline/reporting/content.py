@@ -1,0 +1,171 @@
+"""What the report's template is filled with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pipeline.config import Study
+from pipeline.design import SIMULATED
+from pipeline.drawing import dimensioned_svg, section_svg
+from pipeline.exploring.figures import effects_figure, indices_figure
+from pipeline.exploring.labels import label
+from pipeline.folder import StudyFolder
+from pipeline.records import check_record
+from pipeline.reporting import names, summary, tables
+from pipeline.reporting.convergence import convergence_figure, course
+from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
+from pipeline.reporting.front import front_figure, sure_figure, third_figure
+from pipeline.reporting.html import figure_html
+from pipeline.reporting.learned import stored_effects
+from pipeline.reporting.look import axis_title
+from pipeline.reporting.operating import engaged_figure, gain_figure, points_figure
+from pipeline.reporting.parallel import parallel_figure
+from pipeline.reporting.provenance import command_of
+from pipeline.reporting.replays import replays_of
+from pipeline.reporting.shifts import Shifts
+from sim.checks import GROUPS, Check
+from sim.landing import landing_checks
+from sim.loads import Landing
+from sim.strength import strength_checks
+from surrogate.figures import validation_of
+
+Row = dict[str, Any]
+#: What every page of a study has, filled or empty; a template asks for nothing else.
+FIGURES = (
+    "fronts", "sure", "parallel", "effects", "indices", "distribution", "engaged", "gain",
+    "points", "convergence",
+)  # fmt: skip
+
+
+def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Row:
+    """Return the content of the report's template; what is not known is empty."""
+    variables = list(study.variables)
+    fitted = result["surrogate"]
+    figures: Row = dict.fromkeys(FIGURES, "")
+    if result["best"] is not None:
+        figures |= _search_figures(result, variables, shifts) | _surrogate_figures(folder)
+    if result["confirmation"]:
+        figures |= _confirmed_figures(result["confirmation"])
+    times = _distributions(result, shifts)
+    if times:
+        figures["distribution"] = figure_html(distribution_figure(times), "distribution")
+    return {
+        **figures,
+        **_checks_and_designs(study, result),
+        "study": study,
+        "result": result,
+        "c": result["confirmation"],
+        "variables": variables,
+        "others": [name for name in result["objectives"] if name != SIMULATED],
+        "axis_title": axis_title,
+        "label": label,
+        "names": names,
+        "percent": names.percent,
+        "ms": summary.ms,
+        "headline": summary.headline(result),
+        "said": summary.points_of(result) if result["confirmation"] else [],
+        "quantiles": quantile_rows(times),
+        "drawings": _drawings(study, result, variables),
+        "replays": _replays(folder, result, shifts),
+        "csv": tables.csv_link(tables.designs_frame(result, variables).to_csv(index=False)),
+        "command": command_of(study),
+        "surrogate_useful": bool(fitted) and validation_of(fitted).useful,
+        "contact": study.clutch.contact,
+        "solver": study.clutch.solver,
+    }
+
+
+def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
+    others = [name for name in result["objectives"] if name != SIMULATED]
+    fronts = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
+    if len(others) >= 2:
+        figure = third_figure(result, variables, others[0], others[1])
+        fronts.append(figure_html(figure, "front-third"))
+    return {
+        "fronts": fronts,
+        "sure": figure_html(sure_figure(result), "sure"),
+        "parallel": figure_html(parallel_figure(result, variables), "parallel"),
+        "convergence": figure_html(
+            convergence_figure(result, course(result, shifts)), "convergence"
+        ),
+    }
+
+
+def _confirmed_figures(confirmation: Row) -> Row:
+    return {
+        "points": figure_html(points_figure(confirmation), "points"),
+        "engaged": figure_html(engaged_figure(confirmation), "engaged"),
+        "gain": figure_html(gain_figure(confirmation), "gain"),
+    }
+
+
+def _surrogate_figures(folder: StudyFolder) -> Row:
+    known = stored_effects(folder)
+    if known is None:
+        return {}
+    indices = [
+        (found, figure_html(indices_figure(found), f"indices-{place}"))
+        for place, found in enumerate(known["indices"])
+    ]
+    effects = known["effects"]
+    figure = figure_html(effects_figure(effects), "effects")
+    return {"effects": (effects, figure), "indices": indices}
+
+
+def _distributions(result: Row, shifts: Shifts) -> Row:
+    """Return the distribution of prototype and chosen design, both or none."""
+    if not result["confirmation"] or result["best"] is None:
+        return {}
+    best = {name: result["best"][name] for name in shifts.study.variables}
+    designs = {"prototype": shifts.study.prototype, "chosen": best}
+    found = {name: distribution(shifts, design) for name, design in designs.items()}
+    return found if all(found.values()) else {}
+
+
+def _drawings(study: Study, result: Row, variables: list[str]) -> Row:
+    span, best = 2.4 * study.clutch.dog.pitch, result["best"]
+    sections, sheet = [section_svg(study.clutch.dog, "Prototype", span)], ""
+    if best is not None and not best["prototype"]:
+        dog = study.dog_with({name: best[name] for name in variables})
+        title = f"Design {best['trial']}"
+        sections.append(section_svg(dog, title, span))
+        sheet = dimensioned_svg(dog, study.limits, f"{title}, dimensioned section")
+    return {"sections": sections, "sheet": sheet}
+
+
+def _checks_and_designs(study: Study, result: Row) -> Row:
+    designs = names.designs_shown(result)
+    trials: Sequence[Row] = result["trials"]
+    return {
+        "groups": GROUPS,
+        "checks": [check_record(check) for check in _checks(study)],
+        "designs": designs,
+        "parts": tables.in_parts(designs),
+        "sure_known": bool(designs) and all("probability_on_front" in r for r in result["front"]),
+        "barred": [r for r in trials if names.is_barred(r)],
+        "hard": [r for r in trials if not r["feasible"] and not names.is_barred(r)],
+    }
+
+
+def _checks(study: Study) -> tuple[Check, ...]:
+    """Return every check of the prototype; the landing's with their limits alone."""
+    dog = study.clutch.dog
+    still = landing_checks(dog, Landing(), study.limits)
+    return strength_checks(dog, study.limits) + still
+
+
+def _replays(folder: StudyFolder, result: Row, shifts: Shifts) -> list[Row]:
+    """Return the fastest and slowest shift of each design shown, with the pages that are there."""
+    if result["best"] is None:
+        return []
+    pairs = replays_of(shifts, names.designs_shown(result))
+    return [
+        {
+            "design": pair[0].design,
+            "shifts": [{"words": r.words, "angle": r.shift["relative_angle_deg"],
+                        "page": r.path if (folder.root / r.path).is_file() else ""}
+                       for r in pair],
+        }
+        for pair in pairs
+    ]  # fmt: skip

@@ -1,0 +1,117 @@
+r"""How the search converged: best time and hypervolume against the shifts simulated.
+
+The hypervolume is what the front dominates of the box between the best and the worst value of
+each objective that feasible designs of the search have. It is found by slicing: between two
+values of the last objective the dominated region is that of the designs below, one objective
+fewer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from pipeline.design import SIMULATED
+from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, styled
+from pipeline.reporting.names import design_name
+from pipeline.reporting.shifts import Array, Shifts
+
+
+def hypervolume(values: Array, reference: Array) -> float:
+    """Return the volume that rows (n, k), to be minimised, dominate below a reference (k,)."""
+    inside = values[(values < reference).all(axis=1)]
+    if not len(inside):
+        return 0.0
+    if len(reference) == 1:
+        return float(reference[0] - inside.min())
+    inside = inside[np.argsort(inside[:, -1], kind="stable")]
+    depths = np.diff(inside[:, -1], append=reference[-1])
+    return sum(
+        float(depth) * hypervolume(inside[: n + 1, :-1], reference[:-1])
+        for n, depth in enumerate(depths)
+        if depth > 0.0
+    )
+
+
+@dataclass(frozen=True)
+class Course:
+    """The search, design by design: feasible ones with the shifts simulated up to each, (n,).
+
+    ``best`` is the least time so far, s; ``volume`` the share of the box that is dominated.
+    """
+
+    rows: list[Row]
+    shifts: Array
+    best: Array
+    volume: Array
+
+
+def course(result: Row, shifts: Shifts) -> Course:
+    """Return the course of a search; designs that land too hard cost shifts, too."""
+    usual = len(shifts.study.points) * shifts.study.file.expectation.angles
+    spent, total, rows = [], 0, []
+    for row in result["trials"]:
+        if row[SIMULATED] is None:
+            continue
+        design = {name: row[name] for name in shifts.study.variables}
+        total += len(shifts.searched(design)) or usual
+        if row["feasible"]:
+            rows.append(row)
+            spent.append(total)
+    values = np.array([[row[name] for name in result["objectives"]] for row in rows], dtype=float)
+    best = np.minimum.accumulate([row[SIMULATED] for row in rows]) if rows else np.empty(0)
+    return Course(rows, np.array(spent, dtype=float), best, _volumes(values))
+
+
+def _volumes(values: Array) -> Array:
+    if len(values) < 2:
+        return np.zeros(len(values))
+    low, high = values.min(axis=0), values.max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    shares, corner = (values - low) / span, np.ones(values.shape[1])
+    return np.array([hypervolume(shares[: n + 1], corner) for n in range(len(shares))])
+
+
+def convergence_figure(result: Row, found: Course) -> go.Figure:
+    """Draw every feasible design and the best so far, and the front's hypervolume below."""
+    several = len(result["objectives"]) > 1
+    figure = make_subplots(
+        2 if several else 1, 1, shared_xaxes=True, vertical_spacing=0.08,
+        row_heights=[0.62, 0.38] if several else [1.0],
+    )  # fmt: skip
+    figure.add_scatter(
+        x=found.shifts, y=[row[SIMULATED] * 1e3 for row in found.rows], mode="markers",
+        name="simulated design",
+        marker={"color": GREY, "symbol": "circle-open", "size": 8, "line": {"width": 1.5}},
+        text=[design_name(row) for row in found.rows],
+        hovertemplate="%{text}: %{y:.1f} ms after %{x} shifts<extra></extra>", row=1, col=1,
+    )  # fmt: skip
+    figure.add_scatter(
+        x=found.shifts, y=found.best * 1e3, mode="lines", name="best so far",
+        line={"color": BLUE, "width": 2.5, "shape": "hv"}, hoverinfo="skip", row=1, col=1,
+    )  # fmt: skip
+    _first(figure, found)
+    figure.update_yaxes(title="expected shift<br>time, ms", row=1)
+    if several:
+        figure.add_scatter(
+            x=found.shifts, y=found.volume, mode="lines+markers", name="hypervolume",
+            line={"color": INK, "width": 2, "shape": "hv", "dash": "dash"}, marker={"size": 5},
+            hovertemplate="%{y:.3f} after %{x} shifts<extra></extra>", row=2, col=1,
+        )  # fmt: skip
+        figure.update_yaxes(title="hypervolume", rangemode="tozero", row=2)
+    figure.update_xaxes(rangemode="tozero")
+    figure.update_xaxes(title="simulated shifts of the search", row=2 if several else 1)
+    return styled(figure, 540 if several else 380)
+
+
+def _first(figure: go.Figure, found: Course) -> None:
+    """Mark the prototype among the designs."""
+    for row, spent in zip(found.rows, found.shifts, strict=True):
+        if row["prototype"]:
+            figure.add_scatter(
+                x=[spent], y=[row[SIMULATED] * 1e3], mode="markers", name="prototype",
+                marker={**MARKS["prototype"], "size": 14}, hoverinfo="skip", row=1, col=1,
+            )  # fmt: skip

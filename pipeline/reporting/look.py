@@ -1,0 +1,73 @@
+"""The look of all figures: colours, marks that tell without colour, labels and units.
+
+What a colour says, a marker or a dash says too, so that a page can be printed in grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import plotly.graph_objects as go
+
+from pipeline.design import OBJECTIVES, SIMULATED
+
+Row = dict[str, Any]
+
+INK = "#1b2733"
+GREY = "#9aa5b1"
+BLUE = "#1f5fa8"
+ORANGE = "#c8590c"
+GREEN = "#2e7d4f"
+
+#: Marks of the kinds of designs, the same in every figure.
+MARKS: dict[str, Row] = {
+    "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
+    "lands too hard": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    "infeasible": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    "front": {"color": BLUE, "size": 10, "symbol": "circle"},
+    "chosen": {
+        "color": BLUE, "size": 17, "symbol": "diamond", "line": {"color": INK, "width": 1.5},
+    },
+    "prototype": {
+        "color": ORANGE, "size": 18, "symbol": "star", "line": {"color": INK, "width": 1},
+    },
+}  # fmt: skip
+#: Lines of the two designs that are compared.
+LINES: dict[str, Row] = {
+    "prototype": {"color": ORANGE, "dash": "dash", "width": 2.5},
+    "chosen": {"color": BLUE, "dash": "solid", "width": 2.5},
+}
+
+
+def styled(figure: go.Figure, height: int) -> go.Figure:
+    """Give a figure the look of all pages and its height in px."""
+    figure.update_layout(
+        template="simple_white",
+        height=height,
+        font={"family": "system-ui, sans-serif", "size": 14, "color": INK},
+        margin={"l": 70, "r": 20, "t": 40, "b": 60},
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+        hoverlabel={"align": "left"},
+    )
+    return figure
+
+
+def axis_title(name: str) -> str:
+    """Return label and unit of an objective; times are drawn in ms."""
+    if name == SIMULATED:
+        return "expected shift time, ms"
+    objective = OBJECTIVES[name]
+    return f"{objective.label}, {objective.unit}" if objective.unit else objective.label
+
+
+def shown(row: Row, name: str) -> float:
+    """Return a value of a row in the unit that figures and tables show: times in ms."""
+    return float(row[name]) * 1e3 if name.endswith("_s") else float(row[name])
+
+
+def window(values: Sequence[float]) -> list[float]:
+    """Return a range that shows ``values`` with room on either side."""
+    low, high = min(values), max(values)
+    room = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
+    return [low - room, high + room]

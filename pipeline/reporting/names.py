@@ -1,0 +1,86 @@
+"""Names of designs and words about them, the same in figures and tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.exploring.labels import label, value
+
+Row = dict[str, Any]
+
+
+def is_barred(row: Row) -> bool:
+    """Tell whether a design failed a check that needs no simulation, and so has no time."""
+    return not row["feasible"] and row["expected_shift_time_s"] is None
+
+
+def design_name(row: Row) -> str:
+    """Return the name of a design."""
+    return "prototype" if row["prototype"] else f"design {row['trial']}"
+
+
+def check_name(name: str) -> str:
+    """Return the name of a check in words."""
+    return name.replace("_", " ")
+
+
+def percent(margin: float) -> str:
+    """Return a margin in percent, with decimals where it is small."""
+    digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)
+    words = f"{100 * margin:.{digits}f} %"
+    return words.replace("-", "\N{MINUS SIGN}")
+
+
+def describe(row: Row, variables: list[str]) -> str:
+    """Return all that a figure says of a design where the mouse points at it."""
+    lines = [f"<b>{design_name(row)}</b>"]
+    lines += [f"{label(name)} {value(name, row[name])}" for name in variables]
+    if row["expected_shift_time_s"] is not None:
+        time, error = row["expected_shift_time_s"] * 1e3, row["standard_error_s"] * 1e3
+        lines.append(f"expected shift time {time:.1f} ± {error:.1f} ms (standard error)")
+    if "probability_on_front" in row:
+        lines.append(f"on the front with probability {percent(row['probability_on_front'])}")
+    if row["failed"]:
+        lines.append("fails " + ", ".join(check_name(name) for name in row["failed"]))
+    if row["margins"]:
+        least = sorted(row["margins"].items(), key=lambda pair: pair[1])[:3]
+        said = ", ".join(f"{check_name(name)} {percent(margin)}" for name, margin in least)
+        lines.append(f"least margins: {said}")
+    return "<br>".join(lines)
+
+
+def interval(row: Row) -> tuple[float, float]:
+    """Return the 95 % interval of a simulated design's expected shift time, s."""
+    if row.get("low_s") is not None and row.get("high_s") is not None:
+        return float(row["low_s"]), float(row["high_s"])
+    time, half = row["expected_shift_time_s"], 1.96 * row["standard_error_s"]
+    return float(time - half), float(time + half)
+
+
+def of_kinds(result: Row) -> dict[str, list[Row]]:
+    """Return the designs of a search by kind; each is of one kind, empty kinds too."""
+    best = result["best"]
+    chosen = None if best is None else best["trial"]
+    front = {row["trial"] for row in result["front"]}
+
+    def kind(row: Row) -> str:
+        if row["trial"] == chosen:
+            return "chosen"
+        if row["prototype"]:
+            return "prototype"
+        if not row["feasible"]:
+            return "infeasible" if is_barred(row) else "lands too hard"
+        return "front" if row["trial"] in front else "dominated"
+
+    kinds = ("dominated", "lands too hard", "infeasible", "front", "chosen", "prototype")
+    found: dict[str, list[Row]] = {name: [] for name in kinds}
+    for row in result["trials"]:
+        found[kind(row)].append(row)
+    return found
+
+
+def designs_shown(result: Row) -> list[Row]:
+    """Return the prototype and then the front, fastest first."""
+    front: list[Row] = result["front"]
+    on_front = {row["trial"] for row in front}
+    return [r for r in result["trials"] if r["prototype"] and r["trial"] not in on_front] + front

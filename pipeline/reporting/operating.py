@@ -1,0 +1,169 @@
+"""Prototype and chosen design at each operating point: times, share engaged, gain."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from pipeline.exploring.operating import spread
+from pipeline.reporting.look import INK, LINES, MARKS, Row, styled
+
+PAIR = (("prototype", "prototype"), ("chosen", "best"))  #: names with keys of the confirmation
+MINUS = "\N{MINUS SIGN}"
+#: The fewer engage, the darker; the scale stays one in grey.
+DARK_TO_PALE = ((0.0, "#1f5fa8"), (0.5, "#a9c9e6"), (1.0, "#f1f6fb"))
+#: Slower is orange, faster blue; both pale, so that the numbers stay readable in grey.
+LOSS_TO_GAIN = ((0.0, "#f0b48a"), (0.5, "#ffffff"), (1.0, "#8db9e2"))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What the chosen design gains at one operating point: gain and standard error, s."""
+
+    mismatch_rpm: float
+    force_N: float
+    gain_s: float
+    error_s: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether it is at least twice its standard error."""
+        return abs(self.gain_s) >= 2.0 * self.error_s and self.gain_s != 0.0
+
+
+def gains(confirmation: Row) -> list[Gain]:
+    """Return the gain at each operating point that both designs were confirmed at."""
+    best = {(p["mismatch_rpm"], p["force_N"]): p for p in confirmation["best"]["points"]}
+    found = []
+    for point in confirmation["prototype"]["points"]:
+        place = (point["mismatch_rpm"], point["force_N"])
+        if place in best:
+            errors = [p["standard_error_s"] for p in (point, best[place])]
+            error = math.hypot(*(math.nan if e is None else e for e in errors))
+            found.append(Gain(*place, point["mean_s"] - best[place]["mean_s"], error))
+    return found
+
+
+def points_figure(confirmation: Row) -> go.Figure:
+    """Draw mean shift time over mismatch, a panel for each force, prototype and chosen design."""
+    forces = sorted({p["force_N"] for p in confirmation["prototype"]["points"]})
+    titles = [f"{force:.1f} N" for force in forces]
+    figure = make_subplots(1, len(forces), shared_yaxes=True, subplot_titles=titles)
+    for column, force in enumerate(forces, start=1):
+        for name, key in PAIR:
+            points = [p for p in confirmation[key]["points"] if p["force_N"] == force]
+            points.sort(key=lambda p: float(p["mismatch_rpm"]))
+            error = [1.96 * (p["standard_error_s"] or 0.0) * 1e3 for p in points]
+            trace = go.Scatter(
+                x=[p["mismatch_rpm"] for p in points],
+                y=[p["mean_s"] * 1e3 for p in points],
+                error_y={"type": "data", "array": error, "thickness": 1},
+                name=name,
+                legendgroup=name,
+                showlegend=column == 1,
+                mode="lines+markers",
+                line=LINES[name],
+                marker={**MARKS[name], "size": 9},
+                hovertemplate=f"{name}, %{{x:.4g}} 1/min, {force:.1f} N: %{{y:.1f}} ms"
+                "<extra></extra>",
+            )
+            figure.add_trace(trace, 1, column)
+    if all(p["mismatch_rpm"] > 0 for p in confirmation["prototype"]["points"]):
+        mismatches = sorted({p["mismatch_rpm"] for p in confirmation["prototype"]["points"]})
+        figure.update_xaxes(type="log", tickvals=spread(mismatches, 3), tickangle=0)
+    figure.update_xaxes(title="mismatch, 1/min")
+    figure.update_yaxes(rangemode="tozero")
+    figure.update_yaxes(title="mean shift time, ms", col=1)
+    figure = styled(figure, 400)
+    figure.update_layout(legend={"y": 1.12}, margin={"t": 70})
+    return figure
+
+
+def engaged_figure(confirmation: Row) -> go.Figure:
+    """Draw the share engaged at the first try over mismatch and force, with counts."""
+    figure = make_subplots(
+        1, 2, shared_yaxes=True, subplot_titles=[name for name, _ in PAIR], horizontal_spacing=0.04
+    )
+    for column, (_, key) in enumerate(PAIR, start=1):
+        mismatches, forces, places = _grid(confirmation[key]["points"])
+        shares = np.full((len(mismatches), len(forces)), np.nan)
+        words = np.full(shares.shape, "", dtype=object)
+        for (i, j), p in places.items():
+            shares[i, j] = p["engaged"]
+            words[i, j] = f"{100 * p['engaged']:.0f} %<br>{round(p['engaged'] * p['n'])}/{p['n']}"
+        figure.add_trace(_map(mismatches, forces, shares, words, DARK_TO_PALE), 1, column)
+    figure.update_traces(zmin=0.0, zmax=1.0)
+    return _mapped(figure, len(_grid(confirmation["prototype"]["points"])[0]))
+
+
+def gain_figure(confirmation: Row) -> go.Figure:
+    """Draw what the chosen design gains over mismatch and force, ms with standard error."""
+    found = gains(confirmation)
+    rows = [{"mismatch_rpm": g.mismatch_rpm, "force_N": g.force_N, "gain": g} for g in found]
+    mismatches, forces, places = _grid(rows)
+    values = np.full((len(mismatches), len(forces)), np.nan)
+    words = np.full(values.shape, "", dtype=object)
+    for (i, j), row in places.items():
+        gain: Gain = row["gain"]
+        values[i, j] = 1e3 * gain.gain_s
+        words[i, j] = gain_words(gain)
+    figure = make_subplots(1, 1)
+    figure.add_trace(_map(mismatches, forces, values, words, LOSS_TO_GAIN))
+    most = float(np.nanmax(np.abs(values))) or 1.0
+    figure.update_traces(zmin=-most, zmax=most)
+    for (i, j), row in places.items():
+        if row["gain"].gain_s < 0.0:  # a frame tells a loss without colour
+            figure.add_shape(
+                type="rect", x0=j - 0.47, x1=j + 0.47, y0=i - 0.46, y1=i + 0.46,
+                line={"color": INK, "width": 2, "dash": "solid" if row["gain"].clear else "dot"},
+                fillcolor="rgba(0, 0, 0, 0)", opacity=1,
+            )  # fmt: skip
+    return _mapped(figure, len(mismatches))
+
+
+def gain_words(gain: Gain) -> str:
+    """Return gain and standard error in ms; a loss says so."""
+    said = f"{1e3 * gain.gain_s:+.1f} ± {1e3 * gain.error_s:.1f}".replace("-", MINUS)
+    return said + (" slower" if gain.gain_s < 0.0 else "")
+
+
+def _grid(points: list[Row]) -> tuple[list[float], list[float], dict[tuple[int, int], Row]]:
+    mismatches = sorted({p["mismatch_rpm"] for p in points})
+    forces = sorted({p["force_N"] for p in points})
+    places = {(mismatches.index(p["mismatch_rpm"]), forces.index(p["force_N"])): p for p in points}
+    return mismatches, forces, places
+
+
+def _map(
+    mismatches: list[float],
+    forces: list[float],
+    values: np.ndarray,
+    words: np.ndarray,
+    scale: tuple[tuple[float, str], ...],
+) -> go.Heatmap:
+    return go.Heatmap(
+        z=values,
+        x=[f"{force:.4g}" for force in forces],
+        y=[f"{mismatch:.4g}" for mismatch in mismatches],
+        text=words,
+        texttemplate="%{text}",
+        textfont={"size": 13},
+        colorscale=[list(step) for step in scale],
+        showscale=False,
+        xgap=2,
+        ygap=2,
+        hovertemplate="%{y} 1/min, %{x} N: %{text}<extra></extra>",
+    )
+
+
+def _mapped(figure: go.Figure, rows: int) -> go.Figure:
+    figure.update_xaxes(title="shift force, N", type="category")
+    figure.update_yaxes(type="category")
+    figure.update_yaxes(title="mismatch, 1/min", col=1)
+    figure = styled(figure, 130 + 46 * rows)
+    figure.update_layout(margin={"t": 40})
+    return figure

@@ -1,0 +1,72 @@
+"""What a small search might have found, made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.config import Study
+from sim.records import clutch_record
+
+Row = dict[str, Any]
+VARIABLES = ["chamfer_deg", "count"]
+TIME, LENGTH, FORCE = "expected_shift_time_s", "axial_length_mm", "separating_force_N"
+
+
+def design(trial: int, time: float | None, length: float, **changes: Any) -> Row:
+    """A row of a search; the prototype is trial 0."""
+    row: Row = {
+        "trial": trial, "prototype": trial == 0, "chamfer_deg": 8.0 + trial, "count": 15 + trial,
+        LENGTH: length, FORCE: 1000.0 * length, TIME: time,
+        "standard_error_s": None if time is None else 0.001,
+        "engaged": None if time is None else 1.0, "feasible": time is not None,
+        "failed": [] if time is not None else ["tip_width"],
+        "smallest_margin": 0.01 * (trial + 1), "weakest_check": "tip_width",
+        "margins": {"tip_width": 0.01 * (trial + 1), "module": 0.5},
+        "margin_worst_case": -0.02, "margin_root_sum_square": 0.0, "time_within_tolerances": None,
+    }  # fmt: skip
+    return row | changes
+
+
+def point(mismatch: float, force: float, mean: float, error: float, engaged: float = 1.0) -> Row:
+    return {"mismatch_rpm": mismatch, "force_N": force, "mean_s": mean, "standard_error_s": error,
+            "engaged": engaged, "n": 16}  # fmt: skip
+
+
+def confirmed(points: list[Row], mean: float) -> Row:
+    return {TIME: mean, "standard_error_s": 0.0006, "points": points, "checks": [],
+            "numerical_error_s": 1e-6, "lower_bound": False}  # fmt: skip
+
+
+def shift(study: Study, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
+    """A shift as a journal holds it, of a design of the study."""
+    clutch = study.clutch.with_dog(study.dog_with(values))
+    seed = study.file.expectation.seed
+    return {
+        "key": f"{angle:010.4f}-{values['chamfer_deg']}", **clutch_record(clutch),
+        "mismatch_rpm": 50.0, "force_N": 469.0, "force_rise_s": 0.1766,
+        "relative_angle_deg": angle, "outcome": "blocked" if time is None else "engaged",
+        "shift_time_s": time, "seed": seed,
+    } | changes  # fmt: skip
+
+
+def found() -> Row:
+    """A search of six designs: prototype, two on the front, one beaten, two that fail."""
+    rows = [
+        design(0, 0.100, 8.0),
+        design(1, 0.080, 6.0),
+        design(2, 0.070, 7.0),
+        design(3, 0.090, 7.5),
+        design(4, 0.060, 6.5, feasible=False, failed=["edge_pressure_impact"]),
+        design(5, None, 5.0),
+    ]
+    ours = [point(50, 235.2, 0.110, 0.002), point(100, 235.2, 0.090, 0.003, 0.5)]
+    theirs = [point(50, 235.2, 0.060, 0.002), point(100, 235.2, 0.100, 0.002)]
+    return {
+        "study": "mq200", "objectives": [TIME, LENGTH], "trials": rows, "best": rows[2],
+        "front": [rows[2], rows[1]], "n_simulated_designs": 5, "n_simulated_shifts": 100,
+        "surrogate": None, "versions": {},
+        "confirmation": {
+            "angles": 16, "prototype": confirmed(ours, 0.100), "best": confirmed(theirs, 0.080),
+            "gain_s": 0.020, "gain_standard_error_s": 0.001, "gain_share": 0.2,
+        },
+    }  # fmt: skip

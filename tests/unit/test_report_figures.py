@@ -1,0 +1,198 @@
+"""The figures of the report by their data: values, and marks that tell without colour."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from pipeline.config import Study, load_study
+from pipeline.evaluation import FRESH
+from pipeline.reporting.convergence import convergence_figure, course
+from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
+from pipeline.reporting.front import front_figure, sure_figure, third_figure
+from pipeline.reporting.labels import Label, shifts_of
+from pipeline.reporting.operating import engaged_figure, gain_figure, gains, points_figure
+from pipeline.reporting.parallel import APART, parallel_figure, spread
+from pipeline.reporting.shifts import Shifts
+from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, found, shift
+
+
+@pytest.fixture
+def result() -> Row:
+    """What a small search found."""
+    return found()
+
+
+@pytest.fixture
+def study() -> Study:
+    """The default study."""
+    return load_study("mq200")
+
+
+def traces(figure: go.Figure) -> dict[str, Any]:
+    return {trace.name: trace for trace in figure.data}
+
+
+def told_apart(figure: go.Figure, kinds: tuple[str, ...]) -> bool:
+    """Whether kinds differ by symbol or dash, and so without colour."""
+    found = traces(figure)
+    looks = [(found[k].marker.symbol, getattr(found[k].line, "dash", None)) for k in kinds]
+    return len(set(looks)) == len(looks)
+
+
+def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
+    result["front"][1] |= {"low_s": 0.077, "high_s": 0.085}
+    figure = front_figure(result, VARIABLES, LENGTH)
+    found = traces(figure)
+    places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found}
+    assert places["chosen"] == [(pytest.approx(70.0), 7.0)]
+    assert places["prototype"] == [(pytest.approx(100.0), 8.0)]
+    assert places["lands too hard"] == [(pytest.approx(60.0), 6.5)]
+    assert places["infeasible"] == [("not<br>simulated", 5.0)]
+    assert found["chosen"].error_x.array == pytest.approx([1.96])
+    assert (found["front"].error_x.array[0], found["front"].error_x.arrayminus[0]) == (
+        pytest.approx(5.0), pytest.approx(3.0),
+    )  # fmt: skip
+    # What lies right of and above a design is beaten by it: first right, then down.
+    border = found["border of the front"]
+    assert list(border.x) == pytest.approx([70.0, 80.0])
+    assert border.line.shape == "hv"
+    said = [note.text for note in figure.layout.annotations]
+    assert sorted(said) == ["1", "<b>chosen: design 2</b>", "<b>prototype</b>"]
+    for words in ("design 1", "80.0 ± 1.0 ms", "number of dogs N 16", "tip width 2.0 %"):
+        assert words in found["front"].text[0]
+    assert told_apart(figure, ("dominated", "lands too hard", "front", "chosen", "prototype"))
+
+
+def test_third_objective_is_size_and_number(result: Row) -> None:
+    result["objectives"] = [TIME, LENGTH, FORCE]
+    assert "border of the front" not in traces(front_figure(result, VARIABLES, LENGTH))
+    figure = third_figure(result, VARIABLES, LENGTH, FORCE)
+    found = traces(figure)
+    assert "lands too hard" not in found
+    assert found["front"].marker.size[0] == 9.0
+    assert found["prototype"].marker.size[0] == 36.0
+    said = sorted(note.text for note in figure.layout.annotations)
+    assert said == ["1: 6000", "2: 7000", "<b>prototype</b>: 8000"]
+
+
+def test_how_sure_with_and_without_what_confirms(result: Row) -> None:
+    plain = sure_figure(result)
+    assert [trace.name for trace in plain.data] == [
+        "search, 95 % interval", "fresh angles, 95 % interval",
+    ]  # fmt: skip
+    assert list(plain.data[0].y) == ["design 1", "design 2 (chosen)"]
+    assert list(plain.data[1].x) == pytest.approx([80.0])
+    assert plain.data[1].marker.symbol != plain.data[0].marker.symbol
+    for row, share in zip(result["front"], (0.9, 0.6), strict=True):
+        row["probability_on_front"] = share
+    result["confirmation"]["designs"] = [{"trial": 1, TIME: 0.083, "standard_error_s": 0.001}]
+    full = traces(sure_figure(result))
+    assert list(full["probability on the front"].x) == [0.6, 0.9]
+    assert list(full["fresh angles, 95 % interval"].x) == pytest.approx([83.0, 80.0])
+    result["confirmation"] = None
+    assert len(sure_figure(result).data) == 2
+
+
+def test_parallel_lines_run_over_every_axis(result: Row) -> None:
+    figure = parallel_figure(result, VARIABLES)
+    found = traces(figure)
+    assert set(found) == {
+        "lands too hard (1)", "dominated (1)", "front (1)", "prototype (1)", "chosen (1)",
+    }  # fmt: skip
+    # Chamfer, number, time, length, margin of designs 0 to 4.
+    chosen = list(found["chosen (1)"].y)[:5]
+    assert chosen == pytest.approx([0.5, 0.5, 0.25, 0.5, 0.5])
+    assert list(found["prototype (1)"].y)[:5] == pytest.approx([0.0, 0.0, 1.0, 1.0, 0.0])
+    assert len({(trace.line.dash, trace.marker.symbol) for trace in figure.data}) == 5
+    words = [note.text for note in figure.layout.annotations]
+    for said in ("60", "100", "design 2", "prototype", "smallest<br>margin, %"):
+        assert said in words
+
+
+def test_names_at_the_end_of_lines_stay_apart() -> None:
+    levels = spread([0.2, 0.2, 0.99, 1.0, 1.0])
+    assert np.diff(levels).min() >= APART - 1e-12
+    assert levels[-1] <= 1.0
+    assert levels[0] == 0.2
+
+
+def test_labels_cover_neither_marks_nor_each_other() -> None:
+    labels = [Label("12", (0.5 + 0.01 * k, 0.5)) for k in range(4)]
+    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0))
+    centres = [(600 * (0.5 + 0.01 * k) + x, 160 + y) for k, (x, y) in enumerate(places)]
+    for k, (x, y) in enumerate(centres):
+        for other in centres[:k]:
+            assert abs(x - other[0]) >= 15.9 or abs(y - other[1]) >= 16.9
+
+
+def test_gain_at_each_operating_point(result: Row) -> None:
+    first, second = gains(result["confirmation"])
+    assert first.gain_s == pytest.approx(0.05)
+    assert first.error_s == pytest.approx(math.hypot(0.002, 0.002))
+    assert first.clear
+    assert second.gain_s == pytest.approx(-0.01)
+    figure = gain_figure(result["confirmation"])
+    assert np.asarray(figure.data[0].z)[:, 0] == pytest.approx([50.0, -10.0])
+    assert list(figure.data[0].y) == ["50", "100"]
+    assert figure.data[0].text[0][0] == "+50.0 ± 2.8"
+    assert figure.data[0].text[1][0] == "\N{MINUS SIGN}10.0 ± 3.6 slower"
+    # The loss, and it alone, has a frame, which a print in grey shows.
+    assert [(shape.y0, shape.line.dash) for shape in figure.layout.shapes] == [(0.54, "solid")]
+
+
+def test_share_engaged_with_counts(result: Row) -> None:
+    prototype, chosen = engaged_figure(result["confirmation"]).data
+    assert np.asarray(prototype.z)[:, 0].tolist() == [1.0, 0.5]
+    assert prototype.text[1][0] == "50 %<br>8/16"
+    assert chosen.text[1][0] == "100 %<br>16/16"
+
+
+def test_mean_times_over_mismatch_differ_by_dash_and_mark(result: Row) -> None:
+    figure = points_figure(result["confirmation"])
+    assert list(traces(figure)["chosen"].y) == pytest.approx([60.0, 100.0])
+    assert told_apart(figure, ("prototype", "chosen"))
+
+
+def test_distribution_of_single_shifts(study: Study) -> None:
+    own, fresh = study.prototype, {"seed": study.file.expectation.seed + FRESH}
+    times = [0.01 * k for k in range(1, 100)] + [None]
+    place = {"mismatch_rpm": 50.0, "force_N": 469.0, **fresh}
+    rows = tuple(shift(study, own, k, t, **place) for k, t in enumerate(times))
+    found = distribution(Shifts(study, rows), own)
+    assert found is not None
+    assert found.quantile(0.5) == pytest.approx(0.5)
+    assert found.quantile(0.99) == pytest.approx(0.99)
+    assert math.isinf(found.quantile(1.0))
+    both = {"prototype": found, "chosen": found}
+    assert quantile_rows(both)[0]["lost"] == 1
+    figure = distribution_figure(both)
+    curve = traces(figure)["prototype"]
+    steps = next(t for t in figure.data if t.name == "prototype" and t.mode == "lines")
+    assert steps.y[-1] == pytest.approx(0.99)
+    assert steps.x[-1] == pytest.approx(990.0)
+    assert curve.name == "prototype"
+    words = [note.text for note in figure.layout.annotations]
+    assert words.count("95%: 950 ms") == 2
+    dashes = {t.line.dash for t in figure.data if t.mode == "lines"}
+    assert dashes == {"dash", "solid"}
+    assert distribution(Shifts(study, ()), own) is None
+
+
+def test_course_counts_shifts_of_every_simulated_design(study: Study, result: Row) -> None:
+    result["trials"] = [{**study.prototype, **row} for row in result["trials"]]
+    each = len(study.points) * study.file.expectation.angles
+    found = course(result, Shifts(study, ()))
+    # The fifth design costs shifts, too, but is no answer; the last was not simulated.
+    assert found.shifts.tolist() == [each, 2 * each, 3 * each, 4 * each]
+    assert found.best == pytest.approx([0.1, 0.08, 0.07, 0.07])
+    # Box 70 to 100 ms by 6 to 8 mm: the second leaves a third of the time, the third half
+    # of the length undominated.
+    assert found.volume == pytest.approx([0.0, 2 / 3, 2 / 3 + 1 / 6, 2 / 3 + 1 / 6])
+    figure = traces(convergence_figure(result, found))
+    assert list(figure["best so far"].y) == pytest.approx([100.0, 80.0, 70.0, 70.0])
+    assert figure["best so far"].line.dash != figure["hypervolume"].line.dash

@@ -1,0 +1,231 @@
+"""Words, tables, shifts and stored parts of the report."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pipeline.config import Study, load_study
+from pipeline.evaluation import FRESH
+from pipeline.folder import StudyFolder
+from pipeline.journal import ShiftJournal
+from pipeline.known import known_surrogate
+from pipeline.reporting import replays
+from pipeline.reporting.convergence import hypervolume
+from pipeline.reporting.learned import learn_effects, stored_effects
+from pipeline.reporting.names import interval, of_kinds, percent
+from pipeline.reporting.provenance import command_of
+from pipeline.reporting.replays import replays_of, write_replays
+from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
+from pipeline.reporting.summary import headline, points_of
+from pipeline.reporting.tables import csv_link, designs_frame, in_parts
+from surrogate.store import save
+from tests.found import TIME, VARIABLES, Row, design, found, shift
+
+
+@pytest.fixture
+def result() -> Row:
+    """What a small search found."""
+    return found()
+
+
+@pytest.fixture
+def study() -> Study:
+    """The default study."""
+    return load_study("mq200")
+
+
+def test_every_design_is_of_one_kind(result: Row) -> None:
+    kinds = of_kinds(result)
+    assert {k: [r["trial"] for r in rows] for k, rows in kinds.items()} == {
+        "dominated": [3], "lands too hard": [4], "infeasible": [5], "front": [1],
+        "chosen": [2], "prototype": [0],
+    }  # fmt: skip
+
+
+def test_interval_is_the_given_one_or_that_of_the_standard_error() -> None:
+    assert interval(design(1, 0.08, 6.0)) == pytest.approx((0.07804, 0.08196))
+    assert interval(design(1, 0.08, 6.0, low_s=0.07, high_s=0.1)) == (0.07, 0.1)
+
+
+def test_hypervolume_in_two_and_three_dimensions() -> None:
+    corner = np.ones(3)
+    assert hypervolume(np.array([[0.5, 0.5]]), corner[:2]) == pytest.approx(0.25)
+    stairs = np.array([[0.0, 0.5], [0.5, 0.0], [0.7, 0.7], [2.0, 0.1]])
+    assert hypervolume(stairs, corner[:2]) == pytest.approx(0.75)
+    rng = np.random.default_rng(1)
+    values, drawn = rng.random((12, 3)), rng.random((200_000, 3))
+    below = (values[None] <= drawn[:, None]).all(axis=2).any(axis=1).mean()
+    assert hypervolume(values, corner) == pytest.approx(below, abs=4e-3)
+
+
+def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> None:
+    own, seed = study.prototype, study.file.expectation.seed
+    rows = (
+        shift(study, own, 1.0, 0.05),
+        shift(study, own, 2.0, None, seed=seed + FRESH),
+        shift(study, own, 3.0, 0.07, accuracy=1e-9),
+        shift(study, own, 4.0, None, outcome="diverged"),
+        shift(study, own | {"chamfer_deg": 9.0}, 1.0, 0.02),
+    )
+    found = Shifts(study, rows)
+    assert [row["relative_angle_deg"] for row in found.of(own)] == [1.0, 2.0]
+    assert [row["relative_angle_deg"] for row in found.searched(own)] == [1.0]
+    assert [row["relative_angle_deg"] for row in found.fresh(own)] == [2.0]
+    fast, slow = extremes(found.of(own)) or pytest.fail("no shifts")
+    assert (fast["shift_time_s"], slow["outcome"]) == (0.05, "blocked")
+    assert extremes([]) is None
+
+
+def test_operating_points_keep_their_weight(study: Study) -> None:
+    heavy = tuple(replace(p, weight=3.0 if k == 0 else 1.0) for k, p in enumerate(study.points))
+    own = study.prototype
+    first = {"mismatch_rpm": 5.0, "force_N": 235.2}
+    other = {"mismatch_rpm": 5.0, "force_N": 315.5}
+    rows = [shift(study, own, 1.0, 0.1, **first)]
+    rows += [shift(study, own, angle, 0.2, **other) for angle in (1.0, 2.0)]
+    weights = weights_of(replace(study, points=heavy), rows)
+    assert weights == pytest.approx([0.75, 0.125, 0.125])
+    assert quantile(np.array([0.1, 0.2, 0.2]), weights, 0.75) == 0.1
+    assert quantile(np.array([0.1, 0.2, 0.2]), weights, 0.76) == 0.2
+
+
+def test_every_simulated_design_is_in_the_table(result: Row) -> None:
+    result["trials"][2]["time_within_tolerances"] = {"worst_case_s": 0.002, "by_dimension_s": {}}
+    text = designs_frame(result, VARIABLES).to_csv(index=False)
+    kind, data = csv_link(text).split(",", 1)
+    assert kind == "data:text/csv;charset=utf-8"
+    table = pd.read_csv(io.StringIO(unquote(data)))
+    assert table["trial"].tolist() == [0, 1, 2, 3, 4]
+    assert table["on_front"].tolist() == [False, True, True, False, False]
+    assert table["chosen"].tolist() == [False, False, True, False, False]
+    assert table[TIME].tolist() == [0.1, 0.08, 0.07, 0.09, 0.06]
+    assert table["margin_of_module"].tolist() == [0.5] * 5
+    assert table["failed"].fillna("").tolist()[4] == "edge_pressure_impact"
+    assert table["within_tolerances_worst_case_s"][2] == 0.002
+
+
+@pytest.mark.parametrize(("rows", "sizes"), [(6, [6]), (9, [5, 4]), (0, []), (17, [6, 6, 5])])
+def test_margins_come_in_parts_that_fit_a_page(rows: int, sizes: list[int]) -> None:
+    assert [len(part) for part in in_parts([{}] * rows)] == sizes
+
+
+@pytest.mark.parametrize(
+    ("margin", "words"),
+    [
+        (0.00048, "0.05 %"),
+        (0.0, "0.0 %"),
+        (0.011, "1.1 %"),
+        (-0.14, "\N{MINUS SIGN}14 %"),
+        (1.3, "130 %"),
+    ],
+)
+def test_margins_in_percent(margin: float, words: str) -> None:
+    assert percent(margin) == words
+
+
+def test_summary_says_what_was_found(result: Row) -> None:
+    assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
+    sure, limit, slower = points_of(result)
+    assert "Clear: the gain is 20 times its standard error. 100 shifts" in sure
+    assert "tip width, with a margin of 3.0 %" in limit
+    assert (
+        "\N{MINUS SIGN}2.0 % with every tolerance at its worst, so such a part may break" in limit
+    )
+    assert slower == (
+        "Slower than the prototype at 1 of 2 operating points, clearly at 1: "
+        "100 1/min with 235.2 N by 10.0 ± 3.6 ms."
+    )
+    unclear = result["confirmation"] | {"gain_s": 0.001}
+    assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
+    assert "not been confirmed" in headline(result | {"confirmation": None})
+    assert "No design" in headline(result | {"best": None})
+    own = result | {"best": result["trials"][0]}
+    assert headline(own) == "No design of this search is faster than the prototype."
+    assert [line.split()[0] for line in points_of(own)] == ["100", "What"]
+
+
+def test_summary_where_nothing_is_slower_or_only_by_chance(result: Row) -> None:
+    points = result["confirmation"]["best"]["points"]
+    points[1]["mean_s"] = 0.093
+    assert "nowhere clearly" in points_of(result)[-1]
+    points[1]["mean_s"] = 0.08
+    assert "Nowhere slower" in points_of(result)[-1]
+
+
+def test_command_runs_the_same_study_again() -> None:
+    changes = ["search.trials=12", "operating.mismatch_rpm=[50, 149]", "contact.set=adams2019"]
+    study = load_study("mq200", changes)
+    command = command_of(study)
+    assert command is not None
+    assert command.startswith("dogshape study mq200 --set ")
+    assert command_of(load_study("mq200")) == "dogshape study mq200"
+    file = study.file.model_copy(update={"name": "elsewhere"})
+    assert command_of(replace(study, file=file)) is None
+
+
+def test_a_page_that_cannot_be_made_is_said_and_left_out(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own, said = study.prototype, []
+    shifts = Shifts(study, (shift(study, own, 1.0, 0.05), shift(study, own, 2.0, None)))
+    pairs = replays_of(shifts, [{**own, "trial": 0, "prototype": True}])
+    (fast, slow) = pairs[0]
+    assert slow.words == "blocked at 50 1/min, 469.0 N"
+    assert fast.path.startswith("shifts/prototype-fastest-")
+
+    def fails(*_: Any) -> None:
+        raise RuntimeError("no solution")
+
+    monkeypatch.setattr(replays, "_write", fails)
+    write_replays(StudyFolder(tmp_path), shifts, [fast, slow], said.append)
+    assert said[0].startswith("animation 1 of 2: prototype, fastest shift, 50.0 ms")
+    assert said.count("no page of this shift: no solution") == 2
+
+
+def test_effects_are_of_the_surrogate_as_it_is_now(
+    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = StudyFolder(tmp_path)
+    learn_effects(folder, pytest.fail)
+    assert stored_effects(folder) is None
+    folder.open(study, resume=False)
+    stored = known_surrogate(study)
+    assert stored is not None
+    save(folder.surrogate, stored)
+    known = {"effects": {"designs": 3}, "indices": []}
+    calls: list[str] = []
+
+    def learned(*_: Any) -> Row:
+        calls.append("learned")
+        return known
+
+    monkeypatch.setattr("pipeline.reporting.learned.Over", lambda *_: None)
+    monkeypatch.setattr("pipeline.reporting.learned.learned", learned)
+    learn_effects(folder, calls.append)
+    learn_effects(folder, calls.append)
+    assert calls.count("learned") == 1
+    assert stored_effects(folder) == known
+    save(folder.surrogate, replace(stored, comparison=({"form": "other"},)))
+    assert stored_effects(folder) is None
+
+
+def test_a_journal_that_is_only_read_keeps_a_line_being_written(
+    study: Study, tmp_path: Path
+) -> None:
+    row = shift(study, study.prototype, 1.0, 0.05) | {"landing_loads_N_mm": [0.0]}
+    path = tmp_path / "shifts.jsonl"
+    content = json.dumps(row) + "\n" + '{"key": "half'
+    path.write_text(content)
+    assert list(ShiftJournal(path, only_read=True).rows) == [row["key"]]
+    assert path.read_text() == content
+    assert list(ShiftJournal(path).rows) == [row["key"]]
+    assert path.read_text() == json.dumps(row) + "\n"
