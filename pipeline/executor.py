@@ -73,11 +73,12 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
-        """Return what is left of blocks, without those that are finished."""
-        left = []
+        """Return what is left of blocks, without shifts that are finished, and each once."""
+        left, taken = [], set(self.journal.rows)
         for block in blocks:
-            pairs = zip(block.keys, block.angles, strict=True)
-            angles = tuple(a for key, a in pairs if key not in self.journal.rows)
+            pairs = dict(zip(block.keys, block.angles, strict=True))
+            angles = tuple(a for key, a in pairs.items() if key not in taken)
+            taken.update(pairs)
             if angles:
                 left.append(replace(block, angles=angles))
         return left

@@ -216,8 +216,11 @@ def _finish(search: Search, ids: list[int], executor: Executor) -> None:
 
 
 def _tell(search: Search, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
-    for name, value in design.constraints.items():
-        trial.set_constraint(name, value)
+    with warnings.catch_warnings():
+        # A run that was cut off while it told the trial has set some, the same.
+        warnings.filterwarnings("ignore", message="The constraint value is ignored")
+        for name, value in design.constraints.items():
+            trial.set_constraint(name, value)
     if found is not None:
         trial.set_user_attr("engaged", found.expectation.engaged)
         trial.set_user_attr("standard_error_s", found.expectation.standard_error)
