@@ -72,11 +72,12 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
-        """Return what is left of blocks, without those that are finished."""
-        left = []
+        """Return what is left of blocks, without shifts that are finished, and each once."""
+        left, taken = [], set(self.journal.rows)
         for block in blocks:
-            keys = enumerate(block.keys)
-            rest = block.only([place for place, key in keys if key not in self.journal.rows])
+            keys = dict(zip(block.keys, range(len(block.angles)), strict=True))
+            rest = block.only([place for key, place in keys.items() if key not in taken])
+            taken.update(keys)
             if rest.angles:
                 left.append(rest)
         return left

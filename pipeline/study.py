@@ -159,7 +159,8 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
 def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
     """Return how many shifts of a journal failed, by the reason; they have no time."""
     failed = [row for row in journal.rows.values() if row["outcome"] == Outcome.DIVERGED.value]
-    return dict(Counter(str(row.get("reason", Outcome.DIVERGED.message)) for row in failed))
+    reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
+    return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
 def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:

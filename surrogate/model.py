@@ -60,7 +60,7 @@ ALTERNATIVES = {
         (POINT, SMOOTH, STEPS, ROUGH), ridge=True
     ),
 }
-USUAL = "point, smooth, growing steps, growing rough"  #: the form where none is named
+USUAL = "point, smooth, growing steps, growing rough, ridge"  #: the form where none is named
 
 
 @dataclass(frozen=True)

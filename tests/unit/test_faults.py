@@ -1,0 +1,344 @@
+"""Faults, each one injected: nothing that was finished is lost, and the study goes on."""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from optuna.storages.journal import JournalFileBackend
+
+from pipeline.config import Study, load_study
+from pipeline.executor import Executor
+from pipeline.folder import StudyFolder
+from pipeline.journal import ShiftJournal, append
+from pipeline.study import Run, run_study
+from sim.actuation import ForceProfile
+from sim.blocks import Block, even_blocks
+from sim.errors import StorageError, WorkerError
+from sim.records import Record
+from tests.conftest import SMALL, Said
+from tests.server import ROOT, command_of
+
+
+def _command(out: Path, *more: str) -> list[str]:
+    overrides = [part for text in SMALL for part in ("--set", text)]
+    return command_of("study", "mq200", "--out", str(out), "--resume", *overrides, *more)
+
+
+def _designs(result: dict[str, Any]) -> list[dict[str, Any]]:
+    return [{k: v for k, v in row.items() if not k.startswith("time_")} for row in result["trials"]]
+
+
+def _result(out: Path) -> dict[str, Any]:
+    result: dict[str, Any] = json.loads((out / "result.json").read_text())
+    return result
+
+
+def _lines(out: Path) -> list[bytes]:
+    journal = out / "shifts.jsonl"
+    return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What a small study finds when nothing goes wrong."""
+    return run_study(
+        load_study("mq200", SMALL), Run(StudyFolder(tmp_path_factory.mktemp("finished")))
+    )
+
+
+def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[str, Any]) -> None:
+    chance = random.Random(5)
+    for share in (0.05, 0.3, 0.55, 0.8):
+        process = subprocess.Popen(
+            _command(tmp_path),
+            cwd=ROOT,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        end = time.monotonic() + 120
+        while len(_lines(tmp_path)) < share * 72 and time.monotonic() < end:
+            time.sleep(0.02)
+        time.sleep(chance.random())
+        before = _lines(tmp_path)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
+    run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), resume=True))
+    assert _designs(_result(tmp_path)) == _designs(finished)
+    assert _result(tmp_path)["confirmation"] == finished["confirmation"]
+    keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
+    assert len(set(keys)) == len(keys) == 92
+
+
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_full_disk_is_said_and_costs_nothing(
+    tmp_path: Path, finished: dict[str, Any], jobs: str
+) -> None:
+    """No file may grow beyond some bytes: the journal of shifts is the first to want to."""
+    full = subprocess.run(
+        _command(tmp_path, "--jobs", jobs),
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000)),
+    )
+    assert full.returncode == 2, full.stderr
+    assert "shifts.jsonl cannot be written (File too large)" in full.stderr
+    assert "Traceback" not in full.stderr
+    kept = _lines(tmp_path)
+    assert len(kept) >= 3
+    assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
+    again = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), resume=True))
+    assert _lines(tmp_path)[: len(kept)] == kept
+    assert _designs(again) == _designs(finished)
+
+
+def test_a_line_is_written_whole_or_not_at_all(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, row = tmp_path / "shifts.jsonl", {"key": "a", "text": "x" * 100}
+    append(path, row)
+    whole = path.read_bytes()
+    true, calls = os.write, []
+
+    def half(descriptor: int, content: bytes) -> int:
+        calls.append(len(content))
+        if len(calls) > 1:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return true(descriptor, content[:50])
+
+    monkeypatch.setattr("os.write", half)
+    with pytest.raises(StorageError, match="No space left on device"):
+        append(path, row)
+    monkeypatch.undo()
+    assert calls == [len(whole), len(whole) - 50]
+    assert path.read_bytes() == whole
+    path.write_bytes(whole + whole[:30])  # as a killed worker leaves it to the others
+    append(path, row)
+    assert path.read_bytes() == whole + whole
+
+
+@pytest.mark.parametrize("moment", [3, 30])
+def test_a_disk_full_of_trials(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: int
+) -> None:
+    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    true, calls = JournalFileBackend.append_logs, []
+
+    def torn(self: JournalFileBackend, logs: list[dict[str, Any]]) -> None:
+        calls.append(logs)
+        if len(calls) == moment:
+            with (tmp_path / "out" / "trials.log").open("ab") as file:
+                file.write(json.dumps(logs[0]).encode()[:20])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        true(self, logs)
+
+    monkeypatch.setattr(JournalFileBackend, "append_logs", torn)
+    with pytest.raises(OSError, match="No space left on device"):
+        run_study(study, Run(StudyFolder(tmp_path / "out"), 1))
+    monkeypatch.undo()
+    again = run_study(study, Run(StudyFolder(tmp_path / "out"), 1, resume=True))
+    other = run_study(study, Run(StudyFolder(tmp_path / "other"), 1))
+    assert _designs(again)[0] == _designs(other)[0]
+    params = [[row[name] for name in study.variables] for row in again["trials"]]
+    assert params == [[row[name] for name in study.variables] for row in other["trials"]]
+
+
+@pytest.fixture
+def ordinary_user() -> Iterator[None]:
+    """Be nobody for a while where tests run as root, whom rights do not stop."""
+    if os.geteuid() != 0:
+        yield
+        return
+    os.seteuid(65534)
+    yield
+    os.seteuid(0)
+
+
+def test_a_read_only_folder_is_said(
+    tmp_path: Path, small_study: Study, ordinary_user: None
+) -> None:
+    shut = tmp_path / "shut"
+    with pytest.raises(StorageError, match=r"cannot be written \(Permission denied\); choose"):
+        run_study(small_study, Run(StudyFolder(shut / "out"), 1))
+
+
+def test_two_runs_in_one_folder(tmp_path: Path) -> None:
+    """The second is refused while the first runs, and the first does not notice."""
+    first = subprocess.Popen(_command(tmp_path, "--set", "search.trials=1"), cwd=ROOT,
+                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+    end = time.monotonic() + 60
+    while not _lines(tmp_path) and time.monotonic() < end:
+        time.sleep(0.02)
+    os.kill(first.pid, signal.SIGSTOP)
+    second = subprocess.run(_command(tmp_path), cwd=ROOT, capture_output=True, text=True,
+                            timeout=120, check=False)  # fmt: skip
+    os.kill(first.pid, signal.SIGCONT)
+    _, err = first.communicate(timeout=120)
+    assert second.returncode == 2
+    assert "is in use by another run" in second.stderr
+    assert first.returncode == 0, err.decode()
+
+
+def test_a_stale_lock_of_the_trials_costs_no_wait(tmp_path: Path) -> None:
+    study = load_study("mq200", [*SMALL, "search.trials=1"])
+    run_study(study, Run(StudyFolder(tmp_path), 1))
+    (tmp_path / "trials.log.lock").symlink_to(tmp_path / "trials.log")
+    start = time.monotonic()
+    run_study(study, Run(StudyFolder(tmp_path), 1, resume=True))
+    assert time.monotonic() - start < 25.0
+
+
+def test_a_clock_that_jumps_changes_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = load_study("mq200", [*SMALL, "search.trials=5"])
+    plain = run_study(study, Run(StudyFolder(tmp_path / "plain"), 1))
+    chance, true, asked = random.Random(1), time.time, []
+
+    def jumping() -> float:
+        asked.append(1)
+        return true() + chance.uniform(-4e8, 4e8)
+
+    monkeypatch.setattr("time.time", jumping)
+    short = load_study("mq200", [*SMALL, "search.trials=2"])
+    run_study(short, Run(StudyFolder(tmp_path / "jumps"), 1))
+    jumped = run_study(study, Run(StudyFolder(tmp_path / "jumps"), 1, resume=True))
+    assert _designs(jumped) == _designs(plain)
+    assert time.time() != true()
+
+
+def test_no_room_asks_for_the_time_of_day() -> None:
+    for room in ("sim", "surrogate", "diagnosis", "pipeline"):
+        for path in (ROOT / room).rglob("*.py"):
+            text = path.read_text()
+            for word in ("time.time(", "datetime", "time_ns(", "st_mtime"):
+                assert word not in text, f"{path} uses {word}"
+
+
+def _block(study: Study, **solver: Any) -> Block:
+    (block,) = even_blocks(study.clutch, study.points[:1], 3, 1)
+    clutch = replace(study.clutch, solver=replace(study.clutch.solver, **solver))
+    return replace(block, clutch=clutch)
+
+
+def test_limits_are_outcomes_and_do_not_change_keys(small_study: Study, tmp_path: Path) -> None:
+    plain, timed, counted = (
+        _block(small_study, **limit) for limit in ({}, {"time_limit": 0.01}, {"max_steps": 50})
+    )
+    assert plain.keys == timed.keys
+    assert not set(plain.keys) & set(counted.keys)
+    for index, (block, words) in enumerate(
+        [(timed, "no end after solver.time_limit_s = 0.01"), (counted, "solver.max_steps = 50")]
+    ):
+        executor = Executor(ShiftJournal(tmp_path / f"{index}.jsonl"), 1)
+        for row in executor.run([block])[0]:
+            assert row["outcome"] == "diverged"
+            assert words in row["reason"]
+
+
+def test_keys_of_the_default_study_stay() -> None:
+    """Hashes that stored results carry, from before the limits were keys."""
+    study = load_study("mq200")
+    assert study.physics_hash == "d9069ea6093eea848d23"
+    assert study.config_hash == "01cd5a2418b5b9a28e0c"
+    assert even_blocks(study.clutch, study.points[:1], 3, 1)[0].keys[0] == "5a607148e2d870a34bd4"
+    limited = load_study("mq200", ["solver.max_steps=1000"])
+    assert limited.physics_hash != study.physics_hash
+    assert load_study("mq200", ["solver.time_limit_s=5"]).physics_hash == study.physics_hash
+
+
+def test_a_study_goes_on_with_shifts_that_fail(tmp_path: Path, dogshape: Any) -> None:
+    overrides = [part for text in SMALL for part in ("--set", text)]
+    limits = ["--set", "search.trials=2", "--set", "solver.max_steps=420"]
+    said: Said = dogshape("study", "mq200", "--out", tmp_path, "--jobs", 1, *overrides, *limits)
+    assert said.status == 0, said.err
+    failed = _result(tmp_path)["failed_shifts"]
+    rows = [json.loads(line) for line in _lines(tmp_path)]
+    assert sum(failed.values()) == sum(row["outcome"] == "diverged" for row in rows) > 0
+    assert all("solver.max_steps = 420" in reason for reason in failed)
+    assert "shifts failed and count as not engaged" in said.out
+
+
+@dataclass(frozen=True)
+class Breaking(ForceProfile):
+    """A shift force that breaks the worker which asks for it; the parent may ask unharmed.
+
+    ``once`` names a file that stands for having done it.
+    """
+
+    how: str = ""
+    once: str = ""
+    parent: int = 0
+
+    def at(self, time: float) -> float:
+        """Break in the midst of a shift, where the simulation asks whether the rings stand."""
+        if os.getpid() != self.parent:
+            _break(self.how, self.once)
+        return super().at(time)
+
+
+def _break(how: str, once: str) -> None:
+    if once:
+        try:
+            os.close(os.open(once, os.O_CREAT | os.O_EXCL))
+        except FileExistsError:
+            return
+    if how == "hang":
+        ctypes.PyDLL(None).sleep(3600)  # in C, and no other thread of Python's can run
+    os.kill(os.getpid(), signal.SIGSEGV if how == "crash" else signal.SIGKILL)
+
+
+def _broken(study: Study, tmp_path: Path, how: str, once: str = "") -> tuple[Executor, list[Block]]:
+    good = even_blocks(study.clutch, study.points, 3, 1)
+    bad = _block(study, time_limit=1.0)
+    force = bad.point.profile
+    profile = Breaking(force.force, force.rise, how, once, os.getpid())
+    bad = replace(bad, point=replace(bad.point, profile=profile), angles=(0.01,))
+    return Executor(ShiftJournal(tmp_path / "shifts.jsonl"), 2), [good[0], bad, *good[1:]]
+
+
+@pytest.mark.parametrize(("how", "words"), [("hang", "hung: it did not"), ("crash", "crashed: Se")])
+def test_a_shift_that_hangs_or_crashes_fails_alone(
+    small_study: Study, tmp_path: Path, how: str, words: str
+) -> None:
+    executor, blocks = _broken(small_study, tmp_path, how)
+    rows = executor.run(blocks)
+    assert [len(block) for block in rows] == [3, 1, 3]
+    (failed,) = rows[1]
+    assert failed["outcome"] == "diverged"
+    assert failed["reason"].startswith(words)
+    assert all(row["outcome"] == "engaged" for block in (rows[0], rows[2]) for row in block)
+    kept: list[Record] = [json.loads(line) for line in _lines(tmp_path)]
+    assert sorted(row["key"] for row in kept) == sorted(k for b in blocks for k in b.keys)
+    assert not list(tmp_path.glob(".running-*"))
+
+
+def test_a_worker_that_is_killed_says_nothing_against_its_shift(
+    small_study: Study, tmp_path: Path
+) -> None:
+    executor, blocks = _broken(small_study, tmp_path, "kill", str(tmp_path / "done"))
+    rows = executor.run(blocks)
+    assert all(row["outcome"] == "engaged" for block in rows for row in block)
+
+
+def test_workers_that_die_again_and_again_are_said(small_study: Study, tmp_path: Path) -> None:
+    executor, blocks = _broken(small_study, tmp_path, "kill")
+    with pytest.raises(WorkerError, match="died 3 times without finishing a shift"):
+        executor.run(blocks)
+    assert len(_lines(tmp_path)) == 6
