@@ -15,7 +15,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -190,7 +190,7 @@ def scratch_executor(
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
 
 
-@lru_cache(maxsize=1)
+@cache
 def connect(address: str | None) -> Any:
     """Return the client of a Dask cluster, None where none is asked for.
 
