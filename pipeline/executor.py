@@ -144,7 +144,8 @@ class Executor:
                 append(self.journal.path, *rows)
                 yield rows
         except Exception as error:
-            if type(error).__module__.partition(".")[0] not in ("distributed", "concurrent"):
+            of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
+            if not of_dask and not isinstance(error, TimeoutError):
                 raise
             raise WorkerError(
                 f"the cluster {address} was lost ({type(error).__name__}); shifts that came back "
