@@ -9,7 +9,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
-EXTRAS := dev,blind,cad,fem
+EXTRAS := dev,blind,cad,fem,machines
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
@@ -29,7 +29,7 @@ lint: $(VENV)/complete
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
-  load_height
+  load_height workers
 SURROGATE := learning_curve active_learning asking
 
 evidence: $(VENV)/complete
@@ -72,7 +72,8 @@ $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
 	touch $@
 
-# What tests and evidence want besides: linters, the second engine, CAD and finite elements.
+# What tests and evidence want besides: linters, the second engine, CAD, finite elements, and
+# what connects machines.
 $(VENV)/complete: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[$(EXTRAS)]"
 	touch $@

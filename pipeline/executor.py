@@ -15,7 +15,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -143,7 +143,8 @@ class Executor:
                 append(self.journal.path, *rows)
                 yield rows
         except Exception as error:
-            if type(error).__module__.partition(".")[0] not in ("distributed", "concurrent"):
+            of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
+            if not of_dask and not isinstance(error, TimeoutError):
                 raise
             raise WorkerError(
                 f"the cluster {address} was lost ({type(error).__name__}); shifts that came back "
@@ -189,7 +190,7 @@ def scratch_executor(
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
 
 
-@lru_cache(maxsize=1)
+@cache
 def connect(address: str | None) -> Any:
     """Return the client of a Dask cluster, None where none is asked for.
 

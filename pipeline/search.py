@@ -186,15 +186,20 @@ def run(
     after_round: AfterRound,
 ) -> None:
     """Run the search until the study's number of trials is finished, by this run and others."""
+    waiting = False
     while True:
         with search.claims.turn():
             ids = _next_round(search, sampler_of)
         if ids:
+            waiting = False
             _finish(search, ids, executor)
             after_round(_status(search))
-        elif len(search.trials) >= search.study.file.search.trials:
+        elif (left := search.study.file.search.trials - len(search.trials)) <= 0:
             return
         else:
+            if not waiting:
+                after_round(f"waiting for {left} designs that other runs simulate")
+            waiting = True
             search.claims.wait()
 
 

@@ -135,7 +135,7 @@ def test_a_live_run_keeps_its_trials(server: Server, tmp_path: Path) -> None:
     assert second.poll() is None
     os.killpg(first.pid, signal.SIGCONT)
     _ended(first)
-    _ended(second)
+    assert "waiting for 4 designs that other runs simulate" in _ended(second)
     assert _shifts(one) - 20 == 4 * 6 >= held
     assert _shifts(two) - 20 == 7 * 6
     _require_whole(server, "standing", [one, two], 11)
