@@ -78,8 +78,9 @@ def inquire(
         left = goal - len(rows)
         if left < angles:
             return
-        question = _question(study, inquiry.kind, model, pool, rng)
-        choice = choose(model, study_mix(study), question, angles, min(ROWS, left // angles))
+        over = Over(model, study_mix(study))
+        question = _question(study, inquiry.kind, over, pool, rng)
+        choice = choose(over, question, angles, min(ROWS, left // angles))
         say(
             f"{left} shifts to go; the next {len(choice.left) * angles} leave "
             f"{choice.left[-1]:.0%} of the variance of {len(question.designs)} designs"
@@ -96,12 +97,11 @@ def _pool(study: Study, kind: str) -> Array:
 
 
 def _question(
-    study: Study, kind: str, model: Surrogate, pool: Array, rng: np.random.Generator
+    study: Study, kind: str, over: Over, pool: Array, rng: np.random.Generator
 ) -> Question:
     """Return the designs of the pool that draws find best or on the front, by how often."""
     if kind == "design":
         return Question(pool, np.ones(1))
-    over = Over(model, study_mix(study))
     # The surrogate knows the expected time; other simulated objectives are left out.
     exact = exact_losses(study, [study.named(row) for row in pool])
     exact = exact[:, np.isfinite(exact).all(axis=0)]

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from surrogate.covariance import Array, Places
-from surrogate.mix import Mix
 from surrogate.model import Surrogate
 from surrogate.over import Over
 from surrogate.targets import point_coordinates, timed
@@ -45,9 +44,10 @@ class Choice:
     left: Array
 
 
-def choose(surrogate: Surrogate, mix: Mix, question: Question, angles: int, count: int) -> Choice:
+def choose(over: Over, question: Question, angles: int, count: int) -> Choice:
     """Choose ``count`` rows of ``angles`` shifts at the question's designs and the mix's points."""
-    over, process, size = Over(surrogate, mix), surrogate.times, len(mix.points)
+    surrogate, mix = over.surrogate, over.mix
+    process, size = surrogate.times, len(mix.points)
     inputs = surrogate.crossed(question.designs, mix.points)
     links = process.covariance.between(inputs, process.inputs)
     known = links @ process.inverse

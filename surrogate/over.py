@@ -28,7 +28,7 @@ class Over:
 
     def __init__(self, surrogate: Surrogate, mix: Mix) -> None:
         self.surrogate = surrogate
-        self._mix, data = mix, surrogate.data
+        self.mix, data = mix, surrogate.data
         process = surrogate.times
         covariance = process.covariance
         #: design of each row of the process, which lacks rows that never engaged
@@ -86,7 +86,7 @@ class Over:
 
     def _parts(self, x: Array, features: Array) -> tuple[Array, Array, Array]:
         """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
-        data, mix = self.surrogate.data, self._mix
+        data, mix = self.surrogate.data, self.mix
         share, unsure = self.surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
         retries = (1.0 - share) / share @ mix.weights * mix.retry
         lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
@@ -106,7 +106,7 @@ class Over:
     @cached_property
     def _shares(self) -> Array:
         """Share of each operating point in the expected time, mean over known designs, (q,)."""
-        parts = self.times(self._known).mean(axis=0) * self._mix.weights
+        parts = self.times(self._known).mean(axis=0) * self.mix.weights
         shares: Array = parts / parts.sum()
         return shares
 

@@ -63,7 +63,7 @@ class Process:
         """What each row adds to a prediction, (n,)."""
         if self.known is not None:
             return self.known
-        weights: Array = np.linalg.solve(self.matrix, self.targets - self.centre).astype(float)
+        weights: Array = self.inverse @ (self.targets - self.centre)
         return weights
 
     def mean(self, inputs: Array) -> Array:

@@ -147,8 +147,7 @@ class DogGuide:
             return None
         if not isinstance(foretold, _Foretold) or foretold.timed is None:
             return first_plan(study, points, number)
-        model = foretold.timed[1].surrogate
-        return telling_plan(study, points, model, study_mix(study), self.rows([params])[0])
+        return telling_plan(study, points, foretold.timed[1], self.rows([params])[0])
 
     def rows(self, params: Sequence[Params]) -> Array:
         """Return designs in edge units, (m, d)."""

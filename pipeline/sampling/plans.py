@@ -15,8 +15,7 @@ from pipeline.config import Study
 from pipeline.plans import Plan
 from surrogate.acquisition import Question, choose
 from surrogate.covariance import Array
-from surrogate.mix import Mix
-from surrogate.model import Surrogate
+from surrogate.over import Over
 
 HARD = 2  #: points that every design is simulated at for the landing's sake
 
@@ -41,14 +40,14 @@ def first_plan(study: Study, points: int, number: int) -> Plan:
     return _plan(study, [*hard, *turn])
 
 
-def telling_plan(study: Study, points: int, model: Surrogate, mix: Mix, design: Array) -> Plan:
+def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
     """Return the plan that leaves least error in a design's expected time, (d,) in edge units."""
     hard = hard_points(study)
     count = max(points - len(hard), 0)
     if not count:
         return _plan(study, hard)
     question = Question(design[None, :], np.ones(1))
-    chosen = choose(model, mix, question, study.file.expectation.angles, count)
+    chosen = choose(over, question, study.file.expectation.angles, count)
     return _plan(study, [*hard, *(int(place) for place in chosen.points)])
 
 

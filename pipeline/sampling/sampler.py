@@ -31,7 +31,7 @@ from surrogate.covariance import Array
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
 WIDE = 400  #: candidates of the whole space
-NEAR = 200  #: candidates near the front
+NEAR = 100  #: candidates near the front
 DRAWS = 48  #: joint draws of what is foretold
 WAYS = 128  #: directions of the hypervolume
 TRIES = 1000  #: draws for a candidate before the allowed space counts as empty

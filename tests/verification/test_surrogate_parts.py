@@ -95,7 +95,7 @@ def surrogate() -> Surrogate:
 def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
     """The variance that is left is that of a process which has the rows."""
     question = Question(made(5, seed=3).designs, np.full(5, 0.2))
-    choice = choose(surrogate, MIX, question, 8, 4)
+    choice = choose(Over(surrogate, MIX), question, 8, 4)
     over, where = Over(surrogate, MIX), surrogate.coordinates(question.designs)
     before = float(question.weights @ over.relative_variance(where))
     x, points = question.designs[choice.designs], GRID[choice.points]
@@ -137,7 +137,7 @@ def test_asking_beats_filling_on_the_question() -> None:
     target = np.array([3.0, 2.5, 10.0])
     model = fit(start, effort=QUICK)
     question = Question(np.array([target, [5.0, 3.0, 12.0]]), np.array([0.5, 0.5]))
-    choice = choose(model, MIX, question, 8, 12)
+    choice = choose(Over(model, MIX), question, 8, 12)
     chosen = made(6, seed=11)
     rows = chosen.rows[:12].copy()
     rows[:, :3] = question.designs[choice.designs]
