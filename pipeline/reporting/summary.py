@@ -185,7 +185,9 @@ def _better(result: Row) -> list[str]:
     ]  # fmt: skip
     names = ", ".join(str(trial) for trial in better)
     word = "Design" if len(better) == 1 else "Designs"
-    return [f"{word} {names} did clearly better than it at the fresh angles."] if better else []
+    chosen = result["best"]["trial"]
+    said = f"{word} {names} did clearly better than design {chosen} at the fresh angles."
+    return [said] if better else []
 
 
 def _clearly(lead: Goal, one: tuple[float, float], other: tuple[float, float]) -> bool:

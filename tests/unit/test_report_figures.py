@@ -189,7 +189,7 @@ def test_course_counts_shifts_of_every_simulated_design(study: Study, result: Ro
     found = course(result, Shifts(study, ()))
     # The fifth design costs shifts, too, but is no answer; the last was not simulated.
     assert found.shifts.tolist() == [each, 2 * each, 3 * each, 4 * each]
-    assert found.best == pytest.approx([0.1, 0.08, 0.07, 0.07])
+    assert found.best == pytest.approx([100.0, 80.0, 70.0, 70.0])
     # Box 70 to 100 ms by 6 to 8 mm: the second leaves a third of the time, the third half
     # of the length undominated.
     assert found.volume == pytest.approx([0.0, 2 / 3, 2 / 3 + 1 / 6, 2 / 3 + 1 / 6])
