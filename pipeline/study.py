@@ -132,8 +132,8 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
     rows = {trial.number: row_of(search, trial) for trial in search.trials}
     for number, standing in standings(search).items():
         rows[number] |= {
-            "low_s": standing.low,
-            "high_s": standing.high,
+            "low": standing.low,
+            "high": standing.high,
             "probability_on_front": standing.probability,
         }
     best = best_trial(search)
@@ -142,6 +142,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "objectives": study.file.search.objectives,
         "maximised": [o.name for o in objectives_of(study) if o.maximise],
         "leading": leading(study).name,
+        "quantile": study.file.search.quantile,
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in front(search)],
         "trials": list(rows.values()),
@@ -179,7 +180,7 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         **{name: value for name, (value, _) in found.items()},
         "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": found[SIMULATED][1],
-        "points": sum(count > 0 for count in search.plan(trial)) if simulated else 0,
+        "points": len(trial.user_attrs["rows"]) if simulated else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible,
         "failed": design.failed,

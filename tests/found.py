@@ -18,6 +18,8 @@ def design(trial: int, time: float | None, length: float, **changes: Any) -> Row
         "trial": trial, "prototype": trial == 0, "chamfer_deg": 8.0 + trial, "count": 15 + trial,
         LENGTH: length, FORCE: 1000.0 * length, TIME: time,
         "standard_error_s": None if time is None else 0.001,
+        "standard_errors": {TIME: None if time is None else 0.001},
+        "points": 0 if time is None else 2,
         "engaged": None if time is None else 1.0, "feasible": time is not None,
         "failed": [] if time is not None else ["tip_width"],
         "smallest_margin": 0.01 * (trial + 1), "weakest_check": "tip_width",
@@ -34,6 +36,7 @@ def point(mismatch: float, force: float, mean: float, error: float, engaged: flo
 
 def confirmed(points: list[Row], mean: float) -> Row:
     return {TIME: mean, "standard_error_s": 0.0006, "points": points, "checks": [],
+            "estimates": {TIME: {"value": mean, "standard_error": 0.0006}},
             "numerical_error_s": 1e-6, "lower_bound": False}  # fmt: skip
 
 
@@ -62,11 +65,14 @@ def found() -> Row:
     ours = [point(50, 235.2, 0.110, 0.002), point(100, 235.2, 0.090, 0.003, 0.5)]
     theirs = [point(50, 235.2, 0.060, 0.002), point(100, 235.2, 0.100, 0.002)]
     return {
-        "study": "mq200", "objectives": [TIME, LENGTH], "trials": rows, "best": rows[2],
+        "study": "mq200", "objectives": [TIME, LENGTH], "leading": TIME,
+        "trials": rows, "best": rows[2],
         "front": [rows[2], rows[1]], "n_simulated_designs": 5, "n_simulated_shifts": 100,
         "surrogate": None, "versions": {},
         "confirmation": {
             "angles": 16, "prototype": confirmed(ours, 0.100), "best": confirmed(theirs, 0.080),
+            "designs": [{"trial": 2, **confirmed(theirs, 0.080)}],
             "gain_s": 0.020, "gain_standard_error_s": 0.001, "gain_share": 0.2,
+            "gains": {TIME: {"value": 0.020, "standard_error": 0.001}},
         },
     }  # fmt: skip

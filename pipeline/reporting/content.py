@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from pipeline.config import Study
-from pipeline.design import SIMULATED
 from pipeline.drawing import dimensioned_svg, section_svg
 from pipeline.exploring.figures import effects_figure, indices_figure
 from pipeline.exploring.labels import label
@@ -15,26 +14,38 @@ from pipeline.records import check_record
 from pipeline.reporting import names, summary, tables
 from pipeline.reporting.convergence import convergence_figure, course
 from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
-from pipeline.reporting.front import front_figure, sure_figure, third_figure
+from pipeline.reporting.front import (
+    confirmed_designs,
+    front_figure,
+    sure_figure,
+    third_figure,
+)
+from pipeline.reporting.goals import MARGIN, goals_of
 from pipeline.reporting.html import figure_html
 from pipeline.reporting.learned import stored_effects
-from pipeline.reporting.look import axis_title
-from pipeline.reporting.operating import engaged_figure, gain_figure, points_figure
+from pipeline.reporting.listed import listed_figure
+from pipeline.reporting.operating import (
+    engaged_figure,
+    gain_figure,
+    is_grid,
+    points_figure,
+)
 from pipeline.reporting.parallel import parallel_figure
 from pipeline.reporting.provenance import command_of
 from pipeline.reporting.replays import replays_of
-from pipeline.reporting.shifts import Shifts
+from pipeline.reporting.shifts import Shifts, place
 from sim.checks import GROUPS, Check
 from sim.landing import landing_checks
 from sim.loads import Landing
 from sim.strength import strength_checks
+from sim.units import RPM
 from surrogate.figures import validation_of
 
 Row = dict[str, Any]
 #: What every page of a study has, filled or empty; a template asks for nothing else.
 FIGURES = (
     "fronts", "sure", "parallel", "effects", "indices", "distribution", "engaged", "gain",
-    "points", "convergence",
+    "points", "listed", "convergence",
 )  # fmt: skip
 
 
@@ -46,7 +57,7 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
     if result["best"] is not None:
         figures |= _search_figures(result, variables, shifts) | _surrogate_figures(folder)
     if result["confirmation"]:
-        figures |= _confirmed_figures(result["confirmation"])
+        figures |= _confirmed_figures(weighted(study, result["confirmation"]))
     times = _distributions(result, shifts)
     if times:
         figures["distribution"] = figure_html(distribution_figure(times), "distribution")
@@ -57,14 +68,15 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "result": result,
         "c": result["confirmation"],
         "variables": variables,
-        "others": [name for name in result["objectives"] if name != SIMULATED],
-        "axis_title": axis_title,
+        **_goals(study, result),
         "label": label,
         "names": names,
         "percent": names.percent,
         "ms": summary.ms,
         "headline": summary.headline(result),
         "said": summary.points_of(result) if result["confirmation"] else [],
+        "failures": summary.failures_of(result) if result["confirmation"] else [],
+        "failed_words": summary.failed_words,
         "quantiles": quantile_rows(times),
         "drawings": _drawings(study, result, variables),
         "replays": _replays(folder, result, shifts),
@@ -76,8 +88,26 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
     }
 
 
+def _goals(study: Study, result: Row) -> Row:
+    """Return the objectives, and what was simulated of each design."""
+    goals, weights = goals_of(result), {point.weight for point in study.points}
+    simulated = [row["points"] for row in result["trials"] if row["points"]]
+    gained = summary.gained(result)
+    return {
+        "goals": goals,
+        "lead": goals.leading,
+        "columns": [goal for goal in goals.told if goal.name != MARGIN],
+        "gained": gained,
+        "meaning": summary.meaning(goals, len(study.points), len(weights) > 1),
+        "confirmed": confirmed_designs(result),
+        "partial": any(count < len(study.points) for count in simulated),
+        "weighted": len(weights) > 1,
+        "uncertain": study.uncertainty.source if study.uncertainty else (),
+    }
+
+
 def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
-    others = [name for name in result["objectives"] if name != SIMULATED]
+    others = [goal.name for goal in goals_of(result).others]
     fronts = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
     if len(others) >= 2:
         figure = third_figure(result, variables, others[0], others[1])
@@ -92,7 +122,23 @@ def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
     }
 
 
+def weighted(study: Study, confirmation: Row) -> Row:
+    """Return a confirmation whose operating points have their weights."""
+    weights = {place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
+
+    def added(points: list[Row]) -> list[Row]:
+        return [
+            {**p, "weight": weights.get(place(p["mismatch_rpm"], p["force_N"]), 1.0)}
+            for p in points
+        ]
+
+    both = {key: confirmation[key] for key in ("prototype", "best")}
+    return {key: {**found, "points": added(found["points"])} for key, found in both.items()}
+
+
 def _confirmed_figures(confirmation: Row) -> Row:
+    if not is_grid(confirmation):
+        return {"listed": figure_html(listed_figure(confirmation), "listed")}
     return {
         "points": figure_html(points_figure(confirmation), "points"),
         "engaged": figure_html(engaged_figure(confirmation), "engaged"),
@@ -105,8 +151,8 @@ def _surrogate_figures(folder: StudyFolder) -> Row:
     if known is None:
         return {}
     indices = [
-        (found, figure_html(indices_figure(found), f"indices-{place}"))
-        for place, found in enumerate(known["indices"])
+        (found, figure_html(indices_figure(found), f"indices-{number}"))
+        for number, found in enumerate(known["indices"])
     ]
     effects = known["effects"]
     figure = figure_html(effects_figure(effects), "effects")

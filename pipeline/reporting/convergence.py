@@ -1,4 +1,4 @@
-r"""How the search converged: best time and hypervolume against the shifts simulated.
+r"""How the search converged: best value and hypervolume against the shifts simulated.
 
 The hypervolume is what the front dominates of the box between the best and the worst value of
 each objective that feasible designs of the search have. It is found by slicing: between two
@@ -9,12 +9,14 @@ fewer.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from textwrap import wrap
 
 import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.design import SIMULATED
+from pipeline.reporting.goals import Goal, goals_of
 from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, styled
 from pipeline.reporting.names import design_name
 from pipeline.reporting.shifts import Array, Shifts
@@ -40,7 +42,8 @@ def hypervolume(values: Array, reference: Array) -> float:
 class Course:
     """The search, design by design: feasible ones with the shifts simulated up to each, (n,).
 
-    ``best`` is the least time so far, s; ``volume`` the share of the box that is dominated.
+    ``best`` is the best value of the leading objective so far, as shown; ``volume`` the share of
+    the box that is dominated.
     """
 
     rows: list[Row]
@@ -51,19 +54,22 @@ class Course:
 
 def course(result: Row, shifts: Shifts) -> Course:
     """Return the course of a search; designs that land too hard cost shifts, too."""
-    usual = len(shifts.study.points) * shifts.study.file.expectation.angles
+    angles = shifts.study.file.expectation.angles
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
             continue
         design = {name: row[name] for name in shifts.study.variables}
-        total += len(shifts.searched(design)) or usual
+        total += len(shifts.searched(design)) or row["points"] * angles
         if row["feasible"]:
             rows.append(row)
             spent.append(total)
-    values = np.array([[row[name] for name in result["objectives"]] for row in rows], dtype=float)
-    best = np.minimum.accumulate([row[SIMULATED] for row in rows]) if rows else np.empty(0)
-    return Course(rows, np.array(spent, dtype=float), best, _volumes(values))
+    goals = goals_of(result)
+    lead, sign = goals.leading, goals.leading.objective.sign
+    losses = [[goal.objective.sign * goal.shown(row) for goal in goals.every] for row in rows]
+    values = np.array(losses, dtype=float).reshape(len(rows), -1)
+    best = sign * np.minimum.accumulate([sign * lead.shown(row) for row in rows] or [0.0])
+    return Course(rows, np.array(spent, dtype=float), best[: len(rows)], _volumes(values))
 
 
 def _volumes(values: Array) -> Array:
@@ -77,24 +83,25 @@ def _volumes(values: Array) -> Array:
 
 def convergence_figure(result: Row, found: Course) -> go.Figure:
     """Draw every feasible design and the best so far, and the front's hypervolume below."""
-    several = len(result["objectives"]) > 1
+    several, lead = len(result["objectives"]) > 1, goals_of(result).leading
     figure = make_subplots(
         2 if several else 1, 1, shared_xaxes=True, vertical_spacing=0.08,
         row_heights=[0.62, 0.38] if several else [1.0],
     )  # fmt: skip
     figure.add_scatter(
-        x=found.shifts, y=[row[SIMULATED] * 1e3 for row in found.rows], mode="markers",
+        x=found.shifts, y=[lead.shown(row) for row in found.rows], mode="markers",
         name="simulated design",
         marker={"color": GREY, "symbol": "circle-open", "size": 8, "line": {"width": 1.5}},
         text=[design_name(row) for row in found.rows],
-        hovertemplate="%{text}: %{y:.1f} ms after %{x} shifts<extra></extra>", row=1, col=1,
+        hovertemplate=f"%{{text}}: %{{y:.4g}} {lead.unit} after %{{x}} shifts<extra></extra>",
+        row=1, col=1,
     )  # fmt: skip
     figure.add_scatter(
-        x=found.shifts, y=found.best * 1e3, mode="lines", name="best so far",
+        x=found.shifts, y=found.best, mode="lines", name="best so far",
         line={"color": BLUE, "width": 2.5, "shape": "hv"}, hoverinfo="skip", row=1, col=1,
     )  # fmt: skip
-    _first(figure, found)
-    figure.update_yaxes(title="expected shift<br>time, ms", row=1)
+    _first(figure, found, lead)
+    figure.update_yaxes(title="<br>".join(wrap(lead.axis, 24)), row=1)
     if several:
         figure.add_scatter(
             x=found.shifts, y=found.volume, mode="lines+markers", name="hypervolume",
@@ -107,11 +114,11 @@ def convergence_figure(result: Row, found: Course) -> go.Figure:
     return styled(figure, 540 if several else 380)
 
 
-def _first(figure: go.Figure, found: Course) -> None:
+def _first(figure: go.Figure, found: Course, lead: Goal) -> None:
     """Mark the prototype among the designs."""
     for row, spent in zip(found.rows, found.shifts, strict=True):
         if row["prototype"]:
             figure.add_scatter(
-                x=[spent], y=[row[SIMULATED] * 1e3], mode="markers", name="prototype",
+                x=[spent], y=[lead.shown(row)], mode="markers", name="prototype",
                 marker={**MARKS["prototype"], "size": 14}, hoverinfo="skip", row=1, col=1,
             )  # fmt: skip

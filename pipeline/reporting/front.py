@@ -6,82 +6,76 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.design import SIMULATED
+from pipeline.reporting.goals import Goal, Goals, goals_of
 from pipeline.reporting.labels import Label, write_labels
-from pipeline.reporting.look import (
-    BLUE,
-    INK,
-    MARKS,
-    Row,
-    axis_title,
-    shown,
-    styled,
-    window,
-)
-from pipeline.reporting.names import describe, design_name, interval, of_kinds
+from pipeline.reporting.look import BLUE, INK, MARKS, Row, styled, window
+from pipeline.reporting.names import describe, design_name, of_kinds
 
 PALE = "#b9c9dd"
 CHOICES = ("front", "chosen", "prototype")  #: kinds of designs that are named
 
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
-    """Draw expected shift time against another objective, infeasible designs beside it."""
-    kinds = of_kinds(result)
-    barred = [row for row in kinds["infeasible"] if other in row]
+    """Draw the leading objective against another one, infeasible designs beside it."""
+    kinds, goals = of_kinds(result), goals_of(result)
+    lead, second = goals.leading, goals.named(other)
+    barred = [row for row in kinds["infeasible"] if row.get(other) is not None]
     widths = [0.88, 0.12] if barred else [1.0]
     figure = make_subplots(
         1, len(widths), shared_yaxes=True, column_widths=widths, horizontal_spacing=0.02
     )
-    if len(result["objectives"]) == 2:
-        figure.add_trace(_stairs(result["front"], other), 1, 1)
+    if len(goals.every) == 2:
+        figure.add_trace(_stairs(result["front"], lead, second), 1, 1)
     for kind, rows in kinds.items():
-        if rows and kind != "infeasible" and rows[0]["expected_shift_time_s"] is not None:
-            figure.add_trace(_designs(kind, rows, other, variables), 1, 1)
+        if rows and kind != "infeasible" and rows[0][SIMULATED] is not None:
+            figure.add_trace(_designs(kind, rows, second, variables, goals), 1, 1)
     if barred:
-        figure.add_trace(_not_simulated(barred, other, variables), 1, 2)
+        figure.add_trace(_not_simulated(barred, second, variables, goals), 1, 2)
         figure.update_xaxes(tickangle=0, col=2)
-    seen = _timed(kinds)
-    x = window([shown(row, SIMULATED) for row in seen])
-    y = window([row[other] for row in seen + barred])
+    seen = _simulated(kinds)
+    x = window([lead.shown(row) for row in seen])
+    y = window([second.shown(row) for row in seen + barred])
     chosen = kinds["chosen"]
     labels = [
         Label(
             f"<b>chosen: {design_name(row)}</b>" if row in chosen else _short(row),
-            (shown(row, SIMULATED), row[other]),
+            (lead.shown(row), second.shown(row)),
         )
         for row in seen
     ]
     rest = [*kinds["dominated"], *kinds["lands too hard"]]
-    marks = [(shown(row, SIMULATED), row[other]) for row in rest]
+    marks = [(lead.shown(row), second.shown(row)) for row in rest]
     write_labels(figure, labels, x, y, marks, row=1, col=1)
-    figure.update_xaxes(title=axis_title(SIMULATED), range=x, col=1)
-    figure.update_yaxes(title=axis_title(other), range=y, col=1)
+    figure.update_xaxes(title=lead.axis, range=x, col=1)
+    figure.update_yaxes(title=second.axis, range=y, col=1)
     return styled(figure, 520)
 
 
 def third_figure(result: Row, variables: list[str], second: str, third: str) -> go.Figure:
-    """Draw the front by time and ``second``; size and a number at each mark are ``third``."""
-    kinds = of_kinds(result)
-    values = [row[third] for rows in kinds.values() for row in rows if row[SIMULATED] is not None]
+    """Draw the front by leading objective and ``second``; size and a number are ``third``."""
+    kinds, goals = of_kinds(result), goals_of(result)
+    lead, up, size = goals.leading, goals.named(second), goals.named(third)
+    values = [size.shown(r) for rows in kinds.values() for r in rows if r[SIMULATED] is not None]
     low, high = min(values), max(values)
     figure = go.Figure()
     for kind in ("dominated", *CHOICES):
         rows = [row for row in kinds[kind] if row[SIMULATED] is not None]
         if not rows:
             continue
-        trace = _designs(kind, rows, second, variables)
-        share = [(row[third] - low) / ((high - low) or 1.0) for row in rows]
+        trace = _designs(kind, rows, up, variables, goals)
+        share = [(size.shown(row) - low) / ((high - low) or 1.0) for row in rows]
         sizes = [9.0 + 27.0 * part for part in share]
         trace.marker = {**trace.marker.to_plotly_json(), "size": sizes, "opacity": 0.75}
-        trace.error_x = None
+        trace.error_x = trace.error_y = None
         figure.add_trace(trace)
-    seen = _timed(kinds)
-    x = window([shown(row, SIMULATED) for row in seen])
-    y = window([row[second] for row in seen])
-    named = [(f"{_short(row)}: {row[third]:.4g}", row) for row in seen]
-    labels = [Label(words, (shown(row, SIMULATED), row[second])) for words, row in named]
+    seen = _simulated(kinds)
+    x = window([lead.shown(row) for row in seen])
+    y = window([up.shown(row) for row in seen])
+    named = [(f"{_short(row)}: {size.number(size.shown(row))}", row) for row in seen]
+    labels = [Label(words, (lead.shown(row), up.shown(row))) for words, row in named]
     write_labels(figure, labels, x, y)
-    figure.update_xaxes(title=axis_title(SIMULATED), range=x)
-    figure.update_yaxes(title=axis_title(second), range=y)
+    figure.update_xaxes(title=lead.axis, range=x)
+    figure.update_yaxes(title=up.axis, range=y)
     figure = styled(figure, 520)
     figure.update_layout(legend={"itemsizing": "constant"})
     return figure
@@ -89,55 +83,49 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
 
 def sure_figure(result: Row) -> go.Figure:
     """Draw the 95 % interval of each design of the front and, if known, its probability."""
-    rows = list(reversed(result["front"]))
+    rows, lead = list(reversed(result["front"])), goals_of(result).leading
     known = all("probability_on_front" in row for row in rows)
     figure = make_subplots(
         1, 2 if known else 1, shared_yaxes=True, column_widths=[0.62, 0.38] if known else [1.0],
         horizontal_spacing=0.03,
     )  # fmt: skip
     names = [_front_name(row, result) for row in rows]
-    times = [shown(row, SIMULATED) for row in rows]
-    ends = [interval(row) for row in rows]
-    error = {
-        "array": [high * 1e3 - t for (_, high), t in zip(ends, times, strict=True)],
-        "arrayminus": [t - low * 1e3 for (low, _), t in zip(ends, times, strict=True)],
-        "thickness": 2, "width": 6,
-    }  # fmt: skip
-    mark = {"color": BLUE, "size": 10, "symbol": "circle"}
     figure.add_scatter(
-        x=times, y=names, error_x=error, mode="markers", marker=mark, name="search, 95 % interval",
-        hovertemplate="%{y}: %{x:.1f} ms<extra></extra>", row=1, col=1,
+        x=[lead.shown(row) for row in rows], y=names, mode="markers",
+        error_x={**_bars(rows, lead), "thickness": 2, "width": 6},
+        marker={"color": BLUE, "size": 10, "symbol": "circle"}, name="search, 95 % interval",
+        hovertemplate=f"%{{y}}: %{{x:.4g}} {lead.unit}<extra></extra>", row=1, col=1,
     )  # fmt: skip
-    for place in confirmed_times(result, names):
+    for place in confirmed_values(result, names):
         figure.add_trace(place, 1, 1)
     if known:
         figure.add_trace(_probabilities(rows, names), 1, 2)
         figure.update_xaxes(title="probability on the front", range=[0, 1.19], tickformat=".0%",
                             tickvals=[0, 0.25, 0.5, 0.75, 1], col=2)  # fmt: skip
-    figure.update_xaxes(title=axis_title(SIMULATED), col=1)
+    figure.update_xaxes(title=lead.axis, col=1)
     figure = styled(figure, 150 + 40 * len(rows))
     figure.update_layout(margin={"l": 150})
     return figure
 
 
-def confirmed_times(result: Row, names: list[str]) -> list[go.Scatter]:
-    """Return the times at fresh angles of the designs that have them, one trace or none."""
-    found = confirmed_designs(result)
+def confirmed_values(result: Row, names: list[str]) -> list[go.Scatter]:
+    """Return the leading objective at fresh angles of designs that have it, one trace or none."""
+    found, lead = confirmed_designs(result), goals_of(result).leading
     rows = [row for row in reversed(result["front"]) if row["trial"] in found]
     if not rows:
         return []
     by_trial = {row["trial"]: n for row, n in zip(reversed(result["front"]), names, strict=True)}
     mark = {"color": "white", "size": 10, "symbol": "square", "line": {"color": INK, "width": 2}}
-    fresh = [found[row["trial"]] for row in rows]
+    fresh = [lead.estimate(found[row["trial"]]) for row in rows]
     return [
         go.Scatter(
-            x=[shown(one, SIMULATED) for one in fresh],
+            x=[value for value, _ in fresh],
             y=[by_trial[row["trial"]] for row in rows],
-            error_x={"array": [1.96e3 * one["standard_error_s"] for one in fresh], "color": INK},
+            error_x={"array": [1.96 * error for _, error in fresh], "color": INK},
             mode="markers",
             marker=mark,
             name="fresh angles, 95 % interval",
-            hovertemplate="%{y}, fresh angles: %{x:.1f} ms<extra></extra>",
+            hovertemplate=f"%{{y}}, fresh angles: %{{x:.4g}} {lead.unit}<extra></extra>",
         )
     ]
 
@@ -145,10 +133,7 @@ def confirmed_times(result: Row, names: list[str]) -> list[go.Scatter]:
 def confirmed_designs(result: Row) -> dict[int, Row]:
     """Return what the confirmation found for designs of the front, by trial."""
     confirmation = result["confirmation"]
-    if not confirmation:
-        return {}
-    best = {result["best"]["trial"]: confirmation["best"]}
-    return {one["trial"]: one for one in confirmation.get("designs", [])} | best
+    return {} if not confirmation else {one["trial"]: one for one in confirmation["designs"]}
 
 
 def _front_name(row: Row, result: Row) -> str:
@@ -165,11 +150,11 @@ def _probabilities(rows: list[Row], names: list[str]) -> go.Bar:
     )  # fmt: skip
 
 
-def _stairs(front: list[Row], other: str) -> go.Scatter:
-    """Return the border of what the front dominates."""
+def _stairs(front: list[Row], lead: Goal, second: Goal) -> go.Scatter:
+    """Return the border of what the front dominates; it runs away from the best design."""
     return go.Scatter(
-        x=[shown(row, SIMULATED) for row in front],
-        y=[row[other] for row in front],
+        x=[lead.shown(row) for row in front],
+        y=[second.shown(row) for row in front],
         mode="lines",
         line={"color": BLUE, "shape": "hv", "width": 1.5},
         showlegend=False,
@@ -178,42 +163,52 @@ def _stairs(front: list[Row], other: str) -> go.Scatter:
     )
 
 
-def _designs(kind: str, rows: list[Row], other: str, variables: list[str]) -> go.Scatter:
-    ends = [interval(row) for row in rows]
-    times = [shown(row, SIMULATED) for row in rows]
+def _bars(rows: list[Row], goal: Goal) -> Row:
+    """Return the 95 % intervals of designs as error bars."""
+    pairs = [(goal.shown(row), goal.interval(row)) for row in rows]
+    return {
+        "type": "data",
+        "array": [high - value for value, (_, high) in pairs],
+        "arrayminus": [value - low for value, (low, _) in pairs],
+    }
+
+
+def _designs(
+    kind: str, rows: list[Row], second: Goal, variables: list[str], goals: Goals
+) -> go.Scatter:
+    look = {"thickness": 1.2, "width": 3, "color": INK if kind in CHOICES else PALE}
+    unsure = [any(goal.error(row) for row in rows) for goal in (goals.leading, second)]
+    if all(unsure) and kind not in CHOICES:
+        unsure = [False, False]  # crosses of many designs would hide those of the front
     return go.Scatter(
-        x=times,
-        y=[row[other] for row in rows],
-        error_x={
-            "type": "data",
-            "array": [high * 1e3 - t for (_, high), t in zip(ends, times, strict=True)],
-            "arrayminus": [t - low * 1e3 for (low, _), t in zip(ends, times, strict=True)],
-            "thickness": 1.2,
-            "width": 3,
-            "color": INK if kind in ("front", "chosen", "prototype") else PALE,
-        },
+        x=[goals.leading.shown(row) for row in rows],
+        y=[second.shown(row) for row in rows],
+        error_x={**_bars(rows, goals.leading), **look} if unsure[0] else None,
+        error_y={**_bars(rows, second), **look} if unsure[1] else None,
         name=kind,
         mode="markers",
         marker=MARKS[kind],
-        text=[describe(row, variables) for row in rows],
+        text=[describe(row, variables, goals) for row in rows],
         hoverinfo="text",
     )
 
 
-def _not_simulated(barred: list[Row], other: str, variables: list[str]) -> go.Scatter:
+def _not_simulated(
+    barred: list[Row], second: Goal, variables: list[str], goals: Goals
+) -> go.Scatter:
     return go.Scatter(
         x=["not<br>simulated"] * len(barred),
-        y=[row[other] for row in barred],
+        y=[second.shown(row) for row in barred],
         mode="markers",
         name="infeasible",
         marker=MARKS["infeasible"],
-        text=[describe(row, variables) for row in barred],
+        text=[describe(row, variables, goals) for row in barred],
         hoverinfo="text",
     )
 
 
-def _timed(kinds: dict[str, list[Row]]) -> list[Row]:
-    """Return the designs that are named and have a time."""
+def _simulated(kinds: dict[str, list[Row]]) -> list[Row]:
+    """Return the designs that are named and were simulated."""
     return [row for kind in CHOICES for row in kinds[kind] if row[SIMULATED] is not None]
 
 

@@ -10,8 +10,6 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from pipeline.design import OBJECTIVES, SIMULATED
-
 Row = dict[str, Any]
 
 INK = "#1b2733"
@@ -51,19 +49,6 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
         hoverlabel={"align": "left"},
     )
     return figure
-
-
-def axis_title(name: str) -> str:
-    """Return label and unit of an objective; times are drawn in ms."""
-    if name == SIMULATED:
-        return "expected shift time, ms"
-    objective = OBJECTIVES[name]
-    return f"{objective.label}, {objective.unit}" if objective.unit else objective.label
-
-
-def shown(row: Row, name: str) -> float:
-    """Return a value of a row in the unit that figures and tables show: times in ms."""
-    return float(row[name]) * 1e3 if name.endswith("_s") else float(row[name])
 
 
 def window(values: Sequence[float]) -> list[float]:

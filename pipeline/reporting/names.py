@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.exploring.labels import label, value
+from pipeline.reporting.goals import MARGIN, Goals
 
 Row = dict[str, Any]
 
@@ -31,13 +32,15 @@ def percent(margin: float) -> str:
     return words.replace("-", "\N{MINUS SIGN}")
 
 
-def describe(row: Row, variables: list[str]) -> str:
+def describe(row: Row, variables: list[str], goals: Goals) -> str:
     """Return all that a figure says of a design where the mouse points at it."""
     lines = [f"<b>{design_name(row)}</b>"]
     lines += [f"{label(name)} {value(name, row[name])}" for name in variables]
-    if row["expected_shift_time_s"] is not None:
-        time, error = row["expected_shift_time_s"] * 1e3, row["standard_error_s"] * 1e3
-        lines.append(f"expected shift time {time:.1f} ± {error:.1f} ms (standard error)")
+    lines += [
+        f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
+        for goal in goals.told
+        if row.get(goal.name) is not None and goal.name != MARGIN
+    ]
     if "probability_on_front" in row:
         lines.append(f"on the front with probability {percent(row['probability_on_front'])}")
     if row["failed"]:
@@ -47,14 +50,6 @@ def describe(row: Row, variables: list[str]) -> str:
         said = ", ".join(f"{check_name(name)} {percent(margin)}" for name, margin in least)
         lines.append(f"least margins: {said}")
     return "<br>".join(lines)
-
-
-def interval(row: Row) -> tuple[float, float]:
-    """Return the 95 % interval of a simulated design's expected shift time, s."""
-    if row.get("low_s") is not None and row.get("high_s") is not None:
-        return float(row["low_s"]), float(row["high_s"])
-    time, half = row["expected_shift_time_s"], 1.96 * row["standard_error_s"]
-    return float(time - half), float(time + half)
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
@@ -80,7 +75,7 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
 
 
 def designs_shown(result: Row) -> list[Row]:
-    """Return the prototype and then the front, fastest first."""
+    """Return the prototype and then the front, best of the leading objective first."""
     front: list[Row] = result["front"]
     on_front = {row["trial"] for row in front}
     return [r for r in result["trials"] if r["prototype"] and r["trial"] not in on_front] + front

@@ -1,4 +1,8 @@
-"""Prototype and chosen design at each operating point: times, share engaged, gain."""
+"""Prototype and chosen design at each operating point: times, share engaged, gain.
+
+Points of a grid are shown as maps and curves, any others (a list, a draw) in one figure with a
+line for each point.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,8 @@ from pipeline.reporting.look import INK, LINES, MARKS, Row, styled
 
 PAIR = (("prototype", "prototype"), ("chosen", "best"))  #: names with keys of the confirmation
 MINUS = "\N{MINUS SIGN}"
+MOST = (16, 6)  #: mismatches and forces of a grid that maps have room for
+TALL = 8  #: rows of a map above which they are low
 #: The fewer engage, the darker; the scale stays one in grey.
 DARK_TO_PALE = ((0.0, "#1f5fa8"), (0.5, "#a9c9e6"), (1.0, "#f1f6fb"))
 #: Slower is orange, faster blue; both pale, so that the numbers stay readable in grey.
@@ -48,19 +54,55 @@ def gains(confirmation: Row) -> list[Gain]:
     return found
 
 
+def is_grid(confirmation: Row) -> bool:
+    """Tell whether the points are every mismatch with every force, few enough for maps.
+
+    Weights must be products of one for the mismatch and one for the force.
+    """
+    points = confirmation["prototype"]["points"]
+    mismatches, forces, places = _grid(points)
+    if len(places) < len(mismatches) * len(forces) or not (
+        len(mismatches) <= MOST[0] and len(forces) <= MOST[1]
+    ):
+        return False
+    weights = np.array(
+        [
+            [places[i, j].get("weight", 1.0) for j in range(len(forces))]
+            for i in range(len(mismatches))
+        ]
+    )
+    return bool(np.linalg.matrix_rank(weights, tol=1e-9 * float(weights.max())) == 1)
+
+
+def weights_by(points: list[Row], key: str) -> dict[float, str]:
+    """Return the weight of each mismatch, or force, of a grid in words, empty where all are equal.
+
+    The least is 1.
+    """
+    sums: dict[float, float] = {}
+    for p in points:
+        sums[p[key]] = sums.get(p[key], 0.0) + p.get("weight", 1.0)
+    least, most = min(sums.values()), max(sums.values())
+    if most <= least * (1.0 + 1e-9):
+        return dict.fromkeys(sums, "")
+    return {value: f"{total / least:.3g}" for value, total in sums.items()}
+
+
 def points_figure(confirmation: Row) -> go.Figure:
     """Draw mean shift time over mismatch, a panel for each force, prototype and chosen design."""
-    forces = sorted({p["force_N"] for p in confirmation["prototype"]["points"]})
-    titles = [f"{force:.1f} N" for force in forces]
+    ours = confirmation["prototype"]["points"]
+    forces, weight = sorted({p["force_N"] for p in ours}), weights_by(ours, "force_N")
+    titles = [f"{f:.1f} N" + (f", weight {weight[f]}" if weight[f] else "") for f in forces]
     figure = make_subplots(1, len(forces), shared_yaxes=True, subplot_titles=titles)
     for column, force in enumerate(forces, start=1):
         for name, key in PAIR:
             points = [p for p in confirmation[key]["points"] if p["force_N"] == force]
             points.sort(key=lambda p: float(p["mismatch_rpm"]))
-            error = [1.96 * (p["standard_error_s"] or 0.0) * 1e3 for p in points]
+            points = _parted(points)
+            error = [1.96 * (p.get("standard_error_s") or 0.0) * 1e3 for p in points]
             trace = go.Scatter(
                 x=[p["mismatch_rpm"] for p in points],
-                y=[p["mean_s"] * 1e3 for p in points],
+                y=[None if p["mean_s"] is None else p["mean_s"] * 1e3 for p in points],
                 error_y={"type": "data", "array": error, "thickness": 1},
                 name=name,
                 legendgroup=name,
@@ -72,8 +114,8 @@ def points_figure(confirmation: Row) -> go.Figure:
                 "<extra></extra>",
             )
             figure.add_trace(trace, 1, column)
-    if all(p["mismatch_rpm"] > 0 for p in confirmation["prototype"]["points"]):
-        mismatches = sorted({p["mismatch_rpm"] for p in confirmation["prototype"]["points"]})
+    mismatches = sorted({p["mismatch_rpm"] for p in ours})
+    if mismatches[0] > 0.0:
         figure.update_xaxes(type="log", tickvals=spread(mismatches, 3), tickangle=0)
     figure.update_xaxes(title="mismatch, 1/min")
     figure.update_yaxes(rangemode="tozero")
@@ -81,6 +123,15 @@ def points_figure(confirmation: Row) -> go.Figure:
     figure = styled(figure, 400)
     figure.update_layout(legend={"y": 1.12}, margin={"t": 70})
     return figure
+
+
+def _parted(points: list[Row]) -> list[Row]:
+    """Return points with a gap where the mismatch changes its sign: other flanks meet there."""
+    signs = [p["mismatch_rpm"] > 0.0 for p in points]
+    if len(set(signs)) < 2:
+        return points
+    first = signs.index(True)
+    return [*points[:first], {"mismatch_rpm": None, "mean_s": None}, *points[first:]]
 
 
 def engaged_figure(confirmation: Row) -> go.Figure:
@@ -94,10 +145,16 @@ def engaged_figure(confirmation: Row) -> go.Figure:
         words = np.full(shares.shape, "", dtype=object)
         for (i, j), p in places.items():
             shares[i, j] = p["engaged"]
-            words[i, j] = f"{100 * p['engaged']:.0f} %<br>{round(p['engaged'] * p['n'])}/{p['n']}"
+            words[i, j] = engaged_words(p, " " if len(mismatches) > TALL else "<br>")
         figure.add_trace(_map(mismatches, forces, shares, words, DARK_TO_PALE), 1, column)
     figure.update_traces(zmin=0.0, zmax=1.0)
-    return _mapped(figure, len(_grid(confirmation["prototype"]["points"])[0]))
+    return _mapped(figure, confirmation["prototype"]["points"])
+
+
+def engaged_words(point: Row, between: str = " ") -> str:
+    """Return the share that engages at the first try, and the counts."""
+    engaged, count = point["engaged"], point["n"]
+    return f"{100 * engaged:.0f} %{between}{round(engaged * count)}/{count}"
 
 
 def gain_figure(confirmation: Row) -> go.Figure:
@@ -122,7 +179,7 @@ def gain_figure(confirmation: Row) -> go.Figure:
                 line={"color": INK, "width": 2, "dash": "solid" if row["gain"].clear else "dot"},
                 fillcolor="rgba(0, 0, 0, 0)", opacity=1,
             )  # fmt: skip
-    return _mapped(figure, len(mismatches))
+    return _mapped(figure, confirmation["prototype"]["points"])
 
 
 def gain_words(gain: Gain) -> str:
@@ -160,10 +217,21 @@ def _map(
     )
 
 
-def _mapped(figure: go.Figure, rows: int) -> go.Figure:
-    figure.update_xaxes(title="shift force, N", type="category")
-    figure.update_yaxes(type="category")
-    figure.update_yaxes(title="mismatch, 1/min", col=1)
-    figure = styled(figure, 130 + 46 * rows)
+def _mapped(figure: go.Figure, points: list[Row]) -> go.Figure:
+    """Name the axes of a map; ticks have their weights where those differ."""
+    for key, title, update in (
+        ("force_N", "shift force, N", figure.update_xaxes),
+        ("mismatch_rpm", "mismatch, 1/min", figure.update_yaxes),
+    ):
+        weights = weights_by(points, key)
+        at = [f"{value:.4g}" for value in sorted(weights)]
+        said = [f"{v:.4g}" + (f" ({weights[v]})" if weights[v] else "") for v in sorted(weights)]
+        said = [words.replace("-", MINUS) for words in said]
+        weighted = " (weight)" if any(weights.values()) else ""
+        where = {} if key == "force_N" else {"col": 1}
+        update(type="category", tickvals=at, ticktext=said)
+        update(title=title + weighted, **where)
+    rows = len(weights)
+    figure = styled(figure, 130 + (46 if rows <= TALL else 28) * rows)
     figure.update_layout(margin={"t": 40})
     return figure

@@ -12,13 +12,13 @@ from textwrap import wrap
 import plotly.graph_objects as go
 
 from pipeline.config import VARIABLES
-from pipeline.design import SIMULATED
+from pipeline.design import OBJECTIVES, SIMULATED
 from pipeline.exploring.labels import label
-from pipeline.reporting.look import BLUE, GREY, INK, LINES, MARKS, Row, axis_title, shown, styled
+from pipeline.reporting.goals import MARGIN, Goal, Goals, goals_of
+from pipeline.reporting.look import BLUE, GREY, INK, LINES, MARKS, Row, styled
 from pipeline.reporting.names import describe, design_name, of_kinds
 from sim.units import unit_of
 
-MARGIN = "smallest_margin"
 #: Lines of each kind in the order in which they are drawn.
 LOOKS: dict[str, tuple[Row, Row]] = {
     "lands too hard": ({"color": GREY, "dash": "dot", "width": 1}, {"size": 1}),
@@ -52,12 +52,15 @@ def parallel_figure(result: Row, variables: list[str]) -> go.Figure:
         for kind, rows in of_kinds(result).items()
     }
     every = [row for rows in kinds.values() for row in rows]
-    axes = axes_of(every, [*variables, *result["objectives"], MARGIN])
+    goals = goals_of(result)
+    names = dict.fromkeys([*variables, *(goal.name for goal in goals.told), MARGIN])
+    axes = axes_of(every, goals, list(names))
+    words = {row["trial"]: describe(row, variables, goals) for row in every}
     figure = go.Figure()
     for kind, (line, mark) in LOOKS.items():
         rows = kinds[kind]
         if rows:
-            figure.add_trace(_lines(kind, rows, axes, variables, (line, mark)))
+            figure.add_trace(_lines(kind, rows, axes, words, (line, mark)))
     for place, axis in enumerate(axes):
         _upright(figure, place, axis)
     named = [row for kind in ("chosen", "prototype", "front") for row in kinds[kind]]
@@ -69,25 +72,26 @@ def parallel_figure(result: Row, variables: list[str]) -> go.Figure:
     return figure
 
 
-def axes_of(rows: list[Row], names: list[str]) -> list[Axis]:
+def axes_of(rows: list[Row], goals: Goals, names: list[str]) -> list[Axis]:
     """Return the axes over the values of some designs."""
     axes = []
     for name in names:
         values = [_value(row, name) for row in rows]
-        axes.append(Axis(name, _title(name), min(values), max(values)))
+        axes.append(Axis(name, _title(name, goals), min(values), max(values)))
     return axes
 
 
 def _value(row: Row, name: str) -> float:
-    return 100.0 * float(row[name]) if name == MARGIN else shown(row, name)
+    """Return a value as shown."""
+    if name in OBJECTIVES:
+        return Goal(OBJECTIVES[name], 0.0, False).shown(row)
+    return float(row[name])
 
 
-def _title(name: str) -> str:
+def _title(name: str, goals: Goals) -> str:
     """Return the title of an axis in short lines."""
-    if name == MARGIN:
-        words = "smallest margin, %"
-    else:
-        words = _variable(name) if name in VARIABLES else axis_title(name)
+    titles = {MARGIN: "smallest margin, %", **{goal.name: goal.title for goal in goals.told}}
+    words = _variable(name) if name in VARIABLES else titles[name]
     return "<br>".join(wrap(words, 12, break_long_words=False))
 
 
@@ -97,7 +101,7 @@ def _variable(name: str) -> str:
 
 
 def _lines(
-    kind: str, rows: list[Row], axes: list[Axis], variables: list[str], look: tuple[Row, Row]
+    kind: str, rows: list[Row], axes: list[Axis], said: dict[int, str], look: tuple[Row, Row]
 ) -> go.Scatter:
     """Return the lines of one kind as one trace, broken between designs."""
     x: list[float | None] = []
@@ -106,7 +110,7 @@ def _lines(
     for row in rows:
         x += [*range(len(axes)), None]
         y += [*(axis.share(row) for axis in axes), None]
-        words += [describe(row, variables)] * (len(axes) + 1)
+        words += [said[row["trial"]]] * (len(axes) + 1)
     line, mark = look
     mode = "lines+markers" if mark["size"] > 1 else "lines"
     return go.Scatter(
@@ -128,7 +132,7 @@ def _upright(figure: go.Figure, place: int, axis: Axis) -> None:
     )
     for level, words in ((0.0, axis.low), (1.0, axis.high)):
         anchor = "bottom" if level else "top"
-        said = f"{words:.3g}".replace("-", "\N{MINUS SIGN}")
+        said = _short(words).replace("-", "\N{MINUS SIGN}")
         figure.add_annotation(
             x=place, y=level, text=said, showarrow=False, yanchor=anchor,
             yshift=4 if level else -4, font={"size": 12},
@@ -137,6 +141,10 @@ def _upright(figure: go.Figure, place: int, axis: Axis) -> None:
         x=place, y=1.0, text=axis.title, showarrow=False, yanchor="bottom", yshift=22,
         font={"size": 13},
     )  # fmt: skip
+
+
+def _short(number: float) -> str:
+    return f"{number:.0f}" if abs(number) >= 1e3 else f"{number:.3g}"
 
 
 def _names(figure: go.Figure, rows: list[Row], axes: list[Axis]) -> None:

@@ -30,14 +30,26 @@ def command_of(study: Study) -> str | None:
 
 
 def _differences(given: Row, wanted: Row, prefix: str = "") -> list[str]:
-    """Return ``KEY=VALUE`` for each key whose value differs; None cannot be said."""
+    """Return ``KEY=VALUE`` for each key whose value differs."""
     found = []
     for key, value in wanted.items():
-        if isinstance(value, dict):
-            found += _differences(given.get(key) or {}, value, f"{prefix}{key}.")
-        elif value != given.get(key) and value is not None:
-            # JSON of numbers, strings and lists is TOML as well.
-            found.append(
-                f"{prefix}{key}={json.dumps(list(value) if isinstance(value, tuple) else value)}"
-            )
+        before = given.get(key)
+        if isinstance(value, dict) and isinstance(before, dict) and not _lacks(before, value):
+            found += _differences(before, value, f"{prefix}{key}.")
+        elif value != before and value is not None:
+            found.append(f"{prefix}{key}={_toml(value)}")
     return found
+
+
+def _lacks(given: Row, wanted: Row) -> bool:
+    """Tell whether a key was taken away, which only the whole table can say."""
+    return any(wanted.get(key) is None for key, value in given.items() if value is not None)
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML in one line; what is None is left out."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k}={_toml(v)}" for k, v in value.items() if v is not None) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    return json.dumps(value)

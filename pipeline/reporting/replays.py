@@ -14,6 +14,7 @@ from sim.actuation import ForceProfile
 from sim.clutch import OperatingPoint
 from sim.errors import DogshapeError
 from sim.records import Record
+from sim.uncertainty import FACTORS, Variant
 from sim.units import DEG, RPM
 
 Row = dict[str, Any]
@@ -34,7 +35,8 @@ class Replay:
         """Time, or outcome, and the operating point of the shift."""
         time, row = self.shift["shift_time_s"], self.shift
         result = row["outcome"].replace("_", " ") if time is None else f"{time * 1e3:.1f} ms"
-        return f"{result} at {row['mismatch_rpm']:.4g} 1/min, {row['force_N']:.1f} N"
+        mismatch = f"{row['mismatch_rpm']:.4g}".replace("-", "\N{MINUS SIGN}")
+        return f"{result} at {mismatch} 1/min, {row['force_N']:.1f} N"
 
 
 def replays_of(shifts: Shifts, rows: Sequence[Row]) -> list[tuple[Replay, Replay]]:
@@ -71,6 +73,14 @@ def write_replays(folder: StudyFolder, shifts: Shifts, wanted: Sequence[Replay],
             say(f"no page of this shift: {error}")
 
 
+def drawn_variant(row: Record) -> Variant | None:
+    """Return what an uncertain shift was simulated with; None of one where all is certain."""
+    if "friction_factor" not in row:
+        return None
+    friction, force, inertia = (row[name] for name in FACTORS)
+    return Variant(friction, force, inertia, row["drawn_force_rise_s"], source=())
+
+
 def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     # Only a folder that lacks pages waits for the simulation to be loaded.
     from pipeline.animation import write_animation  # noqa: PLC0415
@@ -82,6 +92,9 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     clutch = study.clutch.with_dog(study.dog_with(design))
     profile = ForceProfile(row["force_N"], row["force_rise_s"])
     point = OperatingPoint(row["mismatch_rpm"] * RPM, profile)
+    variant = drawn_variant(row)
+    if variant is not None:
+        clutch, point = variant.clutch(clutch), variant.point(point)
     result = engage(plant_of(clutch), point, row["relative_angle_deg"] * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
     peak = study.torque_peak(result.loads.residual_mismatch)

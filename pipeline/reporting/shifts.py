@@ -78,15 +78,16 @@ def extremes(rows: Iterable[Record]) -> tuple[Record, Record] | None:
 
 def weights_of(study: Study, rows: Sequence[Record]) -> Array:
     """Return the weight of each shift (n,), of sum one: its operating point's, shared evenly."""
-    given = {_place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
-    places = [_place(row["mismatch_rpm"], row["force_N"]) for row in rows]
-    counts = {place: places.count(place) for place in set(places)}
-    weights = np.array([given.get(place, 0.0) / counts[place] for place in places])
+    given = {place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
+    places = [place(row["mismatch_rpm"], row["force_N"]) for row in rows]
+    counts = {one: places.count(one) for one in set(places)}
+    weights = np.array([given.get(one, 0.0) / counts[one] for one in places])
     total = float(weights.sum())
     return weights / total if total > 0.0 else weights
 
 
-def _place(mismatch_rpm: float, force_N: float) -> tuple[str, str]:
+def place(mismatch_rpm: float, force_N: float) -> tuple[str, str]:
+    """Return an operating point as a key that rounding does not reach."""
     return f"{mismatch_rpm:.9g}", f"{force_N:.9g}"
 
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from typing import Any
 
-from pipeline.records import is_clear
+from pipeline.design import SIMULATED
+from pipeline.reporting.front import confirmed_designs
+from pipeline.reporting.goals import Goal, Goals, goals_of
 from pipeline.reporting.names import check_name, percent
 from pipeline.reporting.operating import Gain, gains
 
@@ -16,70 +20,192 @@ def ms(seconds: float, digits: int = 1) -> str:
     return f"{seconds * 1e3:.{digits}f}".replace("-", "\N{MINUS SIGN}")
 
 
+@dataclass(frozen=True)
+class Gained:
+    """What prototype and chosen design have of an objective, as shown, each with its error.
+
+    ``gain`` is positive where the chosen design is better.
+    """
+
+    goal: Goal
+    prototype: tuple[float, float]
+    chosen: tuple[float, float]
+    gain: tuple[float, float]
+
+    @property
+    def clear(self) -> bool:
+        """Whether the gain is at least twice its standard error."""
+        return abs(self.gain[0]) >= 2.0 * self.gain[1] and self.gain[0] != 0.0
+
+    @property
+    def share(self) -> float | None:
+        """Gain over the prototype's value; None of a margin, which is a share already."""
+        value = self.prototype[0]
+        return None if self.goal.unit == "%" or not value else self.gain[0] / abs(value)
+
+
+def gained(result: Row) -> list[Gained]:
+    """Return all objectives of prototype and chosen design, the leading one first.
+
+    Simulated ones are those of the confirmation, others exact. Empty before the confirmation.
+    """
+    c, best = result["confirmation"], result["best"]
+    prototype = next((row for row in result["trials"] if row["prototype"]), None)
+    if not c or best is None:
+        return []
+    found = []
+    for goal in goals_of(result).told:
+        if goal.objective.simulated:
+            gain, values = c["gains"][goal.name], (c["prototype"], c["best"])
+            one, other = (goal.estimate(value) for value in values)
+            scale = goal.factor
+            change = (scale * gain["value"], scale * (gain["standard_error"] or 0.0))
+        elif prototype is not None and prototype.get(goal.name) is not None:
+            one, other = (goal.shown(prototype), 0.0), (goal.shown(best), 0.0)
+            change = (goal.objective.sign * (one[0] - other[0]), 0.0)
+        else:
+            continue
+        found.append(Gained(goal, one, other, change))
+    return found
+
+
 def headline(result: Row) -> str:
     """Return the one sentence of the study."""
-    confirmation, best = result["confirmation"], result["best"]
+    best, lead = result["best"], goals_of(result).leading
     if best is None:
         return "No design of this search passes every check, so none was simulated."
-    if not confirmation:
-        time = f"{ms(best['expected_shift_time_s'])} ± {ms(best['standard_error_s'])} ms"
+    if not result["confirmation"]:
+        value = lead.words(lead.shown(best), lead.error(best))
         return (
-            f"The best design so far, number {best['trial']}, shifts in {time} on average. "
+            f"The best design so far is number {best['trial']}: {lead.label} {value}. "
             "It has not been confirmed at fresh angles yet."
         )
-    gain = abs(confirmation["gain_s"])
-    word = "faster" if confirmation["gain_s"] >= 0.0 else "slower"
     if best["prototype"]:
-        return "No design of this search is faster than the prototype."
-    if not is_clear(confirmation):
-        return (
-            f"Design {best['trial']} cannot be told from the prototype: {ms(gain)} ± "
-            f"{ms(confirmation['gain_standard_error_s'])} ms {word}, less than twice the "
-            "standard error."
-        )
-    share = f"{100 * abs(confirmation['gain_share']):.0f} %"
-    return f"Design {best['trial']} shifts {share} {word} than the prototype."
+        better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
+        return f"No design of this search is {better} than the prototype."
+    first = gained(result)[0]
+    failed = ", but fails a check at the fresh angles" if _failed(_confirmed(result)) else ""
+    return f"Design {best['trial']} {_told(first)}{failed}."
+
+
+def _told(first: Gained) -> str:
+    """Return how the chosen design stands against the prototype, after its name."""
+    goal, gain = first.goal, first.gain
+    quick = goal.name == SIMULATED
+    if not first.clear:
+        word = ("faster" if quick else "better") if gain[0] >= 0.0 else (
+            "slower" if quick else "worse"
+        )  # fmt: skip
+        inside = "" if quick else f" in the {goal.label}"
+        limit = ", less than twice the standard error" if gain[1] else ""
+        amount = goal.words(abs(gain[0]), gain[1])
+        return f"cannot be told from the prototype{inside}: {amount} {word}{limit}"
+    if quick and first.share is not None:
+        word = "faster" if gain[0] >= 0.0 else "slower"
+        return f"shifts {100 * abs(first.share):.0f} % {word} than the prototype"
+    below = (gain[0] >= 0.0) != goal.objective.maximise
+    change = (
+        f"{goal.number(abs(gain[0]))} percentage points"
+        if first.share is None and goal.unit == "%"
+        else goal.words(abs(gain[0]))
+        if first.share is None
+        else f"{100 * abs(first.share):.0f} %"
+    )
+    value = goal.words(first.chosen[0])
+    side = "below" if below else "above"
+    return f"has a {goal.label} of {value}, {change} {side} the prototype's"
 
 
 def points_of(result: Row) -> list[str]:
     """Return sentences on a confirmed design: how sure, what limits it, where it is slower."""
     confirmation, best = result["confirmation"], result["best"]
-    limits = _limits(best, confirmation)
     if best["prototype"]:
-        return [_simulated(result), *limits]
-    return [_how_sure(result), *limits, *_slower(gains(confirmation))]
+        return [_simulated(result), _limits(best)]
+    said = [_how_sure(result), *_better(result), _limits(best)]
+    return [*said, *_slower(gains(confirmation))]
+
+
+def failures_of(result: Row) -> list[str]:
+    """Return sentences on designs of the front that fail a check at the fresh angles."""
+    best = result["best"]
+    said = []
+    for trial, found in confirmed_designs(result).items():
+        words = _failed(found)
+        if words:
+            name = f"Design {trial}" + (", the chosen one," if trial == best["trial"] else "")
+            said.append(f"{name} fails at the fresh angles: {words}.")
+    return said
+
+
+def failed_words(confirmed: Row | None) -> str:
+    """Return the checks that a confirmed design fails, with their margins; empty where none."""
+    return _failed(confirmed) if confirmed else ""
+
+
+def _confirmed(result: Row) -> Row:
+    found: Row = result["confirmation"]["best"]
+    return found
+
+
+def _failed(confirmed: Row) -> str:
+    failed = [check for check in confirmed["checks"] if not check["passed"]]
+    return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
 
 
 def _how_sure(result: Row) -> str:
-    c = result["confirmation"]
-    ratio = abs(c["gain_s"]) / c["gain_standard_error_s"] if c["gain_standard_error_s"] else 0.0
-    clear = f"Clear: the gain is {ratio:.0f} times its standard error" if is_clear(c) else (
-        f"Not clear: the gain is {ratio:.1f} times its standard error"
-    )  # fmt: skip
-    return f"{clear}. {_simulated(result)}"
+    first = gained(result)[0]
+    gain, error = first.gain
+    if not error:
+        sure = f"The {first.goal.label} has no standard error: most margins are exact, and the " \
+               "hardest landing is an extreme"  # fmt: skip
+    elif first.clear:
+        sure = f"Clear: the gain is {abs(gain) / error:.0f} times its standard error"
+    else:
+        sure = f"Not clear: the gain is {abs(gain) / error:.1f} times its standard error"
+    return f"{sure}. {_simulated(result)}"
 
 
 def _simulated(result: Row) -> str:
     angles = result["confirmation"]["angles"]
     return (
-        f"{result['n_simulated_shifts']} shifts were simulated; the times above are from {angles} "
-        "fresh relative angles at each operating point, which the search did not use."
+        f"{result['n_simulated_shifts']} shifts were simulated; the figures above are from "
+        f"{angles} fresh relative angles at each operating point, which the search did not use."
     )
 
 
-def _limits(best: Row, confirmation: Row) -> list[str]:
+def _better(result: Row) -> list[str]:
+    """Return a sentence where another design of the front did clearly better when confirmed."""
+    lead, found = goals_of(result).leading, confirmed_designs(result)
+    own = lead.estimate(result["confirmation"]["best"])
+    better = [
+        trial
+        for trial, one in found.items()
+        if trial != result["best"]["trial"] and not _failed(one)
+        and _clearly(lead, lead.estimate(one), own)
+    ]  # fmt: skip
+    names = ", ".join(str(trial) for trial in better)
+    word = "Design" if len(better) == 1 else "Designs"
+    chosen = result["best"]["trial"]
+    said = f"{word} {names} did clearly better than design {chosen} at the fresh angles."
+    return [said] if better else []
+
+
+def _clearly(lead: Goal, one: tuple[float, float], other: tuple[float, float]) -> bool:
+    gain = lead.objective.sign * (other[0] - one[0])
+    return gain > 2.0 * math.hypot(one[1], other[1])
+
+
+def _limits(best: Row) -> str:
+    weakest = best["weakest_check"]
     said = (
-        f"What limits it: {check_name(best['weakest_check'])}, with a margin of "
-        f"{percent(best['smallest_margin'])} to its limit"
+        f"What limits it: {check_name(weakest)}, with a margin of "
+        f"{percent(best['margins'][weakest])} to its limit"
     )
     worst = best["margin_worst_case"]
     if worst is not None:
         said += f"; the smallest margin is {percent(worst)} with every tolerance at its worst"
         said += ", so such a part may break a limit" if worst < 0.0 else ""
-    failed = [check for check in confirmation["best"]["checks"] if not check["passed"]]
-    words = [f"{check_name(check['name'])} ({percent(check['margin'])})" for check in failed]
-    extra = [f"At the fresh angles it fails {', '.join(words)}."] if words else []
-    return [f"{said}.", *extra]
+    return f"{said}."
 
 
 def _slower(found: list[Gain]) -> list[str]:
@@ -94,6 +220,15 @@ def _slower(found: list[Gain]) -> list[str]:
     places = "; ".join(
         f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by {ms(-g.gain_s)} ± {ms(g.error_s)} ms"
         for g in sorted(clear, key=lambda g: g.gain_s)
-    )
+    ).replace("-", "\N{MINUS SIGN}")
     said += f", clearly at {len(clear)}: {places}"
     return [said + (f"; the other {rest} may be chance." if rest else ".")]
+
+
+def meaning(goals: Goals, points: int, weighted: bool) -> str:
+    """Return what the leading objective is, as a sentence."""
+    lead = goals.leading
+    over = f"all relative angles of the rings and {points} operating points (mismatch and force)"
+    over += ", each with its weight" if weighted else ""
+    said = lead.meaning.replace("{over}", over)
+    return f"The {lead.label} is {said}."

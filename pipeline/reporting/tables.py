@@ -23,8 +23,9 @@ def designs_frame(result: Row, variables: list[str]) -> pd.DataFrame:
 
 
 def _flat(row: Row, variables: list[str], front: set[int], best: int | None) -> Row:
-    nested = ("margins", "failed", "time_within_tolerances")
+    nested = ("margins", "failed", "time_within_tolerances", "standard_errors")
     plain = {k: v for k, v in row.items() if k not in (*nested, *variables, "trial", "prototype")}
+    errors = {k: v for k, v in row["standard_errors"].items() if k != SIMULATED}
     within = row.get("time_within_tolerances") or {}
     return {
         "trial": row["trial"],
@@ -33,6 +34,7 @@ def _flat(row: Row, variables: list[str], front: set[int], best: int | None) -> 
         "chosen": row["trial"] == best,
         **{name: row[name] for name in variables},
         **{k: v for k, v in plain.items() if not isinstance(v, (dict, list))},
+        **{f"standard_error_of_{name}": error for name, error in errors.items()},
         "failed": " ".join(row["failed"]),
         **{f"within_tolerances_{key}": v for key, v in within.items() if not isinstance(v, dict)},
         **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},

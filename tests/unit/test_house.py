@@ -23,6 +23,7 @@ GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {
         "pipeline/search.py",
+        "pipeline/standing.py",
         "pipeline/storage.py",
         "pipeline/study.py",
         "pipeline/sampling/space.py",
@@ -40,6 +41,7 @@ GUARDED = {
         "pipeline/reporting/front.py",
         "pipeline/reporting/parallel.py",
         "pipeline/reporting/operating.py",
+        "pipeline/reporting/listed.py",
         "pipeline/reporting/distribution.py",
         "pipeline/reporting/convergence.py",
         "pipeline/animation.py",

@@ -76,7 +76,7 @@ def test_what_is_foretold_is_what_all_points_give(found: tuple[Path, dict[str, A
         both = np.hypot(row["standard_error_s"], design["standard_error_s"])
         gap = row["expected_shift_time_s"] - design["expected_shift_time_s"]
         assert abs(gap) < 4.0 * both
-        assert row["low_s"] < row["expected_shift_time_s"] < row["high_s"]
+        assert row["low"] < row["expected_shift_time_s"] < row["high"]
 
 
 def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, Any]]) -> None:

@@ -18,7 +18,7 @@ from pipeline.reporting.labels import Label, shifts_of
 from pipeline.reporting.operating import engaged_figure, gain_figure, gains, points_figure
 from pipeline.reporting.parallel import APART, parallel_figure, spread
 from pipeline.reporting.shifts import Shifts
-from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, found, shift
+from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, found, shift
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def told_apart(figure: go.Figure, kinds: tuple[str, ...]) -> bool:
 
 
 def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
-    result["front"][1] |= {"low_s": 0.077, "high_s": 0.085}
+    result["front"][1] |= {"low": 0.077, "high": 0.085}
     figure = front_figure(result, VARIABLES, LENGTH)
     found = traces(figure)
     places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found}
@@ -90,7 +90,7 @@ def test_how_sure_with_and_without_what_confirms(result: Row) -> None:
     assert plain.data[1].marker.symbol != plain.data[0].marker.symbol
     for row, share in zip(result["front"], (0.9, 0.6), strict=True):
         row["probability_on_front"] = share
-    result["confirmation"]["designs"] = [{"trial": 1, TIME: 0.083, "standard_error_s": 0.001}]
+    result["confirmation"]["designs"].append({"trial": 1, **confirmed([], 0.083)})
     full = traces(sure_figure(result))
     assert list(full["probability on the front"].x) == [0.6, 0.9]
     assert list(full["fresh angles, 95 % interval"].x) == pytest.approx([83.0, 80.0])
@@ -185,11 +185,11 @@ def test_distribution_of_single_shifts(study: Study) -> None:
 
 def test_course_counts_shifts_of_every_simulated_design(study: Study, result: Row) -> None:
     result["trials"] = [{**study.prototype, **row} for row in result["trials"]]
-    each = len(study.points) * study.file.expectation.angles
+    each = 2 * study.file.expectation.angles
     found = course(result, Shifts(study, ()))
     # The fifth design costs shifts, too, but is no answer; the last was not simulated.
     assert found.shifts.tolist() == [each, 2 * each, 3 * each, 4 * each]
-    assert found.best == pytest.approx([0.1, 0.08, 0.07, 0.07])
+    assert found.best == pytest.approx([100.0, 80.0, 70.0, 70.0])
     # Box 70 to 100 ms by 6 to 8 mm: the second leaves a third of the time, the third half
     # of the length undominated.
     assert found.volume == pytest.approx([0.0, 2 / 3, 2 / 3 + 1 / 6, 2 / 3 + 1 / 6])

@@ -20,8 +20,9 @@ from pipeline.journal import ShiftJournal
 from pipeline.known import known_surrogate
 from pipeline.reporting import replays
 from pipeline.reporting.convergence import hypervolume
+from pipeline.reporting.goals import goals_of
 from pipeline.reporting.learned import learn_effects, stored_effects
-from pipeline.reporting.names import interval, of_kinds, percent
+from pipeline.reporting.names import of_kinds, percent
 from pipeline.reporting.provenance import command_of
 from pipeline.reporting.replays import replays_of, write_replays
 from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
@@ -51,9 +52,10 @@ def test_every_design_is_of_one_kind(result: Row) -> None:
     }  # fmt: skip
 
 
-def test_interval_is_the_given_one_or_that_of_the_standard_error() -> None:
-    assert interval(design(1, 0.08, 6.0)) == pytest.approx((0.07804, 0.08196))
-    assert interval(design(1, 0.08, 6.0, low_s=0.07, high_s=0.1)) == (0.07, 0.1)
+def test_interval_is_the_given_one_or_that_of_the_standard_error(result: Row) -> None:
+    lead = goals_of(result).leading
+    assert lead.interval(design(1, 0.08, 6.0)) == pytest.approx((78.04, 81.96))
+    assert lead.interval(design(1, 0.08, 6.0, low=0.07, high=0.1)) == pytest.approx((70.0, 100.0))
 
 
 def test_hypervolume_in_two_and_three_dimensions() -> None:
@@ -144,7 +146,8 @@ def test_summary_says_what_was_found(result: Row) -> None:
         "Slower than the prototype at 1 of 2 operating points, clearly at 1: "
         "100 1/min with 235.2 N by 10.0 ± 3.6 ms."
     )
-    unclear = result["confirmation"] | {"gain_s": 0.001}
+    gains = {TIME: {"value": 0.001, "standard_error": 0.001}}
+    unclear = result["confirmation"] | {"gains": gains}
     assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
     assert "not been confirmed" in headline(result | {"confirmation": None})
     assert "No design" in headline(result | {"best": None})
