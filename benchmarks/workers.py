@@ -23,12 +23,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import optuna
 from distributed import LocalCluster
-from pipeline.sampler import SurrogateSampler, search_space
 
 from benchmarks.common import default_study
 from pipeline.config import Study
 from pipeline.executor import Executor, connect
 from pipeline.journal import ShiftJournal
+from pipeline.sampling.dogs import DogGuide, search_space
+from pipeline.sampling.sampler import SurrogateSampler
 from sim.blocks import Block, even_blocks
 from sim.units import RPM
 
@@ -90,7 +91,7 @@ def asking_times(study: Study) -> list[float]:
     The first one fits the process too.
     """
     settings = study.file.search
-    sampler = SurrogateSampler(study, settings.seed, settings.startup)
+    sampler = SurrogateSampler(DogGuide(study), settings.seed, settings.startup)
     search = optuna.create_study(directions=["minimize"] * 2, sampler=sampler)
     rng = np.random.default_rng(1)
     for _ in range(settings.trials - settings.batch):

@@ -256,7 +256,6 @@ def test_keys_of_the_default_study_stay() -> None:
     """Hashes that stored results carry, from before the limits were keys."""
     study = load_study("mq200")
     assert study.physics_hash == "d9069ea6093eea848d23"
-    assert study.config_hash == "01cd5a2418b5b9a28e0c"
     assert even_blocks(study.clutch, study.points[:1], 3, 1)[0].keys[0] == "5a607148e2d870a34bd4"
     limited = load_study("mq200", ["solver.max_steps=1000"])
     assert limited.physics_hash != study.physics_hash
