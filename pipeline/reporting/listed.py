@@ -27,6 +27,7 @@ def listed_figure(confirmation: Row) -> go.Figure:
     _add_gains(figure, confirmation, names)
     _add_shares(figure, confirmation, names)
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=names[::-1])
+    figure.update_yaxes(range=[-0.6, len(points) - 0.4])
     figure.update_yaxes(showgrid=True, gridcolor="#e6eaee")
     figure.update_xaxes(rangemode="tozero", col=1)
     figure = styled(figure, 150 + LINE * len(points))
@@ -50,7 +51,9 @@ def _times(name: str, points: list[Row], names: list[str]) -> go.Scatter:
     error = [1.96e3 * (p["standard_error_s"] or 0.0) for p in points]
     return go.Scatter(
         x=[1e3 * p["mean_s"] for p in points], y=names, mode="markers", name=name,
-        error_x={"type": "data", "array": error, "thickness": 1},
+        error_x={"type": "data", "array": error, "thickness": 1,
+                 "arrayminus": [min(e, 1e3 * p["mean_s"])
+                                for e, p in zip(error, points, strict=True)]},
         marker={**MARKS[name], "size": 11},
         hovertemplate=f"{name}, %{{y}}: %{{x:.1f}} ms<extra></extra>",
     )  # fmt: skip

@@ -227,10 +227,11 @@ def _mapped(figure: go.Figure, points: list[Row]) -> go.Figure:
         at = [f"{value:.4g}" for value in sorted(weights)]
         said = [f"{v:.4g}" + (f" ({weights[v]})" if weights[v] else "") for v in sorted(weights)]
         said = [words.replace("-", MINUS) for words in said]
-        weighted = " (weight)" if any(weights.values()) else ""
+        weighted = any(weights.values())
+        said_of = title.replace(", ", ",<br>") if weighted and key == "mismatch_rpm" else title
         where = {} if key == "force_N" else {"col": 1}
         update(type="category", tickvals=at, ticktext=said)
-        update(title=title + weighted, **where)
+        update(title=said_of + (" (weight)" if weighted else ""), **where)
     rows = len(weights)
     figure = styled(figure, 130 + (46 if rows <= TALL else 28) * rows)
     figure.update_layout(margin={"t": 40})

@@ -14,8 +14,16 @@ from pipeline.evaluation import FRESH
 from pipeline.reporting.convergence import convergence_figure, course
 from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
 from pipeline.reporting.front import front_figure, sure_figure, third_figure
+from pipeline.reporting.goals import MARGIN
 from pipeline.reporting.labels import Label, shifts_of
-from pipeline.reporting.operating import engaged_figure, gain_figure, gains, points_figure
+from pipeline.reporting.listed import listed_figure
+from pipeline.reporting.operating import (
+    engaged_figure,
+    gain_figure,
+    gains,
+    is_grid,
+    points_figure,
+)
 from pipeline.reporting.parallel import APART, parallel_figure, spread
 from pipeline.reporting.shifts import Shifts
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, found, shift
@@ -156,6 +164,49 @@ def test_mean_times_over_mismatch_differ_by_dash_and_mark(result: Row) -> None:
     figure = points_figure(result["confirmation"])
     assert list(traces(figure)["chosen"].y) == pytest.approx([60.0, 100.0])
     assert told_apart(figure, ("prototype", "chosen"))
+
+
+def test_points_that_are_no_grid_have_a_line_each(result: Row) -> None:
+    confirmation = result["confirmation"]
+    assert is_grid(confirmation)
+    for key in ("prototype", "best"):
+        first, second = confirmation[key]["points"]
+        confirmation[key]["points"] = [
+            {**first, "mismatch_rpm": -50.0, "weight": 3.0},
+            {**second, "force_N": 469.0, "weight": 1.0},
+        ]
+    assert not is_grid(confirmation)
+    found = traces(listed_figure(confirmation))
+    names = ["\N{MINUS SIGN}50 1/min, 235.2 N (3)", "100 1/min, 469 N (1)"]
+    assert list(found["chosen"].y) == names
+    assert list(found["chosen"].x) == pytest.approx([60.0, 100.0])
+    assert list(found["gain"].x) == pytest.approx([50.0, -10.0])
+    assert list(found["engaged, prototype"].text) == ["100 % 16/16", "50 % 8/16"]
+
+
+def test_maps_say_weights_and_gaps_where_the_mismatch_turns(result: Row) -> None:
+    confirmation = result["confirmation"]
+    for key in ("prototype", "best"):
+        first, second = confirmation[key]["points"]
+        points = [{**first, "mismatch_rpm": -50.0, "weight": 2.0}, {**second, "weight": 1.0}]
+        confirmation[key]["points"] = points
+    figure = gain_figure(confirmation)
+    assert list(figure.layout.yaxis.ticktext) == ["\N{MINUS SIGN}50 (2)", "100 (1)"]
+    means = points_figure(confirmation)
+    assert list(traces(means)["chosen"].x) == [-50, None, 100]
+    assert means.layout.xaxis.type is None
+
+
+def test_front_of_what_is_maximised_has_errors_of_both_objectives(result: Row) -> None:
+    result |= {"objectives": [MARGIN, TIME], "leading": MARGIN}
+    result["front"] = result["front"][::-1]
+    figure = front_figure(result, VARIABLES, TIME)
+    found = traces(figure)
+    assert list(found["chosen"].x) == pytest.approx([3.0])
+    assert list(found["chosen"].y) == pytest.approx([70.0])
+    assert found["chosen"].error_y.array == pytest.approx([1.96])
+    assert found["chosen"].error_x.array is None
+    assert figure.layout.xaxis.title.text == "smallest margin, % (more is better)"
 
 
 def test_distribution_of_single_shifts(study: Study) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,9 +25,9 @@ from pipeline.reporting.goals import goals_of
 from pipeline.reporting.learned import learn_effects, stored_effects
 from pipeline.reporting.names import of_kinds, percent
 from pipeline.reporting.provenance import command_of
-from pipeline.reporting.replays import replays_of, write_replays
+from pipeline.reporting.replays import drawn_variant, replays_of, write_replays
 from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
-from pipeline.reporting.summary import headline, points_of
+from pipeline.reporting.summary import failures_of, gained, headline, points_of
 from pipeline.reporting.tables import csv_link, designs_frame, in_parts
 from surrogate.store import save
 from tests.found import TIME, VARIABLES, Row, design, found, shift
@@ -162,6 +163,79 @@ def test_summary_where_nothing_is_slower_or_only_by_chance(result: Row) -> None:
     assert "nowhere clearly" in points_of(result)[-1]
     points[1]["mean_s"] = 0.08
     assert "Nowhere slower" in points_of(result)[-1]
+
+
+def test_summary_names_the_leading_objective(result: Row) -> None:
+    name = "shift_time_quantile_s"
+    result |= {"objectives": [name, "axial_length_mm"], "leading": name, "quantile": 0.9}
+    c = result["confirmation"]
+    for key, value in (("prototype", 0.2), ("best", 0.15)):
+        c[key]["estimates"][name] = {"value": value, "standard_error": 0.002}
+    c["designs"] = [{"trial": 2, **c["best"]}]
+    c["gains"][name] = {"value": 0.05, "standard_error": 0.003}
+    assert headline(result) == (
+        "Design 2 has a 90 % quantile of the shift time of 150.0 ms, 25 % below the prototype's."
+    )
+    assert [one.goal.name for one in gained(result)] == [name, "axial_length_mm", TIME]
+    assert goals_of(result).leading.title == "90 % quantile of the shift time, ms"
+
+
+def test_summary_of_a_margin_that_is_maximised(result: Row) -> None:
+    name = "smallest_margin"
+    result |= {"objectives": [name, TIME], "leading": name}
+    c = result["confirmation"]
+    for key, value in (("prototype", 0.01), ("best", 0.03)):
+        c[key]["estimates"][name] = {"value": value, "standard_error": 0.0}
+    c["designs"] = [{"trial": 2, **c["best"]}]
+    c["gains"][name] = {"value": 0.02, "standard_error": 0.0}
+    assert headline(result) == (
+        "Design 2 has a smallest margin of 3.0 %, 2.0 percentage points above the prototype's."
+    )
+    assert "no standard error" in points_of(result)[0]
+
+
+def test_designs_that_fail_at_the_fresh_angles_are_said(result: Row) -> None:
+    assert failures_of(result) == []
+    check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
+    result["confirmation"]["best"]["checks"] = [check]
+    result["confirmation"]["designs"] = [{"trial": 2, **result["confirmation"]["best"]}]
+    (said,) = failures_of(result)
+    assert said == (
+        "Design 2, the chosen one, fails at the fresh angles: "
+        "edge pressure impact (\N{MINUS SIGN}10 %)."
+    )
+    assert headline(result).endswith("but fails a check at the fresh angles.")
+
+
+def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Study) -> None:
+    row = shift(study, study.prototype, 1.0, 0.05)
+    assert drawn_variant(row) is None
+    factors = {"friction_factor": 1.2, "force_factor": 0.9, "inertia_factor": 1.1}
+    variant = drawn_variant(row | factors | {"drawn_force_rise_s": 0.2})
+    assert variant is not None
+    assert variant.clutch(study.clutch).contact.static_friction == pytest.approx(
+        1.2 * study.clutch.contact.static_friction
+    )
+    profile = variant.point(study.points[0]).profile
+    assert (profile.force, profile.rise) == (
+        pytest.approx(0.9 * study.points[0].profile.force),
+        0.2,
+    )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "operating={points=[{mismatch_rpm=-50, force_N=300, weight=3}]}",
+        "operating.mismatch_rpm={distribution='normal', mean=60, sd=20}",
+        "uncertain.friction_factor={distribution='uniform', low=0.7, high=1.3}",
+    ],
+)
+def test_command_holds_tables(change: str) -> None:
+    command = command_of(load_study("mq200", [change]))
+    assert command is not None
+    overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
+    assert load_study("mq200", overrides).config_hash == load_study("mq200", [change]).config_hash
 
 
 def test_command_runs_the_same_study_again() -> None:
