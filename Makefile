@@ -21,7 +21,7 @@ study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
 
 test: $(VENV)/complete lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 lint: $(VENV)/complete
 	$(BIN)/ruff check .
