@@ -1,7 +1,7 @@
 # Two targets do everything on a fresh Debian 12 with Python 3.11:
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests
-# make surrogate simulates and fits the surrogate that the package brings (an hour).
+# make surrogate simulates and fits the surrogate that the package brings (1.5 hours).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
 # make picture draws docs/shift.png and docs/report.png again; it needs Chromium and a study.
 PYTHON ?= python3.11
