@@ -61,7 +61,6 @@ def _times(name: str, points: list[Row], names: list[str]) -> go.Scatter:
 
 def _add_gains(figure: go.Figure, confirmation: Row, names: list[str]) -> None:
     found = sorted(gains(confirmation), key=lambda gain: (gain.mismatch_rpm, gain.force_N))
-    figure.add_vline(0.0, line={"color": INK, "width": 1}, row=1, col=2)
     figure.add_scatter(
         x=[1e3 * gain.gain_s for gain in found], y=names, mode="markers", showlegend=False,
         error_x={"type": "data", "array": [1.96e3 * gain.error_s for gain in found],
@@ -71,6 +70,7 @@ def _add_gains(figure: go.Figure, confirmation: Row, names: list[str]) -> None:
         text=[gain_words(gain) for gain in found], name="gain",
         hovertemplate="%{y}: %{text} ms<extra></extra>", row=1, col=2,
     )  # fmt: skip
+    figure.add_vline(0.0, line={"color": INK, "width": 1}, row=1, col=2)
 
 
 def _add_shares(figure: go.Figure, confirmation: Row, names: list[str]) -> None:
