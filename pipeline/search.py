@@ -243,16 +243,13 @@ def _cut_off(search: Search) -> list[int]:
     return left
 
 
-def _finish(search: Search, ids: list[int], executor: Executor, *, whole: bool = False) -> None:
-    """Simulate the designs among trials that may pass and tell them all in order.
-
-    ``whole`` simulates every operating point, whatever their plans say.
-    """
+def _finish(search: Search, ids: list[int], executor: Executor) -> None:
+    """Simulate the designs among trials that may pass and tell them all in order."""
     study = search.study
     trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
     designs = [design_of(study, dict(t.params)) for t in trials]
     worth = [k for k, d in enumerate(designs) if d.dog is not None and d.feasible]
-    plans = [whole_plan(study) if whole else search.plan(_frozen(search, ids[k])) for k in worth]
+    plans = [search.plan(_frozen(search, ids[k])) for k in worth]
     dogs = [design.dog for design in designs if design.dog is not None and design.feasible]
     found = dict(zip(worth, evaluate(study, dogs, executor, plans, _seed(study)), strict=True))
     # A run that seemed dead may have told them meanwhile: it found the same.
@@ -263,7 +260,9 @@ def _finish(search: Search, ids: list[int], executor: Executor, *, whole: bool =
             times = _foretell(search, [ids[k] for k, p in zip(worth, plans, strict=True)
                                        if not is_whole(p)])  # fmt: skip
         except InputError:  # too few engage to foretell anything
-            _finish(search, ids, executor, whole=True)
+            for trial_id in ids:
+                search.optuna._storage.set_trial_system_attr(trial_id, PLAN, whole_plan(study))
+            _finish(search, ids, executor)
             return
         for k, trial in enumerate(trials):
             estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}

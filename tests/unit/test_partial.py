@@ -136,3 +136,10 @@ def test_plans_share_angles_with_whole_designs(study: Study) -> None:
 def test_only_what_can_be_foretold_is_left_out(override: str, partial: bool) -> None:
     study = load_study("mq200", ["search.points=6", override])
     assert DogGuide(study).partial == partial
+
+
+def test_too_few_designs_to_foretell_from_are_simulated_whole(tmp_path: Path) -> None:
+    study = load_study("mq200", [*FEW, "search.trials=2", "search.confirm_designs=1"])
+    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
+    assert [row["points"] for row in result["trials"]] == [8, 8]
+    assert all(len(points) == 8 for points in _points_of(tmp_path).values())
