@@ -12,7 +12,6 @@ from sim.bundled import bundled_root
 from sim.records import content_key
 from sim.versions import engine
 from surrogate.dataset import differences
-from surrogate.model import Surrogate
 from surrogate.store import Stored, load
 
 
@@ -30,7 +29,7 @@ def known_surrogate(study: Study) -> Stored | None:
     return None
 
 
-def joining(study: Study, say: Callable[[str], None]) -> Surrogate | None:
+def joining(study: Study, say: Callable[[str], None]) -> Stored | None:
     """Return what the package brings if its rows may join the study's own; say so, or why not."""
     brought = known_surrogate(study)
     if brought is None:
@@ -41,7 +40,7 @@ def joining(study: Study, say: Callable[[str], None]) -> Surrogate | None:
         return None
     shifts, designs = known.data.shifts, len(known.data.designs)
     say(f"{shifts} shifts of {designs} designs that the package brings join")
-    return known
+    return brought
 
 
 def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:

@@ -62,8 +62,8 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     """Run or resume a study; return its result, which is also in ``result.json``."""
     objectives_of(study)
     require_variables(study)
-    known = joining(study, lambda _: None) if study.file.search.use_known else None
-    guide = DogGuide(study, known)
+    brought = joining(study, lambda _: None) if study.file.search.use_known else None
+    guide = DogGuide(study, None if brought is None else brought.surrogate)
     sampler_of = sampler_factory(study, guide)
     folder = how.folder
     connect(how.cluster)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +27,7 @@ from pipeline.rows import dataset_of, study_mix, with_rows
 from sim.errors import InputError
 from surrogate.comparison import compare
 from surrogate.dataset import COLUMNS, Dataset, among
-from surrogate.figures import Validation, predict, ranked
+from surrogate.figures import LEAST, Validation, predict, ranked
 from surrogate.fitting import WHOLE, Effort
 from surrogate.learning import fit
 from surrogate.model import USUAL, Surrogate
@@ -105,7 +106,8 @@ def train(
     """
     study = folder.stored_study()
     data = _data_of(study, folder)
-    known = None if folder.references.exists() else joining(study, say)
+    brought = None if folder.references.exists() else joining(study, say)
+    known = None if brought is None else brought.surrogate
     if known is not None:
         data = known.data.joined(data)  # its parameters are in units of its own ranges
     scores = compare(data, study.file.surrogate.seed, say) if choose else []
@@ -115,7 +117,8 @@ def train(
     rows = FILLED if folder.references.exists() else WHOLE.rows
     effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
     surrogate = fit(data, form, known, effort)
-    figures = _judged(study, folder, surrogate, effort if keeps else QUICK)
+    before = brought.validation if brought is not None and keeps else None
+    figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
     save(out or folder.surrogate, stored)
     data.frame().to_csv(folder.points, index=False)
@@ -132,10 +135,22 @@ def _data_of(study: Study, folder: StudyFolder) -> Dataset:
     return with_rows(study, np.array(rows["rows"], dtype=float).reshape(-1, width)).joined(own)
 
 
-def _judged(study: Study, folder: StudyFolder, surrogate: Surrogate, parts: Effort) -> Validation:
-    """Return the figures of a surrogate, by the folder's references where it has some."""
+def _judged(
+    study: Study,
+    folder: StudyFolder,
+    surrogate: Surrogate,
+    parts: Effort,
+    before: Validation | None,
+) -> Validation:
+    """Return the figures of a surrogate, by the folder's references where it has some.
+
+    ``before`` are those it had without the folder's rows. They stand where too few of its designs
+    have all operating points to say anything: rows were added, no parameter was changed.
+    """
     mix = study_mix(study)
     if not folder.references.exists():
+        if before is not None and len(reference_of(surrogate.data, mix)) < LEAST:
+            return replace(before, shifts=surrogate.data.shifts)
         return validate(surrogate, mix, None, parts)
     space, best = references_of(study, folder)
     if len(space) == 0:

@@ -17,7 +17,7 @@ from surrogate.model import Surrogate
 from surrogate.reference import Reference
 from surrogate.targets import FLOOR
 
-LEAST = 10  #: designs that a rank correlation needs
+LEAST = 10  #: designs that figures of their expected times need
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,11 @@ class Validation:
 
     @property
     def useful(self) -> bool:
-        """Whether the surrogate explains at least half of the variance."""
-        return self.q2 >= 0.5
+        """Whether the surrogate explains at least half of the variance.
+
+        That of expected times, or where few designs tell these, of single operating points.
+        """
+        return (self.q2 if self.n >= LEAST else self.q2_points) >= 0.5
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures by name."""
