@@ -32,6 +32,7 @@ SMALL = [
     "search.trials=12",
     "search.startup=10",
     "search.confirm_angles=3",
+    "search.confirm_designs=1",
     # Another physics than that of the surrogate which the package brings: nothing joins it.
     "shift.timeout_s=1.1",
 ]

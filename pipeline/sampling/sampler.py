@@ -34,7 +34,7 @@ WIDE = 400  #: candidates of the whole space
 NEAR = 100  #: candidates near the front
 DRAWS = 48  #: joint draws of what is foretold
 WAYS = 128  #: directions of the hypervolume
-TRIES = 1000  #: draws for a candidate before the allowed space counts as empty
+TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,7 @@ def test_a_machine_with_other_versions_is_refused(
 ) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=1", "name=versions"])
     run_study(study, Run(StudyFolder(tmp_path / "a"), 1, server.url))
-    monkeypatch.setattr("pipeline.search.versions", lambda: {"dogshape": "0.1.0", "drake": "9"})
+    monkeypatch.setattr("pipeline.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"})
     with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
         run_study(study, Run(StudyFolder(tmp_path / "b"), 1, server.url, resume=True))
 

@@ -208,6 +208,7 @@ def test_the_ridge_is_chosen_where_a_flank_turns() -> None:
 
 
 def test_designs_are_scaled_to_their_range(surrogate: Surrogate) -> None:
-    assert surrogate.coordinates(np.array([LOW, HIGH])) == pytest.approx(
-        np.array([[0.0] * 3, [1.0] * 3])
-    )
+    where = surrogate.coordinates(np.array([LOW, HIGH]))
+    assert where[:, :3] == pytest.approx(np.array([[0.0] * 3, [1.0] * 3]))
+    # An angle's ridge ends at the friction coefficient's either side.
+    assert where[:, 3] == pytest.approx([np.tanh(-0.1 / 0.04), 1.0], abs=1e-4)
