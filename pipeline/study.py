@@ -100,7 +100,11 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
             raise
     if search.claims.worker is not None:
         write_json(folder.others, {"rows": search.rows})
-    return {**collect(search, journal), "confirmation": confirmation}, progress.say
+    result = collect(search, journal)
+    if confirmation is not None:
+        chosen = confirmation["chosen"]
+        result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
+    return {**result, "confirmation": confirmation}, progress.say
 
 
 def _learn(
@@ -216,19 +220,29 @@ def confirm(
     """Simulate prototype and designs, the best first, at angles that the search did not use.
 
     Every operating point is simulated, whatever the search left out. ``designs`` are by trial.
+    Chosen is the first that passes every check here too, its hardest landing among them; where
+    none does, the first. Their order is the search's: none is chosen for its luck here.
     """
     angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
     plan = whole_plan(study, angles)
-    dogs = [study.clutch.dog, *(study.dog_with(params) for params in designs.values())]
-    both = evaluate(study, dogs[:2], executor, [plan] * 2, seed, checked=True)
-    others = evaluate(study, dogs[2:], executor, [plan] * len(dogs[2:]), seed)
-    found = dict(zip(designs, [both[1], *others], strict=True))
+    dogs = {trial: study.dog_with(params) for trial, params in designs.items()}
+    found = dict(
+        zip(
+            dogs, evaluate(study, [*dogs.values()], executor, [plan] * len(dogs), seed), strict=True
+        )
+    )
+    passed = [t for t, one in found.items() if design_of(study, designs[t], one.landing).feasible]
+    chosen = (passed or [*dogs])[0]
+    both = evaluate(
+        study, [study.clutch.dog, dogs[chosen]], executor, [plan] * 2, seed, checked=True
+    )
     prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean
     return {
         "angles": angles,
         "prototype": _confirmed(study, study.prototype, both[0]),
-        "best": _confirmed(study, next(iter(designs.values())), both[1]),
+        "chosen": chosen,
+        "best": _confirmed(study, designs[chosen], both[1]),
         "designs": [
             {"trial": trial, **_confirmed(study, designs[trial], one)}
             for trial, one in found.items()
