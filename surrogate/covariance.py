@@ -172,11 +172,11 @@ class Covariance:
             for part, factor in zip(self.parts, factors, strict=True):
                 design = None if part.design is None else factor[place[rows]][:, place[known]]
                 part.add(total[rows, known], design, (o[rows], o[known]))
+            total[:k, rows] = total[rows, :k].T
 
         with ThreadPoolExecutor(os.cpu_count()) as threads:  # numpy lets other threads go on
             deque(threads.map(fill, range(0, len(x), CHUNK)), maxlen=0)
-        lower = np.tril(total, -1)
-        return lower + lower.T + np.diag(np.diag(total))
+        return total
 
     def variance(self, inputs: Array) -> Array:
         """Return the variance of inputs (n, d + p) before any data, (n,)."""
