@@ -21,6 +21,7 @@ from surrogate.targets import point_coordinates, timed
 
 BETWEEN = 20  #: pairs of designs between which the typical variance is found
 CHUNK = 2000  #: designs that are worked out at a time
+FEW = 64  #: features that are summed at a time, so that they stay in the processor's cache
 
 
 class Over:
@@ -173,15 +174,23 @@ class Over:
 
         Nearly all are nought, so that only the others are summed.
         """
-        places = np.nonzero(self._rough)[0]
-        rows, columns = np.nonzero(features[:, places])
-        columns = places[columns]
-        # With itself and with every other rough feature a pair counts once, else twice.
-        pairs = np.where(self._rough, 1.0, 2.0)
-        linked = np.einsum("ij,ij->i", features[rows] * pairs, self._quadratic[columns])
+        rough = features[:, self._rough]
+        rows, columns = np.nonzero(rough)
+        linked = np.empty(len(rows))
+        for k in range(0, len(rows), FEW):
+            few = slice(k, k + FEW)
+            np.einsum(
+                "ij,ij->i", features[rows[few]], self._of_rough[columns[few]], out=linked[few]
+            )
         known: Array = np.zeros(len(features))
-        np.add.at(known, rows, linked * features[rows, columns])
+        np.add.at(known, rows, linked * rough[rows, columns])
         return known
+
+    @cached_property
+    def _of_rough(self) -> Array:
+        """Rows of ``_quadratic`` of rough features; pairs of one with another kind count twice."""
+        rows: Array = self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
+        return rows
 
     def with_rows(self, x: Array, inputs: Array) -> Array:
         """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
