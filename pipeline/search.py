@@ -77,7 +77,10 @@ class Search:
         if self.guide is None or not any(not is_whole(self.plan(trial)) for trial in trials):
             return {}
         if self._foretold[0] != len(trials):
-            times, errors = (values.tolist() for values in self.guide.times(trials))
+            try:
+                times, errors = (values.tolist() for values in self.guide.times(trials))
+            except InputError:  # too few so far: each has what it was told
+                return {}
             numbers = [trial.number for trial in trials]
             found = dict(zip(numbers, zip(times, errors, strict=True), strict=True))
             self._foretold = len(trials), found
@@ -209,7 +212,8 @@ def _next_round(search: Search, sampler_of: Callable[[int], BaseSampler]) -> lis
     What other runs have asked for counts as if it were finished, so none is asked too many.
     """
     study, settings = search.study, search.study.file.search
-    if not search.optuna.get_trials(deepcopy=False):
+    told = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
+    if not any(trial.user_attrs.get("prototype") for trial in told):
         search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
     batch = settings.batch
     if search.guide is not None and search.guide.partial and not search.trials:

@@ -133,14 +133,15 @@ def _shifts(study: Study) -> int:
 def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
     """Return what a search has found so far."""
     study = search.study
+    stand, best, shown = standings(search), best_trial(search), front(search)
+    # Last, so that it has every trial of the others, whatever runs elsewhere tell meanwhile.
     rows = {trial.number: row_of(search, trial) for trial in search.trials}
-    for number, standing in standings(search).items():
+    for number, standing in stand.items():
         rows[number] |= {
             "low": standing.low,
             "high": standing.high,
             "probability_on_front": standing.probability,
         }
-    best = best_trial(search)
     return {
         "study": study.name,
         "objectives": study.file.search.objectives,
@@ -148,7 +149,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "leading": leading(study).name,
         "quantile": study.file.search.quantile,
         "best": rows[best.number] if best is not None else None,
-        "front": [rows[trial.number] for trial in front(search)],
+        "front": [rows[trial.number] for trial in shown],
         "trials": list(rows.values()),
         "n_simulated_designs": len(search.simulated),
         "n_simulated_shifts": search.shifts(journal.rows),

@@ -40,6 +40,7 @@ from surrogate.model import Surrogate
 from surrogate.over import Over
 
 QUICK = Effort(rows=400, steps=30)  #: of the process that is fitted anew in each round
+OWN = ("surrogate", "space_filling")  #: samplers that say what to simulate of a design
 LANDING = {rule.name for rule in LANDING_RULES}
 
 
@@ -126,9 +127,10 @@ class DogGuide:
 
         That needs the surrogate over operating points to say every objective that is simulated.
         """
-        points, foretold = self._study.file.search.points, {SIMULATED, "smallest_margin"}
+        search, foretold = self._study.file.search, {SIMULATED, "smallest_margin"}
         simulated = {o.name for o in objectives_of(self._study) if o.simulated}
-        return points is not None and points < len(self._study.points) and simulated <= foretold
+        few = search.points is not None and search.points < len(self._study.points)
+        return few and simulated <= foretold and search.sampler in OWN
 
     def times(self, trials: Sequence[FrozenTrial]) -> tuple[Array, Array]:
         """Return what the rows of trials say of their expected times, and its errors, (m,), s."""

@@ -8,7 +8,7 @@ import numpy as np
 from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 
 from pipeline.config import Study
-from pipeline.sampling.dogs import DogGuide
+from pipeline.sampling.dogs import OWN, DogGuide
 from pipeline.sampling.sampler import SurrogateSampler
 from sim.errors import InputError, did_you_mean
 from surrogate.model import MIN_DESIGNS
@@ -24,7 +24,7 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
     uninterrupted one.
     """
     search, guide = study.file.search, guide or DogGuide(study)
-    if search.sampler in ("surrogate", "space_filling"):
+    if search.sampler in OWN:
         startup = first_designs(study, guide) if search.sampler == "surrogate" else search.trials
         own = SurrogateSampler(guide, search.seed, startup)
         own.require_allowed()

@@ -39,14 +39,20 @@ TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 
 @dataclass(frozen=True)
 class _Seen:
-    """Trials before the one that is asked: finished ones, and those that still run."""
+    """Trials before the one that is asked: finished, still running, and without a finite value."""
 
     finished: list[FrozenTrial]
     running: list[FrozenTrial]
+    spent: list[FrozenTrial]
 
     @property
     def count(self) -> int:
-        return len(self.finished) + len(self.running)
+        return len(self.taken)
+
+    @property
+    def taken(self) -> list[dict[str, Any]]:
+        """Designs that were proposed already."""
+        return [t.params for t in (*self.finished, *self.running, *self.spent)]
 
 
 class SurrogateSampler(BaseSampler):
@@ -95,7 +101,7 @@ class SurrogateSampler(BaseSampler):
         signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
         foretold = self._foretold(space, seen, signs)
         if foretold is None:
-            params = self._farthest(space, [t.params for t in (*seen.finished, *seen.running)])
+            params = self._farthest(space, seen.taken)
         else:
             params = self._improving(space, seen, foretold, signs, rng)
         plan = self._guide.plan(foretold, params, seen.count)
@@ -119,15 +125,17 @@ class SurrogateSampler(BaseSampler):
         self._wide(Space(self._guide.distributions or {}))
 
     def _before(self, study: optuna.Study, trial: FrozenTrial, space: Space) -> _Seen:
-        # A trial that was cut off before it had a design has failed; it must not count.
+        # A trial that was cut off before it had all of its design must not count.
         before = [
             t
             for t in study.get_trials(deepcopy=False)
             if t.number < trial.number and space.holds(t.params)
         ]
+        running = [t for t in before if t.state == TrialState.RUNNING]
         complete = [t for t in before if t.state == TrialState.COMPLETE]
         finished = [t for t, kept in zip(complete, sound(complete), strict=True) if kept]
-        return _Seen(finished, [t for t in before if t.state == TrialState.RUNNING])
+        known = {t.number for t in (*running, *finished)}
+        return _Seen(finished, running, [t for t in before if t.number not in known])
 
     def _foretold(self, space: Space, seen: _Seen, signs: Array) -> Foretold | None:
         """Return what finished trials say, fitted once for a round; None where they are few."""
@@ -154,17 +162,22 @@ class SurrogateSampler(BaseSampler):
         values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [t.params for t in (*kept, *seen.running)]
-        taken = [t.params for t in (*seen.finished, *seen.running)]
+        taken = seen.taken
         pool = self._wide(space) + (self._drawn(space, rng, NEAR, best) if best else [])
         # Few counts or choices may be all there is, and then they are proposed again.
         fresh = [params for params in pool if params not in taken] or pool
         draws = foretold.draws([*fresh, *there], rng, DRAWS)
         candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
-        low, high = _ends(values if len(values) else candidates.mean(axis=0))
+        low, high = _ends(values, candidates.mean(axis=0))
         ways = directions(rng, WAYS, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
                        np.full(len(signs), 1.1), ways)  # fmt: skip
-        return fresh[int(np.argmax(gained * foretold.chances(fresh)))]
+        likely = gained * foretold.chances(fresh)
+        if likely.max() > 0.0:
+            return fresh[int(np.argmax(likely))]
+        # No draw adds anything: the candidate nearest to adding something, by its means.
+        mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
+        return fresh[int(np.argmin(mean))]
 
     def _wide(self, space: Space) -> list[dict[str, Any]]:
         """Return allowed designs of the whole space, drawn once: most draws may not be."""
@@ -203,10 +216,15 @@ class SurrogateSampler(BaseSampler):
         return pool[int(np.argmax(apart))]
 
 
-def _ends(values: Array) -> tuple[Array, Array]:
-    """Return the range of the values (n, k) that the hypervolume is scaled by, each (k,)."""
-    best = values[not_dominated(values)]
+def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
+    """Return the range that the hypervolume is scaled by, each (k,).
+
+    That of the front among ``values`` (n, k). A front of one design, or of one value, says nothing
+    of the scale: then that of all values, or else of the candidates' means (m, k).
+    """
+    known = values if len(values) else candidates
+    best = known[not_dominated(known)]
     low, high = best.min(axis=0), best.max(axis=0)
-    # A front of one design, or of one value, says nothing of the scale: all values do.
-    span = np.where(high > low, high - low, np.ptp(values, axis=0))
+    span = np.where(high > low, high - low, np.ptp(known, axis=0))
+    span = np.where(span > 0.0, span, np.ptp(candidates, axis=0))
     return low, low + np.where(span > 0.0, span, 1.0)
