@@ -1,14 +1,11 @@
 """Simulating where it tells most, against filling the space, for the fastest designs.
 
-Both begin with the same designs, and with the parameters of the surrogate that the package brings:
-those that 40 designs give scatter so much that they hide what the shifts tell. The question is
-how fast the best tenth of 200 feasible designs are; its error is against dense simulations of
-these, at other angles.
+Both begin with the same designs. The question is how fast the best tenth of 200 feasible designs
+are; its error is against dense simulations of these, at other angles.
 """
 
 from __future__ import annotations
 
-import sys
 import tempfile
 from pathlib import Path
 
@@ -18,10 +15,8 @@ from benchmarks.space import space
 from pipeline.executor import Executor
 from pipeline.inquiry import Inquiry, inquire
 from pipeline.journal import ShiftJournal, append
-from pipeline.known import known_surrogate
 from pipeline.references import best_pool
 from surrogate.figures import predict
-from surrogate.fitting import Effort
 from surrogate.learning import fit
 from surrogate.mix import Mix
 from surrogate.model import Surrogate
@@ -36,18 +31,12 @@ def main() -> None:
     """Print both curves and the ratio of shifts for equal error."""
     kept = space()
     best, pool = kept.references[1], best_pool(kept.study)
-    brought = known_surrogate(kept.study)
-    if brought is None:
-        sys.exit(
-            "the package brings no surrogate of this physics; run make surrogate from its start"
-        )
-    like = brought.surrogate
     print(f"error of the expected time of {len(best)} references of the best tenth, ms")
     print("filling the space: designs, shifts, error (rms), bias, spread about it")
     filled = []
     for count in FILLING:
         data = kept.first(count)
-        error = _error(fit(data, like.form, like, Effort(steps=0)), best, kept.mix)
+        error = _error(fit(data), best, kept.mix)
         filled.append((data.shifts, error[0]))
         print(f"{count:4d}  {data.shifts:6d}  {_said(error)}", flush=True)
     print("asking for the best: shifts, error (rms), bias, spread about it")
@@ -58,9 +47,7 @@ def main() -> None:
             append(path, shift)
         journal = ShiftJournal(path)
         asked = Inquiry("best", SHIFTS)
-        executor = Executor(journal)
-        models = inquire(kept.study, asked, executor, lambda _: None, among=pool, like=like)
-        for model in models:
+        for model in inquire(kept.study, asked, Executor(journal), lambda _: None, pool):
             error = _error(model, best, kept.mix)
             found.append((model.data.shifts, error[0]))
             print(f"      {model.data.shifts:6d}  {_said(error)}", flush=True)

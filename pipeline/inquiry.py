@@ -26,7 +26,7 @@ from surrogate.acquisition import Choice, Question, choose
 from surrogate.covariance import Array
 from surrogate.fitting import Effort
 from surrogate.learning import fit
-from surrogate.model import USUAL, Surrogate
+from surrogate.model import Surrogate
 from surrogate.over import Over
 
 QUESTIONS = ("best", "front", "design")
@@ -59,26 +59,21 @@ def inquire(
     inquiry: Inquiry,
     executor: Executor,
     say: Callable[[str], None],
-    *,
     among: Array | None = None,
-    like: Surrogate | None = None,
 ) -> Iterator[Surrogate]:
     """Simulate about a question; yield the surrogate before each round and after the last.
 
     The executor's journal has to hold shifts to begin with, and gets the new ones. ``among`` are
     designs that the question is about, (m, d) in edge units; None for such as fill the space.
-    ``like`` is a surrogate of the same physics whose parameters are kept; None fits them to the
-    first shifts, which a few designs leave poorly known.
     """
     rng = np.random.default_rng(study.file.surrogate.seed)
     pool = _pool(study, inquiry.kind) if among is None else among
     angles = study.file.surrogate.angles
-    rows, model = executor.journal.rows, like
+    rows, model = executor.journal.rows, None
     goal = len(rows) + inquiry.shifts
     while True:
         effort = Effort() if model is None else Effort(steps=0)
-        form = USUAL if model is None else model.form
-        model = fit(dataset_of(study, rows.values()), form, model, effort)
+        model = fit(dataset_of(study, rows.values()), like=model, effort=effort)
         yield model
         left = goal - len(rows)
         if left < angles:

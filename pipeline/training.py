@@ -32,7 +32,7 @@ from surrogate.fitting import WHOLE, Effort
 from surrogate.learning import fit
 from surrogate.model import USUAL, Surrogate
 from surrogate.reference import Reference, reference_of
-from surrogate.store import Stored, load, save
+from surrogate.store import Stored, save
 from surrogate.validation import QUICK, validate
 
 Say = Callable[[str], None]  #: prints a line for people
@@ -68,8 +68,7 @@ def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | No
     with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
         executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance, cluster)
         try:
-            like = load(folder.surrogate).surrogate if folder.surrogate.exists() else None
-            deque(inquire(study, inquiry, executor, progress.say, like=like), maxlen=0)
+            deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
         except KeyboardInterrupt:
             progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
             raise
