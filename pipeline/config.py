@@ -7,10 +7,13 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.operating import axes_of, operating_text, points_of
 from pipeline.schema import FORMAT, StudyFile
@@ -96,6 +99,11 @@ class Study:
         """Return values of the searched keys by name, the count as a whole number."""
         pairs = zip(self.variables, values, strict=True)
         return {key: round(v) if key == "count" else float(v) for key, v in pairs}
+
+    def rows(self, designs: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
+        """Return designs by name as rows in edge units, (m, d); ``named`` goes the other way."""
+        rows = [[design[key] for key in self.variables] for design in designs]
+        return np.array(rows, dtype=float).reshape(-1, len(self.variables))
 
     @property
     def prototype(self) -> dict[str, float]:

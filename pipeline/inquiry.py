@@ -89,11 +89,10 @@ def inquire(
 
 
 def _pool(study: Study, kind: str) -> Array:
-    names = tuple(study.variables)
     if kind == "design":
-        return np.array([[study.prototype[name] for name in names]], dtype=float)
+        return study.rows([study.prototype])
     found = filling_designs(study, study.file.surrogate.seed + APART, border=False)
-    return np.array([[d[name] for name in names] for d in islice(found, POOL)], dtype=float)
+    return study.rows(islice(found, POOL))
 
 
 def _question(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console
@@ -64,6 +67,15 @@ class ShiftProgress:
         """Expect ``count`` more shifts than was said at first."""
         self._total += count
         self._bar.update(self._task, total=self._total)
+
+    @contextmanager
+    def kept_in(self, root: Path, how: str) -> Iterator[None]:
+        """Say on Ctrl-C where finished shifts are, and how to go on."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.say(f"finished shifts are kept in {root}; {how}")
+            raise
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""

@@ -56,9 +56,7 @@ def best_pool(study: Study) -> Array:
     """Return the feasible designs of which the best tenth become references, (m, d)."""
     fill = study.file.surrogate.references
     designs = reference_designs(study, fill + 10 * study.file.surrogate.best_references)[fill:]
-    names = tuple(study.variables)
-    rows = [[design[name] for name in names] for design in designs]
-    return np.array(rows, dtype=float).reshape(-1, len(names))
+    return study.rows(designs)
 
 
 def simulate_references(

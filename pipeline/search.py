@@ -37,8 +37,8 @@ from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.plans import Plan, blocks_of, is_whole, whole_plan
 from pipeline.rows import row_record
-from pipeline.sampling.dogs import DogGuide, search_space
-from pipeline.sampling.factory import first_designs
+from pipeline.sampling.dogs import DogGuide, search_space, simulated
+from pipeline.sampling.factory import startup_designs
 from pipeline.sampling.improvement import not_dominated
 from pipeline.sampling.sampler import PLAN
 from pipeline.storage import opening
@@ -94,7 +94,7 @@ class Search:
     @property
     def simulated(self) -> list[FrozenTrial]:
         """Finished trials of designs that were simulated."""
-        return [t for t in self.trials if "standard_error_s" in t.user_attrs]
+        return [t for t in self.trials if simulated(t)]
 
     @property
     def feasible(self) -> list[FrozenTrial]:
@@ -103,8 +103,7 @@ class Search:
 
     def design(self, trial: FrozenTrial) -> Design:
         """Return the design of a trial with all of its checks."""
-        given = trial.user_attrs
-        landing = landing_of(given) if "standard_error_s" in given else None
+        landing = landing_of(trial.user_attrs) if simulated(trial) else None
         return design_of(self.study, dict(trial.params), landing)
 
     @property
@@ -218,7 +217,7 @@ def _next_round(search: Search, sampler_of: Callable[[int], BaseSampler]) -> lis
     batch = settings.batch
     if search.guide is not None and search.guide.partial and not search.trials:
         # Only with all of the first designs can any of them be told what it lacks.
-        batch = max(batch, first_designs(study, search.guide))
+        batch = max(batch, startup_designs(study, search.guide))
     left = _cut_off(search)[:batch]
     # A round that was cut off while it was asked is asked to its end first.
     asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
@@ -252,17 +251,17 @@ def _finish(search: Search, ids: list[int], executor: Executor) -> None:
     study = search.study
     trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
     designs = [design_of(study, dict(t.params)) for t in trials]
-    worth = [k for k, d in enumerate(designs) if d.dog is not None and d.feasible]
+    worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     plans = [search.plan(_frozen(search, ids[k])) for k in worth]
-    dogs = [design.dog for design in designs if design.dog is not None and design.feasible]
-    found = dict(zip(worth, evaluate(study, dogs, executor, plans, _seed(study)), strict=True))
+    results = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
+    found = dict(zip(worth, results, strict=True))
     # A run that seemed dead may have told them meanwhile: it found the same.
     with suppress(UpdateFinishedTrialError):
         for k, trial in enumerate(trials):
             _note(study, trial, designs[k], found.get(k))
         try:
-            times = _foretell(search, [ids[k] for k, p in zip(worth, plans, strict=True)
-                                       if not is_whole(p)])  # fmt: skip
+            pairs = zip(worth, plans, strict=True)
+            times = _foretell(search, [ids[k] for k, plan in pairs if not is_whole(plan)])
         except InputError:  # too few engage to foretell anything
             for trial_id in ids:
                 search.optuna._storage.set_trial_system_attr(trial_id, PLAN, whole_plan(study))
@@ -274,10 +273,6 @@ def _finish(search: Search, ids: list[int], executor: Executor) -> None:
                 estimates[SIMULATED] = times[ids[k]]
             values = values_of(study, designs[k], estimates)
             search.optuna.tell(trial, values, skip_if_finished=True)
-
-
-def _seed(study: Study) -> int:
-    return study.file.expectation.seed
 
 
 def _frozen(search: Search, trial_id: int) -> FrozenTrial:

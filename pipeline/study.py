@@ -31,7 +31,7 @@ from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.reporting.publish import publish
 from pipeline.rows import study_mix
-from pipeline.sampling.dogs import DogGuide
+from pipeline.sampling.dogs import DogGuide, simulated
 from pipeline.sampling.factory import sampler_factory
 from pipeline.search import Search, best_trial, front, open_search, run, value_of
 from pipeline.standing import standings
@@ -92,12 +92,9 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
             write_json(folder.result, collect(search, journal))
 
         executor = Executor(journal, how.jobs, progress.advance, how.cluster)
-        try:
+        with progress.kept_in(folder.root, "--resume goes on"):
             run(search, sampler_of, executor, after_round)
             confirmation = _confirm(search, executor, progress)
-        except KeyboardInterrupt:
-            progress.say(f"finished shifts are kept in {folder.root}; --resume goes on")
-            raise
     if search.claims.worker is not None:
         write_json(folder.others, {"rows": search.rows})
     result = collect(search, journal)
@@ -173,9 +170,9 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
     """Return a design as a flat row; times are None where it was not simulated."""
     study = search.study
     design = search.design(trial)
-    simulated = "standard_error_s" in trial.user_attrs
+    told = simulated(trial)
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
-    found = {name: value_of(search, trial, name) if simulated else (None, None) for name in names}
+    found = {name: value_of(search, trial, name) if told else (None, None) for name in names}
     return {
         "trial": trial.number,
         "prototype": bool(trial.user_attrs.get("prototype", False)),
@@ -185,7 +182,7 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         **{name: value for name, (value, _) in found.items()},
         "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": found[SIMULATED][1],
-        "points": len(trial.user_attrs["rows"]) if simulated else 0,
+        "points": len(trial.user_attrs["rows"]) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible,
         "failed": design.failed,

@@ -46,19 +46,15 @@ def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = Non
     with folder.writing():
         folder.open(study, resume=True)
         designs = first_designs(study, settings.designs)
-        with ShiftProgress(settings.designs * settings.points * settings.angles) as progress:
-            try:
-                shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
-                _fill(study, designs, Executor(shifts, jobs, progress.advance, cluster))
-                executor = Executor(apart_from_them, jobs, progress.advance, cluster)
-                apart = [
-                    d for d in reference_designs(study, settings.references) if d not in designs
-                ]
-                both = [*apart, *_best(study, folder, progress.say)]
-                simulate_references(study, both, executor, progress.extend)
-            except KeyboardInterrupt:
-                progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
-                raise
+        total = settings.designs * settings.points * settings.angles
+        keeping = "the same command goes on"
+        with ShiftProgress(total) as progress, progress.kept_in(folder.root, keeping):
+            shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
+            _fill(study, designs, Executor(shifts, jobs, progress.advance, cluster))
+            executor = Executor(apart_from_them, jobs, progress.advance, cluster)
+            apart = [d for d in reference_designs(study, settings.references) if d not in designs]
+            both = [*apart, *_best(study, folder, progress.say)]
+            simulate_references(study, both, executor, progress.extend)
 
 
 def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:
@@ -67,11 +63,8 @@ def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | No
     study = folder.stored_study()
     with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
         executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance, cluster)
-        try:
+        with progress.kept_in(folder.root, "the same command goes on"):
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
-        except KeyboardInterrupt:
-            progress.say(f"finished shifts are kept in {folder.root}; the same command goes on")
-            raise
 
 
 def _fill(study: Study, designs: Sequence[dict[str, float]], executor: Executor) -> None:
@@ -167,6 +160,5 @@ def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Referen
     data = dataset_of(study, ShiftJournal(folder.references).rows.values())
     whole = reference_of(data, study_mix(study))
     kept = read_json(folder.best, "fit again").get("designs", []) if folder.best.exists() else []
-    chosen = np.array([[design[name] for name in study.variables] for design in kept])
-    best = whole.of(chosen.reshape(-1, len(study.variables)))
+    best = whole.of(study.rows(kept))
     return whole.of(whole.x[~among(whole.x, best.x)]), best

@@ -23,6 +23,7 @@ import numpy as np
 
 from surrogate.covariance import Array, Places
 from surrogate.over import Over
+from surrogate.process import root_of
 
 INTERVALS = 12  #: of each variable, at most
 DRAWS = 4000  #: of the errors of an effect
@@ -119,7 +120,5 @@ def _effect(over: Over, variable: str, asked: Accumulation) -> Effect:
 
 def _chance(errors: Array) -> float:
     """Return the 95 % quantile of the span of joint draws with a covariance (k, k)."""
-    values, vectors = np.linalg.eigh(errors)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    drawn = root @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
+    drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
     return float(np.quantile(np.ptp(drawn, axis=0), 0.95))

@@ -17,6 +17,7 @@ import numpy as np
 from surrogate.covariance import Array, Part
 from surrogate.mix import Mix
 from surrogate.model import Surrogate
+from surrogate.process import root_of
 from surrogate.targets import point_coordinates, timed
 
 BETWEEN = 20  #: pairs of designs between which the typical variance is found
@@ -215,7 +216,8 @@ class Over:
         for part, alone, counts in zip(self._terms, self._alone, taken, strict=True):
             total += counts * alone * part.design_factor(a, b)
         counted = np.repeat(taken, self._sizes)
-        left, right = self._features(a) * counted, self._features(b) * counted
+        left = self._features(a) * counted
+        right = left if b is a else self._features(b) * counted
         covariance: Array = total - left @ self._quadratic @ right.T
         return covariance
 
@@ -226,7 +228,6 @@ class Over:
         """
         where = self.surrogate.coordinates(x)
         covariance = self.covariance(where, where)
-        values, vectors = np.linalg.eigh(covariance)
-        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        root = root_of(covariance)
         drawn: Array = self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))
         return drawn

@@ -21,6 +21,16 @@ from surrogate.covariance import Array, Covariance
 BLOCK = 100  #: rows of a triangular system that are solved at a time
 
 
+def root_of(covariance: Array) -> Array:
+    """Return a matrix whose product with its transpose is a covariance, each (m, m).
+
+    By eigenvalues, so that one that is singular, or not quite positive, has one too.
+    """
+    values, vectors = np.linalg.eigh(covariance)
+    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
+    return root
+
+
 @dataclass(frozen=True)
 class Process:
     """Covariance with the data that it is given.

@@ -69,7 +69,7 @@ def _effects_record(study: Study, surrogate: Surrogate, over: Over) -> Row:
     names = surrogate.data.variables
     seed = study.file.surrogate.seed + APART
     designs = islice(filling_designs(study, seed, border=False), DESIGNS)
-    x = np.array([[design[name] for name in names] for design in designs])
+    x = study.rows(designs)
     return {
         "designs": len(x),
         "outside_trained_range": _outside(surrogate, x),

@@ -1,9 +1,7 @@
 r"""How the search converged: best value and hypervolume against the shifts simulated.
 
 The hypervolume is what the front dominates of the box between the best and the worst value of
-each objective that feasible designs of the search have. It is found by slicing: between two
-values of the last objective the dominated region is that of the designs below, one objective
-fewer.
+each objective that feasible designs of the search have.
 """
 
 from __future__ import annotations
@@ -20,22 +18,7 @@ from pipeline.reporting.goals import Goal, goals_of
 from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, styled
 from pipeline.reporting.names import design_name
 from pipeline.reporting.shifts import Array, Shifts
-
-
-def hypervolume(values: Array, reference: Array) -> float:
-    """Return the volume that rows (n, k), to be minimised, dominate below a reference (k,)."""
-    inside = values[(values < reference).all(axis=1)]
-    if not len(inside):
-        return 0.0
-    if len(reference) == 1:
-        return float(reference[0] - inside.min())
-    inside = inside[np.argsort(inside[:, -1], kind="stable")]
-    depths = np.diff(inside[:, -1], append=reference[-1])
-    return sum(
-        float(depth) * hypervolume(inside[: n + 1, :-1], reference[:-1])
-        for n, depth in enumerate(depths)
-        if depth > 0.0
-    )
+from pipeline.sampling.improvement import hypervolume
 
 
 @dataclass(frozen=True)

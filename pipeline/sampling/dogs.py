@@ -72,7 +72,7 @@ class DogGuide:
     """
 
     def __init__(self, study: Study, known: Surrogate | None = None) -> None:
-        self._study = study
+        self.study = study
         self._known = known
         self._over: tuple[tuple[int, ...], Over] | None = None
         self._exact: dict[tuple[Any, ...], Array] = {}
@@ -80,17 +80,17 @@ class DogGuide:
 
     def allows(self, params: Params) -> bool:
         """Tell whether a design passes every check that needs no simulation."""
-        return worth_simulating(self._study, dict(params))
+        return worth_simulating(self.study, dict(params))
 
     def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""
         told = [trial for trial in trials if simulated(trial)]
         x = space.coordinates([trial.params for trial in told])
         hardest = np.array([_landing(trial) for trial in told])
-        found = [losses_of(self._study, trial.values, trial.user_attrs) for trial in told]
+        found = [losses_of(self.study, trial.values, trial.user_attrs) for trial in told]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
         timed, others = None, {}
-        for column, objective in enumerate(objectives_of(self._study)):
+        for column, objective in enumerate(objectives_of(self.study)):
             if objective.name == SIMULATED:
                 timed = column, self.over(told)
             elif objective.simulated:
@@ -104,17 +104,17 @@ class DogGuide:
         """
         key = tuple(sorted(trial.number for trial in trials))
         if self._over is None or self._over[0] != key:
-            self._over = key, Over(self._fitted(trials), study_mix(self._study))
+            self._over = key, Over(self._fitted(trials), study_mix(self.study))
         return self._over[1]
 
     def _fitted(self, trials: Sequence[FrozenTrial]) -> Surrogate:
         if not trials:
             raise InputError("no design was simulated yet")
-        data = dataset_of_trials(self._study, trials)
+        data = dataset_of_trials(self.study, trials)
         if self._known is not None:
             data = self._known.data.joined(data)
             return fit(data, self._known.form, self._known, Effort(steps=0))
-        return fit(data, effort=Effort(QUICK.rows, QUICK.steps, self._study.file.search.seed))
+        return fit(data, effort=Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed))
 
     @property
     def informed(self) -> bool:
@@ -127,42 +127,37 @@ class DogGuide:
 
         That needs the surrogate over operating points to say every objective that is simulated.
         """
-        search, foretold = self._study.file.search, {SIMULATED, "smallest_margin"}
-        simulated = {o.name for o in objectives_of(self._study) if o.simulated}
-        few = search.points is not None and search.points < len(self._study.points)
+        search, foretold = self.study.file.search, {SIMULATED, "smallest_margin"}
+        simulated = {o.name for o in objectives_of(self.study) if o.simulated}
+        few = search.points is not None and search.points < len(self.study.points)
         return few and simulated <= foretold and search.sampler in OWN
 
     def times(self, trials: Sequence[FrozenTrial]) -> tuple[Array, Array]:
         """Return what the rows of trials say of their expected times, and its errors, (m,), s."""
-        return self.over(trials).predict(self.rows([trial.params for trial in trials]))
+        return self.over(trials).predict(self.study.rows([trial.params for trial in trials]))
 
     def joint(
         self, trials: Sequence[FrozenTrial], asked: Sequence[FrozenTrial]
     ) -> tuple[Array, Array]:
         """Return what the rows of trials say of the times of those asked, jointly, (m,), (m, m)."""
-        return self.over(trials).joint(self.rows([t.params for t in asked]), rough=True)
+        return self.over(trials).joint(self.study.rows([t.params for t in asked]), rough=True)
 
     def plan(self, foretold: Foretold | None, params: Params, number: int) -> Plan | None:
         """Return the angles of a chosen design at each operating point; None for all."""
-        study, points = self._study, self._study.file.search.points
+        study, points = self.study, self.study.file.search.points
         if points is None or not self.partial:
             return None
         if not isinstance(foretold, _Foretold) or foretold.timed is None:
             return first_plan(study, points, number)
-        return telling_plan(study, points, foretold.timed[1], self.rows([params])[0])
-
-    def rows(self, params: Sequence[Params]) -> Array:
-        """Return designs in edge units, (m, d)."""
-        names = tuple(self._study.variables)
-        return np.array([[p[name] for name in names] for p in params], dtype=float)
+        return telling_plan(study, points, foretold.timed[1], self.study.rows([params])[0])
 
     def exact(self, params: Sequence[Params]) -> Array:
         """Return the objectives as losses, (m, k): NaN where a simulation has to say."""
-        keys = [tuple(p[name] for name in self._study.variables) for p in params]
+        keys = [tuple(p[name] for name in self.study.variables) for p in params]
         fresh = {
             key: dict(p) for key, p in zip(keys, params, strict=True) if key not in self._exact
         }
-        for key, row in zip(fresh, exact_losses(self._study, list(fresh.values())), strict=True):
+        for key, row in zip(fresh, exact_losses(self.study, list(fresh.values())), strict=True):
             self._exact[key] = row
         return np.array([self._exact[key] for key in keys])
 
@@ -188,7 +183,7 @@ class _Foretold:
         losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
         if self.timed is not None:
             column, over = self.timed
-            losses[:, :, column] = drawn(*over.joint(self.guide.rows(params)), rng, count)
+            losses[:, :, column] = drawn(*over.joint(self.guide.study.rows(params)), rng, count)
         x = self.space.coordinates(params)
         for column, response in self.others.items():
             losses[:, :, column] = response.draws(x, rng, count)

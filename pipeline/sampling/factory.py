@@ -25,7 +25,7 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
     """
     search, guide = study.file.search, guide or DogGuide(study)
     if search.sampler in OWN:
-        startup = first_designs(study, guide) if search.sampler == "surrogate" else search.trials
+        startup = startup_designs(study, guide) if search.sampler == "surrogate" else search.trials
         own = SurrogateSampler(guide, search.seed, startup)
         own.require_allowed()
         return lambda _: own
@@ -41,6 +41,6 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
     return lambda first: make(int(np.random.default_rng([search.seed, first]).integers(2**31)))
 
 
-def first_designs(study: Study, guide: DogGuide) -> int:
+def startup_designs(study: Study, guide: DogGuide) -> int:
     """Return how many designs fill the space first: few where much is known already."""
     return 1 if guide.informed else max(study.file.search.startup, MIN_DESIGNS)

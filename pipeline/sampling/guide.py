@@ -13,11 +13,12 @@ from typing import Any, Protocol
 import numpy as np
 from optuna.distributions import BaseDistribution
 from optuna.trial import FrozenTrial
+from scipy.special import ndtr
 
 from pipeline.sampling.space import Space
 from surrogate.covariance import Array, Mask, Term
 from surrogate.fitting import Effort, fit_process
-from surrogate.process import Process
+from surrogate.process import Process, root_of
 
 Params = Mapping[str, Any]
 EFFORT = Effort(rows=200, steps=30)  #: of a process over designs alone
@@ -112,7 +113,8 @@ class Response:
     def below(self, x: Array, limit: float = 0.0) -> Array:
         """Return the probability that values at coordinates (m, c) are below a limit, (m,)."""
         mean, variance = self.process.predict(x)
-        return normal((limit / self.scale - mean) / np.sqrt(variance + LEAST))
+        chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + LEAST))
+        return chance
 
 
 @dataclass(frozen=True)
@@ -136,18 +138,8 @@ class _Free:
 
 def drawn(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
     """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
-    values, vectors = np.linalg.eigh(covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws: Array = mean + rng.standard_normal((count, len(mean))) @ root.T
+    draws: Array = mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
     return draws
-
-
-def normal(z: Array) -> Array:
-    """Return the cumulative normal distribution at z, of its shape."""
-    from scipy.special import ndtr  # noqa: PLC0415
-
-    chance: Array = ndtr(z)
-    return chance
 
 
 def sound(trials: Sequence[FrozenTrial]) -> Mask:

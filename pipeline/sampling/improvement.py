@@ -58,10 +58,24 @@ def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Arr
     return gained
 
 
-def hypervolume(front: Array, reference: Array, ways: Array) -> float:
-    """Return the hypervolume of values (f, k) up to a reference point, by the directions."""
-    best = scales(front[None], reference, ways)[0].max(axis=0)
-    return float(best.mean()) * volume_of(front.shape[1])
+def hypervolume(values: Array, reference: Array) -> float:
+    """Return the volume that rows (n, k), to be minimised, dominate below a reference (k,).
+
+    By slices: between two values of the last objective the dominated region is that of the rows
+    below, one objective fewer.
+    """
+    inside = values[(values < reference).all(axis=1)]
+    if not len(inside):
+        return 0.0
+    if len(reference) == 1:
+        return float(reference[0] - inside.min())
+    inside = inside[np.argsort(inside[:, -1], kind="stable")]
+    depths = np.diff(inside[:, -1], append=reference[-1])
+    return sum(
+        float(depth) * hypervolume(inside[: n + 1, :-1], reference[:-1])
+        for n, depth in enumerate(depths)
+        if depth > 0.0
+    )
 
 
 def volume_of(objectives: int) -> float:

@@ -96,7 +96,8 @@ class SurrogateSampler(BaseSampler):
         """Propose an allowed design for ``trial``."""
         if not search_space:
             return {}
-        space, seen = Space(search_space), self._before(study, trial, Space(search_space))
+        space = Space(search_space)
+        seen = self._before(study, trial, space)
         rng = np.random.default_rng([self._seed, seen.count])
         signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
         foretold = self._foretold(space, seen, signs)

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from pipeline.config import Study, load_study
+from pipeline.config import Study
 from pipeline.evaluation import FRESH
 from pipeline.reporting.convergence import convergence_figure, course
 from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
@@ -26,19 +26,7 @@ from pipeline.reporting.operating import (
 )
 from pipeline.reporting.parallel import APART, parallel_figure, spread
 from pipeline.reporting.shifts import Shifts
-from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, found, shift
-
-
-@pytest.fixture
-def result() -> Row:
-    """What a small search found."""
-    return found()
-
-
-@pytest.fixture
-def study() -> Study:
-    """The default study."""
-    return load_study("mq200")
+from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
 
 
 def traces(figure: go.Figure) -> dict[str, Any]:

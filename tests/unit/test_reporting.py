@@ -20,7 +20,6 @@ from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal
 from pipeline.known import known_surrogate
 from pipeline.reporting import replays
-from pipeline.reporting.convergence import hypervolume
 from pipeline.reporting.goals import goals_of
 from pipeline.reporting.learned import learn_effects, stored_effects
 from pipeline.reporting.names import of_kinds, percent
@@ -29,20 +28,9 @@ from pipeline.reporting.replays import drawn_variant, replays_of, write_replays
 from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
 from pipeline.reporting.summary import failures_of, gained, headline, points_of
 from pipeline.reporting.tables import csv_link, designs_frame, in_parts
+from pipeline.sampling.improvement import hypervolume
 from surrogate.store import save
-from tests.found import TIME, VARIABLES, Row, design, found, shift
-
-
-@pytest.fixture
-def result() -> Row:
-    """What a small search found."""
-    return found()
-
-
-@pytest.fixture
-def study() -> Study:
-    """The default study."""
-    return load_study("mq200")
+from tests.found import TIME, VARIABLES, Row, design, shift
 
 
 def test_every_design_is_of_one_kind(result: Row) -> None:

@@ -1,0 +1,20 @@
+"""Fixtures of tests about reports."""
+
+from __future__ import annotations
+
+import pytest
+
+from pipeline.config import Study, load_study
+from tests.found import Row, found
+
+
+@pytest.fixture
+def result() -> Row:
+    """What a small search found."""
+    return found()
+
+
+@pytest.fixture
+def study() -> Study:
+    """The default study."""
+    return load_study("mq200")
