@@ -2,6 +2,8 @@
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests
 # make surrogate simulates and fits the surrogate that the package brings (1.5 hours).
+# make studies runs all bundled studies and keeps their results in studies/ (half an hour).
+# make samplers compares samplers (an hour and a half).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
 # make picture draws docs/shift.png and docs/report.png again; it needs Chromium and a study.
 PYTHON ?= python3.11
@@ -15,7 +17,7 @@ EXTRAS := dev,blind,cad,fem,machines
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint evidence surrogate picture constraints system clean
+.PHONY: study test lint evidence surrogate studies samplers picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -32,24 +34,40 @@ EVIDENCE := convergence stiction floor work_precision expectation second_engine 
   load_height workers
 SURROGATE := learning_curve active_learning asking
 
+# What scripts print, with the command before it, in docs/evidence; a script that fails leaves
+# the old table.
+define print_tables
+mkdir -p build
+for name in $(1); do \
+  echo "$$name"; echo "$$ python -m benchmarks.$$name" > build/evidence.txt; \
+  $(BIN)/python -m benchmarks.$$name >> build/evidence.txt || exit 1; \
+  mv build/evidence.txt docs/evidence/$$name.txt; done
+endef
+
 evidence: $(VENV)/complete
-	mkdir -p build
 	$(BIN)/python -m pytest -m slow
-	for name in $(EVIDENCE); do \
-	  echo "$$name"; echo "$$ python -m benchmarks.$$name" > build/evidence.txt; \
-	  $(BIN)/python -m benchmarks.$$name >> build/evidence.txt || exit 1; \
-	  mv build/evidence.txt docs/evidence/$$name.txt; done
+	$(call print_tables,$(EVIDENCE))
 
 # The surrogate that the package brings, and the tables about it (an hour): what it learns from
 # is simulated into results/mq200-space, where a run that was stopped goes on.
 surrogate: $(VENV)/ready
 	$(BIN)/dogshape fit mq200 --choose
 	cp results/mq200-space/surrogate.json studies/mq200/surrogate.json
-	mkdir -p build
-	for name in $(SURROGATE); do \
-	  echo "$$name"; echo "$$ python -m benchmarks.$$name" > build/evidence.txt; \
-	  $(BIN)/python -m benchmarks.$$name >> build/evidence.txt || exit 1; \
-	  mv build/evidence.txt docs/evidence/$$name.txt; done
+	$(call print_tables,$(SURROGATE))
+
+# The studies that are bundled, with the results that are kept of them, and what the best design of
+# the default study gains under other contact (half an hour).
+STUDIES := mq200 mq200_robust mq200_three
+studies: $(VENV)/ready
+	for name in $(STUDIES); do \
+	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \
+	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
+	$(call print_tables,contact_sets)
+
+# Samplers compared, with torch, which nothing else wants (an hour and a half).
+samplers: $(VENV)/ready
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[gp]"
+	$(call print_tables,samplers)
 
 SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
   --no-first-run --user-data-dir=build/chromium --hide-scrollbars --virtual-time-budget=8000
@@ -89,8 +107,8 @@ system:
 constraints: system
 	rm -rf $(VENV)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(EXTRAS)]"
-	$(BIN)/python -m pip freeze --all --exclude-editable --exclude pip > constraints.txt
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e ".[$(EXTRAS),gp]"
+	$(BIN)/python -m pip freeze --all --exclude-editable --exclude pip | sed 's/+cpu//' > constraints.txt
 	touch $(VENV)/ready $(VENV)/complete
 
 clean:

@@ -1,0 +1,112 @@
+"""What the best design gains under other contact sets and other friction.
+
+    python -m benchmarks.contact_sets [--angles N] [--jobs N]
+
+The prototype and the designs of the default study's front that were confirmed (``studies/mq200/
+result.json``) are simulated at all operating points under both contact sets, and under
+the design set with both coefficients of friction a sixth and a third smaller and larger. Angles
+are the same under each, and none that search or confirmation used. Beside it stands the friction
+above which a flank would no longer let go under load, whatever its shift times are. Finished
+shifts are kept in ``build/contact_sets``. Takes ten minutes on two processors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from benchmarks.common import default_study
+from pipeline.config import Study, load_study
+from pipeline.evaluation import FRESH, evaluate
+from pipeline.executor import Executor
+from pipeline.journal import ShiftJournal
+from pipeline.plans import whole_plan
+from sim.bundled import bundled_root
+from sim.contact import CONTACT_SETS
+from sim.expectation import Expectation
+from sim.units import DEG
+
+FACTORS = (0.667, 0.833, 1.167, 1.333)  #: of friction, over the range of the study mq200_robust
+
+Designs = dict[str, dict[str, float]]
+
+
+def designs_of(study: Study) -> Designs:
+    """Return prototype and confirmed designs of the kept result, the chosen one second."""
+    result: dict[str, Any] = json.loads(
+        (bundled_root() / study.name / "result.json").read_text(encoding="utf-8")
+    )
+    rows, confirmation = {row["trial"]: row for row in result["trials"]}, result["confirmation"]
+    others = [one["trial"] for one in confirmation["designs"]]
+    order = [confirmation["chosen"], *(t for t in others if t != confirmation["chosen"])]
+    found = {"prototype": study.prototype}
+    for place, trial in enumerate(order):
+        name = f"trial {trial}" if place else f"chosen ({trial})"
+        found[name] = {key: rows[trial][key] for key in study.variables}
+    return found
+
+
+def settings() -> dict[str, Study]:
+    """Return the default study under each contact set and friction."""
+    made = {name: load_study("mq200", [f"contact.set={name}"]) for name in CONTACT_SETS}
+    base = CONTACT_SETS["lubricated_steel"]
+    for factor in FACTORS:
+        static, dynamic = base.static_friction * factor, base.dynamic_friction * factor
+        made[f"friction {static:.3f} / {dynamic:.3f}"] = load_study(
+            "mq200", [f"contact.static_friction={static}", f"contact.dynamic_friction={dynamic}"]
+        )
+    return made
+
+
+def expectations(
+    study: Study, designs: Designs, angles: int, executor: Executor
+) -> dict[str, Expectation]:
+    """Return the expected shift time of each design."""
+    dogs = [study.dog_with(params) for params in designs.values()]
+    plans = [whole_plan(study, angles)] * len(dogs)
+    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed + 2 * FRESH)
+    return {name: one.expectation for name, one in zip(designs, found, strict=True)}
+
+
+def print_times(name: str, found: dict[str, Expectation]) -> None:
+    """Print the times under one setting, the prototype's first, then gains."""
+    prototype = found["prototype"]
+    print(f"\n{name}")
+    for design, one in found.items():
+        gain = prototype.mean - one.mean
+        error = math.hypot(prototype.standard_error, one.standard_error)
+        told = f"gain {gain * 1e3:+6.1f} +- {error * 1e3:.1f} ms, {gain / prototype.mean:+.0%}"
+        time = f"{one.mean * 1e3:7.1f} +- {one.standard_error * 1e3:.1f} ms"
+        print(f"  {design:<14}{time}  engaged {one.engaged:.3f}  "
+              f"{told if one is not prototype else ''}".rstrip())  # fmt: skip
+
+
+def print_release(designs: Designs) -> None:
+    """Print above which friction a flank of each design would lock."""
+    print("\nfriction above which the flank of the smaller side angle lets go no more under load")
+    for name, params in designs.items():
+        least = min(params["traction_deg"], params["braking_deg"])
+        print(f"  {name:<14}{math.tan(least * DEG):.3f}")
+
+
+def main() -> None:
+    """Simulate and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--angles", type=int, default=6)
+    parser.add_argument("--jobs", type=int, default=0)
+    given = parser.parse_args()
+    folder = Path("build/contact_sets")
+    folder.mkdir(parents=True, exist_ok=True)
+    executor = Executor(ShiftJournal(folder / "shifts.jsonl"), given.jobs)
+    designs = designs_of(default_study())
+    print(f"expected shift time over 28 operating points, {given.angles} angles each")
+    for name, study in settings().items():
+        print_times(name, expectations(study, designs, given.angles, executor))
+    print_release(designs)
+
+
+if __name__ == "__main__":
+    main()
