@@ -129,7 +129,8 @@ def _asked_and_told(
     found: list[tuple[Values, list[float]]] = []
     worst = 0.0
     simulated = 0
-    while simulated < designs and record.asked < MOST_ASKED:
+    budget = designs * sum(whole_plan(study))
+    while len(executor.journal.rows) < budget and record.asked < MOST_ASKED:
         record.asked += 1
         trial = asked.ask(search_space(study))
         design = design_of(study, dict(trial.params))
