@@ -11,10 +11,13 @@ import pytest
 
 from pipeline.config import Study, load_study
 from pipeline.folder import StudyFolder
+from pipeline.known import known_surrogate
 from pipeline.plans import blocks_of, is_whole, whole_plan
+from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide
-from pipeline.sampling.plans import first_plan, hard_points
+from pipeline.sampling.plans import first_plan, hard_points, telling_plan
 from pipeline.study import Run, run_study
+from surrogate.over import Over
 
 FEW = [
     "operating.mismatch_rpm=[25, 50, 100, 149]",
@@ -62,7 +65,7 @@ def test_designs_are_simulated_at_a_few_points_and_confirmed_at_all(
         whole = row["prototype"] or row["trial"] in confirmed
         assert len(mine) == (8 if whole else row["points"])
         assert {(149.0, 641.5), (100.0, 641.5)} <= set(mine)
-        assert row["prototype"] or 2 <= row["points"] <= 3
+        assert row["prototype"] or row["points"] == 3
     seen = {point for mine in points.values() for point in mine}
     assert len(seen) == 8
 
@@ -111,6 +114,18 @@ def test_first_plans_take_turns_and_keep_the_hard_points(study: Study) -> None:
     hardest = [study.points[k] for k in hard_points(study)]
     assert all(p.profile.force == 641.5 for p in hardest)
     assert all(plan[k] for plan in plans for k in hard_points(study))
+
+
+def test_a_telling_plan_has_each_point_once_and_as_many_as_wanted(study: Study) -> None:
+    stored = known_surrogate(study)
+    assert stored is not None
+    over = Over(stored.surrogate, study_mix(study))
+    designs = stored.surrogate.data.designs[::200] + 0.3
+    for points in (3, 10, 27):
+        for design in designs:
+            plan = telling_plan(study, points, over, design)
+            assert sorted(plan) == [0] * (28 - points) + [study.file.expectation.angles] * points
+            assert all(plan[place] for place in hard_points(study))
 
 
 def test_plans_share_angles_with_whole_designs(study: Study) -> None:

@@ -116,6 +116,25 @@ def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
     assert (np.diff(choice.left) <= 0.0).all()
 
 
+def test_given_rows_condition_what_is_chosen(surrogate: Surrogate) -> None:
+    """What is chosen after given rows is what is chosen where they were chosen first."""
+    question = Question(made(1, seed=3).designs, np.ones(1))
+    over = Over(surrogate, MIX)
+    free = choose(over, question, 8, 5)
+    first = [int(place) for place in free.points[:2]]
+    rest = choose(over, question, 8, 3, given=first)
+    assert rest.points.tolist() == free.points[2:].tolist()
+    assert rest.left == pytest.approx(free.left[2:] / free.left[1], rel=1e-9)
+
+
+def test_rows_are_chosen_once_where_they_may_not_be_again(surrogate: Surrogate) -> None:
+    question = Question(made(1, seed=3).designs, np.ones(1))
+    over, size = Over(surrogate, MIX), len(GRID)
+    assert len(set(choose(over, question, 1, 40).points.tolist())) < 40
+    once = choose(over, question, 1, 40, given=[1, 0], again=False).points.tolist()
+    assert sorted(once) == list(range(2, size))
+
+
 def test_known_designs_keep_what_only_they_tell(surrogate: Surrogate) -> None:
     """At known designs, and a step beside, the rough part is that of the whole process."""
     over, known = Over(surrogate, MIX), surrogate.data.designs[:3]
