@@ -9,7 +9,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
@@ -30,6 +29,7 @@ from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.reporting.publish import publish
+from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide, simulated
 from pipeline.sampling.factory import sampler_factory
@@ -43,8 +43,6 @@ from sim.errors import InputError
 from sim.outcome import Outcome
 from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
-
-SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a round by its first trial
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import optuna
 import pytest
 
 from pipeline.config import Study, load_study
@@ -98,6 +101,39 @@ def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, An
 def test_the_same_search_on_two_workers(found: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     again = run_study(load_study("mq200", FEW), Run(StudyFolder(tmp_path), jobs=2))
     keys = (*NAMES, "expected_shift_time_s", "standard_error_s", "probability_on_front")
+    first, second = ([[row.get(k) for k in keys] for row in r["trials"]] for r in (found[1], again))
+    assert first == second
+
+
+class CutOffError(Exception):
+    """Stands for the end of a process."""
+
+
+@contextmanager
+def _ending_at(name: str, calls: int) -> Iterator[None]:
+    """End the process at a call of Optuna's."""
+    usual, left = getattr(optuna.Study, name), iter(range(calls))
+
+    def counted(*given: Any, **named: Any) -> Any:
+        if next(left, None) is None:
+            raise CutOffError
+        return usual(*given, **named)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(optuna.Study, name, counted)
+        yield
+
+
+def test_cut_off_while_it_told_and_asked_it_ends_as_it_would_have(
+    found: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    """First designs that were told in part are foretold from all of them; so is what follows."""
+    study, how = load_study("mq200", FEW), Run(StudyFolder(tmp_path), jobs=1, resume=True)
+    for name, calls in (("tell", 5), ("ask", 2)):
+        with _ending_at(name, calls), pytest.raises(CutOffError):
+            run_study(study, how)
+    again = run_study(study, how)
+    keys = (*NAMES, "points", "expected_shift_time_s", "standard_error_s", "probability_on_front")
     first, second = ([[row.get(k) for k in keys] for row in r["trials"]] for r in (found[1], again))
     assert first == second
 
