@@ -47,6 +47,8 @@ from sim.records import content_key, landing_of, landing_record
 from sim.versions import engine
 from surrogate.covariance import Array
 
+UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
+
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
 
@@ -211,13 +213,15 @@ def _finish(search: Search, ids: list[int], executor: Executor) -> None:
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     plans = [search.plan(_frozen(search, ids[k])) for k in worth]
     results = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
-    found = dict(zip(worth, results, strict=True))
+    found = {k: result for k, result in zip(worth, results, strict=True) if result.known}
     # A run that seemed dead may have told them meanwhile: it found the same.
     with suppress(UpdateFinishedTrialError):
         for k, trial in enumerate(trials):
             _note(study, trial, designs[k], found.get(k))
+            if k in worth and k not in found:
+                trial.set_user_attr("failed", [UNKNOWN])
         try:
-            times = _foretell(search, [ids[k] for k in worth])
+            times = _foretell(search, [ids[k] for k in found])
         except InputError:  # too few engage to foretell anything
             for trial_id in ids:
                 search.optuna._storage.set_trial_system_attr(trial_id, PLAN, whole_plan(study))

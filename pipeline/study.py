@@ -33,7 +33,7 @@ from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide, simulated
 from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search, best_trial, front, open_search, run, value_of
+from pipeline.search import UNKNOWN, Search, best_trial, front, open_search, run, value_of
 from pipeline.standing import standings
 from pipeline.storage import kept
 from pipeline.tolerances import smallest_within, spread_record, time_spread
@@ -182,8 +182,8 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
-        "feasible": design.feasible,
-        "failed": design.failed,
+        "feasible": design.feasible and told,
+        "failed": design.failed or ([] if told else [UNKNOWN]),
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
@@ -227,11 +227,13 @@ def confirm(
             dogs, evaluate(study, [*dogs.values()], executor, [plan] * len(dogs), seed), strict=True
         )
     )
+    _require_known({f"design {trial}": one for trial, one in found.items()})
     passed = [t for t, one in found.items() if design_of(study, designs[t], one.landing).feasible]
     chosen = (passed or [*dogs])[0]
     both = evaluate(
         study, [study.clutch.dog, dogs[chosen]], executor, [plan] * 2, seed, checked=True
     )
+    _require_known({"the prototype": both[0]})
     prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean
     return {
@@ -248,6 +250,17 @@ def confirm(
         "gain_share": gain / prototype.mean,
         "gains": _gains(study, *both),
     }
+
+
+def _require_known(found: Mapping[str, Simulated]) -> None:
+    """Raise InputError where the shifts of a design say nothing of some objective."""
+    unknown = [name for name, one in found.items() if not one.known]
+    if unknown:
+        raise InputError(
+            f"every shift of {' and '.join(unknown)} at fresh angles failed, so what they strike "
+            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
+            "or without the objective peak_impact_force_N"
+        )
 
 
 def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
