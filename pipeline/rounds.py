@@ -16,6 +16,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.sampling.dogs import search_space
 from pipeline.sampling.factory import startup_designs
+from pipeline.sampling.sampler import SurrogateSampler
 
 if TYPE_CHECKING:
     from pipeline.search import Search
@@ -42,9 +43,26 @@ def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
     for number in range(begun, begun + _missing(search, mark)):
         # Seeded by its number alone, a proposal does not depend on where a round was cut off.
         search.optuna.sampler = sampler_of(number)
+        if _none_left(search):
+            break
         ids.append(search.optuna.ask(space)._trial_id)
         _claim(search, ids[-1], mark)
     return ids
+
+
+def exhausted(search: Search, sampler_of: SamplerOf) -> bool:
+    """Tell whether every design that may be proposed was told: its space has no others."""
+    search.optuna.sampler = sampler_of(len(_begun(search)))
+    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    return not running and _none_left(search)
+
+
+def _none_left(search: Search) -> bool:
+    """Tell whether the study's own sampler could only propose designs again."""
+    sampler = search.optuna.sampler
+    if search.optuna.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
+        return False
+    return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
 
 
 def _require_prototype(search: Search) -> None:

@@ -36,9 +36,9 @@ from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.plans import Plan, blocks_of, is_whole, whole_plan
-from pipeline.rounds import SamplerOf, next_round
+from pipeline.rounds import SamplerOf, exhausted, next_round
 from pipeline.rows import row_record
-from pipeline.sampling.dogs import DogGuide, simulated
+from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.improvement import not_dominated
 from pipeline.sampling.sampler import PLAN
 from pipeline.storage import opening
@@ -98,8 +98,8 @@ class Search:
 
     @property
     def feasible(self) -> list[FrozenTrial]:
-        """Simulated designs that pass every check, the landing's too."""
-        return [t for t in self.simulated if self.design(t).feasible]
+        """Simulated designs, each once, that pass every check, the landing's too."""
+        return [t for t in distinct(self.simulated) if self.design(t).feasible]
 
     def design(self, trial: FrozenTrial) -> Design:
         """Return the design of a trial with all of its checks."""
@@ -187,16 +187,23 @@ def run(
     executor: Executor,
     after_round: AfterRound,
 ) -> None:
-    """Run the search until the study's number of trials is finished, by this run and others."""
+    """Run the search until the study's number of trials is finished, by this run and others.
+
+    It ends sooner where the space has fewer designs than that.
+    """
     waiting = False
     while True:
         with search.claims.turn():
             ids = next_round(search, sampler_of)
+            ended = not ids and exhausted(search, sampler_of)
         if ids:
             waiting = False
             _finish(search, ids, executor)
             after_round(_status(search))
         elif (left := search.study.file.search.trials - len(search.trials)) <= 0:
+            return
+        elif ended:
+            after_round(f"every design that passes the checks was tried: {left} fewer than wanted")
             return
         else:
             if not waiting:

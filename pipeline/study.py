@@ -31,7 +31,7 @@ from pipeline.records import check_record, expectation_record
 from pipeline.reporting.publish import publish
 from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
-from pipeline.sampling.dogs import DogGuide, simulated
+from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.factory import sampler_factory
 from pipeline.search import UNKNOWN, Search, best_trial, front, open_search, run, value_of
 from pipeline.standing import standings
@@ -146,7 +146,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in shown],
         "trials": list(rows.values()),
-        "n_simulated_designs": len(search.simulated),
+        "n_simulated_designs": len(distinct(search.simulated)),
         "n_simulated_shifts": search.shifts(journal.rows),
         "failed_shifts": failed_shifts(journal),
         "confirmation": None,

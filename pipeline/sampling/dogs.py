@@ -33,7 +33,7 @@ from pipeline.sampling.space import Space
 from sim.errors import InputError
 from sim.landing import LANDING_RULES
 from surrogate.covariance import Array
-from surrogate.dataset import Dataset
+from surrogate.dataset import Dataset, once
 from surrogate.fitting import Effort
 from surrogate.learning import fit
 from surrogate.model import Surrogate
@@ -62,10 +62,18 @@ def simulated(trial: FrozenTrial) -> bool:
     return "standard_error_s" in trial.user_attrs
 
 
+def distinct(trials: Sequence[FrozenTrial]) -> list[FrozenTrial]:
+    """Return the first trial of each design: one that was proposed again tells nothing new."""
+    first: dict[tuple[Any, ...], FrozenTrial] = {}
+    for trial in trials:
+        first.setdefault(tuple(sorted(trial.params.items())), trial)
+    return list(first.values())
+
+
 def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:
-    """Return the rows that simulated trials carry."""
+    """Return the rows that simulated trials carry, each once."""
     rows = [row for trial in trials for row in trial.user_attrs["rows"]]
-    return with_rows(study, np.array(rows, dtype=float))
+    return with_rows(study, once(np.array(rows, dtype=float)))
 
 
 class DogGuide:
@@ -87,7 +95,8 @@ class DogGuide:
 
     def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""
-        told = [trial for trial in trials if simulated(trial)]
+        every = [trial for trial in trials if simulated(trial)]
+        told = distinct(every)
         x = space.coordinates([trial.params for trial in told])
         hardest = np.array([_landing(trial) for trial in told])
         found = [losses_of(self.study, trial.values, trial.user_attrs) for trial in told]
@@ -96,7 +105,7 @@ class DogGuide:
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(self.study)):
             if objective.name == SIMULATED:
-                timed = column, self.over(told)
+                timed = column, self.over(every)
             elif objective.simulated:
                 others[column] = Response.fitted(x, losses[:, column], errors[:, column])
         return _Foretold(self, space, timed, others, landing)

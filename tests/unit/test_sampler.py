@@ -20,6 +20,7 @@ from scipy.special import ndtr
 
 from pipeline.sampling.guide import FreeGuide, Response
 from pipeline.sampling.improvement import added, directions, hypervolume, scales, volume_of
+from pipeline.sampling.pool import WIDE, Pool
 from pipeline.sampling.sampler import SurrogateSampler
 from pipeline.sampling.space import STEP, Space
 from sim.errors import InputError
@@ -185,3 +186,42 @@ def test_a_constraint_of_any_size_is_unsure_where_few_trials_tell_it(value: floa
         chance = found.chances([{"x": 0.9}])[0]
         assert 0.02 < chance < 0.98
         assert (chance > 0.5) == (value < 0.0)
+
+
+def test_a_small_space_lists_what_it_holds() -> None:
+    space = Space({name: SPACE[name] for name in ("step", "choice", "whole")})
+    every = space.every(1000)
+    assert every is not None
+    assert len(every) == len({space.key(params) for params in every}) == 5 * 31 * 3
+    assert all(space.holds(params) for params in every)
+    rng = np.random.default_rng(0)
+    keys = {space.key(params) for params in every}
+    assert all(space.key(space.drawn(rng)) in keys for _ in range(200))
+    assert space.every(5 * 31 * 3 - 1) is None
+    assert Space(SPACE).every(10**9) is None
+    assert Space({"one": FloatDistribution(2.0, 2.0)}).every(1) == [{"one": 2.0}]
+
+
+@pytest.mark.parametrize("startup", [3, 100])
+def test_every_design_of_a_small_space_is_proposed_before_any_again(startup: int) -> None:
+    """While it fills, and while it improves; then the search goes round evenly."""
+    ranges = {"n": IntDistribution(1, 4), "kind": CategoricalDistribution(["a", "b", "c"])}
+    study = optuna.create_study(sampler=SurrogateSampler(seed=0, startup=startup))
+    told = []
+    for _ in range(24):
+        trial = study.ask(ranges)
+        study.tell(trial, trial.params["n"] * 1.0)
+        told.append(tuple(trial.params.values()))
+    assert len(set(told[:12])) == 12
+    if startup == 100:
+        assert len(set(told[12:])) == 12
+
+
+def test_a_pool_that_was_taken_is_drawn_anew() -> None:
+    """More designs that fill the space than the pool has: none comes twice."""
+    space, pool = Space({"x": FloatDistribution(0.0, 1.0)}), Pool(FreeGuide(), seed=0)
+    taken = pool.first(space)
+    more = pool.fresh(space, taken)
+    assert len(taken) == len(more) == WIDE
+    assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
+    assert pool.fresh(space, taken) == more
