@@ -123,11 +123,14 @@ class Search:
         return len(keys)
 
 
-def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
+def open_search(
+    study: Study, folder: StudyFolder, storage: str | None, resume: bool, known: str | None = None
+) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    Raises StorageError where the storage cannot be opened, or holds a search
-    of that name which is of another configuration or is not to be resumed.
+    ``known`` is the hash of the rows that join (``pipeline.known``); None to leave it open.
+    Raises StorageError where the storage cannot be opened, or holds a search of that name which is
+    of another configuration, is not to be resumed, or began with other rows.
     """
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
@@ -145,6 +148,8 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: 
                 "give the study another name or use another storage"
             ) from error
         _require_same(study, opened, resume)
+        if known is not None:
+            _require_same_known(study, opened, known)
         if claims.worker is not None:
             _require_same_versions(opened)
     return Search(study, opened, claims)
@@ -164,6 +169,23 @@ def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
         raise StorageError(
             f"the storage holds a study '{study.name}' already; add --resume to go on with it "
             "or give the study another name"
+        )
+
+
+def _require_same_known(study: Study, opened: optuna.Study, known: str) -> None:
+    """Refuse to go on with other rows of the package than the search began with."""
+    before = opened.user_attrs.get("known")
+    if before is None:
+        opened.set_user_attr("known", known)
+    elif before != known:
+        began = "with other rows than the package brings now"
+        if not known:
+            began = "with rows that the package does not bring now"
+        elif not before:
+            began = "without the rows that the package brings now"
+        raise StorageError(
+            f"the search of study '{study.name}' began {began}; go on with the version of "
+            "dogshape that it began with, or start it again with another name and --out"
         )
 
 

@@ -24,7 +24,7 @@ from pipeline.evaluation import FRESH, Simulated, evaluate
 from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
-from pipeline.known import joining
+from pipeline.known import digest_of, joining
 from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
@@ -67,7 +67,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study, folder, how.storage, how.resume)
+        search = open_search(study, folder, how.storage, how.resume, digest_of(brought))
         search.guide = guide
         with closing(search.claims), kept(how.storage, folder):
             result, say = _searched(search, sampler_of, how)
