@@ -9,7 +9,8 @@
     axial and its largest tangential force, which need not come at one time, so it is an
     upper bound of the resultant. The forces are those of the whole ring, means over one step
     of the integration, of rigid rings behind the stiffness of the dogs. A shift that does not
-    engage counts with what it struck.
+    engage counts with what it struck; one whose integration failed is left out. Where all failed it
+    is NaN: the design counts as not simulated.
 ``smallest_margin``
     of all checks, the hardest simulated landing among them. Most margins are exact and the
     landing's is an extreme, so no standard error is given: it is nought.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -39,6 +40,11 @@ class Simulated:
     landing: Landing
     rows: Array
     estimates: dict[str, Estimate]
+
+    @property
+    def known(self) -> bool:
+        """Whether the shifts say every simulated objective: not where all of them failed."""
+        return all(math.isfinite(estimate.value) for estimate in self.estimates.values())
 
 
 def evaluate(

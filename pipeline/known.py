@@ -43,6 +43,24 @@ def joining(study: Study, say: Callable[[str], None]) -> Stored | None:
     return brought
 
 
+def digest_of(brought: Stored | None) -> str:
+    """Return a hash of the rows and parameters that a search begins with; empty if there are none.
+
+    How the surrogate was judged is no part of it.
+    """
+    if brought is None:
+        return ""
+    known = brought.surrogate
+    return content_key(
+        {
+            "data": known.data.digest,
+            "form": known.form,
+            "times": known.times.covariance.theta.tolist(),
+            "share": [known.share.length, known.share.strength],
+        }
+    )
+
+
 def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
     """Return the surrogate to ask and its file.
 

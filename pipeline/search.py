@@ -2,9 +2,10 @@
 
 Trials of a round are asked together, simulated side by side and told in the
 order of their numbers, so the result does not depend on which finished first.
-A round that was cut off is taken up again with the parameters it had; shifts
-that it had finished come from the journal. Several runs can share a search: each
-asks for rounds of its own, and takes up those of runs that have ended.
+A round that was cut off is taken up again with the parameters it had
+(``pipeline.rounds``); shifts that it had finished come from the journal. Several
+runs can share a search: each asks for rounds of its own, and takes up those of
+runs that have ended.
 """
 
 from __future__ import annotations
@@ -18,7 +19,6 @@ from dataclasses import dataclass, field
 import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
-from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.claims import Alone, Claims
@@ -36,9 +36,9 @@ from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.plans import Plan, blocks_of, is_whole, whole_plan
+from pipeline.rounds import SamplerOf, exhausted, next_round
 from pipeline.rows import row_record
-from pipeline.sampling.dogs import DogGuide, search_space, simulated
-from pipeline.sampling.factory import startup_designs
+from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.improvement import not_dominated
 from pipeline.sampling.sampler import PLAN
 from pipeline.storage import opening
@@ -47,7 +47,7 @@ from sim.records import content_key, landing_of, landing_record
 from sim.versions import engine
 from surrogate.covariance import Array
 
-WORKER = "worker"  #: attribute of a trial: number of the run that is at it
+UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
@@ -98,8 +98,8 @@ class Search:
 
     @property
     def feasible(self) -> list[FrozenTrial]:
-        """Simulated designs that pass every check, the landing's too."""
-        return [t for t in self.simulated if self.design(t).feasible]
+        """Simulated designs, each once, that pass every check, the landing's too."""
+        return [t for t in distinct(self.simulated) if self.design(t).feasible]
 
     def design(self, trial: FrozenTrial) -> Design:
         """Return the design of a trial with all of its checks."""
@@ -123,11 +123,14 @@ class Search:
         return len(keys)
 
 
-def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
+def open_search(
+    study: Study, folder: StudyFolder, storage: str | None, resume: bool, known: str | None = None
+) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    Raises StorageError where the storage cannot be opened, or holds a search
-    of that name which is of another configuration or is not to be resumed.
+    ``known`` is the hash of the rows that join (``pipeline.known``); None to leave it open.
+    Raises StorageError where the storage cannot be opened, or holds a search of that name which is
+    of another configuration, is not to be resumed, or began with other rows.
     """
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
@@ -145,6 +148,8 @@ def open_search(study: Study, folder: StudyFolder, storage: str | None, resume: 
                 "give the study another name or use another storage"
             ) from error
         _require_same(study, opened, resume)
+        if known is not None:
+            _require_same_known(study, opened, known)
         if claims.worker is not None:
             _require_same_versions(opened)
     return Search(study, opened, claims)
@@ -167,6 +172,23 @@ def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
         )
 
 
+def _require_same_known(study: Study, opened: optuna.Study, known: str) -> None:
+    """Refuse to go on with other rows of the package than the search began with."""
+    before = opened.user_attrs.get("known")
+    if before is None:
+        opened.set_user_attr("known", known)
+    elif before != known:
+        began = "with other rows than the package brings now"
+        if not known:
+            began = "with rows that the package does not bring now"
+        elif not before:
+            began = "without the rows that the package brings now"
+        raise StorageError(
+            f"the search of study '{study.name}' began {began}; go on with the version of "
+            "dogshape that it began with, or start it again with another name and --out"
+        )
+
+
 def _require_same_versions(opened: optuna.Study) -> None:
     """Refuse a machine whose shifts would differ from those of the others."""
     here = engine()
@@ -183,67 +205,33 @@ def _require_same_versions(opened: optuna.Study) -> None:
 
 def run(
     search: Search,
-    sampler_of: Callable[[int], BaseSampler],
+    sampler_of: SamplerOf,
     executor: Executor,
     after_round: AfterRound,
 ) -> None:
-    """Run the search until the study's number of trials is finished, by this run and others."""
+    """Run the search until the study's number of trials is finished, by this run and others.
+
+    It ends sooner where the space has fewer designs than that.
+    """
     waiting = False
     while True:
         with search.claims.turn():
-            ids = _next_round(search, sampler_of)
+            ids = next_round(search, sampler_of)
+            ended = not ids and exhausted(search, sampler_of)
         if ids:
             waiting = False
             _finish(search, ids, executor)
             after_round(_status(search))
         elif (left := search.study.file.search.trials - len(search.trials)) <= 0:
             return
+        elif ended:
+            after_round(f"every design that passes the checks was tried: {left} fewer than wanted")
+            return
         else:
             if not waiting:
                 after_round(f"waiting for {left} designs that other runs simulate")
             waiting = True
             search.claims.wait()
-
-
-def _next_round(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[int]:
-    """Return the trials of this run's next round: those cut off, then new ones.
-
-    What other runs have asked for counts as if it were finished, so none is asked too many.
-    """
-    study, settings = search.study, search.study.file.search
-    told = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
-    if not any(trial.user_attrs.get("prototype") for trial in told):
-        search.optuna.enqueue_trial(study.prototype, user_attrs={"prototype": True})
-    batch = settings.batch
-    if search.guide is not None and search.guide.partial and not search.trials:
-        # Only with all of the first designs can any of them be told what it lacks.
-        batch = max(batch, startup_designs(study, search.guide))
-    left = _cut_off(search)[:batch]
-    # A round that was cut off while it was asked is asked to its end first.
-    asked = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
-    begun = [t for t in asked if t.state != TrialState.WAITING]
-    size = max(0, min(batch - len(left), settings.trials - len(begun)))
-    search.optuna.sampler = sampler_of(len(asked) - len(left))
-    space = search_space(study)
-    ids = [*left, *(search.optuna.ask(space)._trial_id for _ in range(size))]
-    if search.claims.worker is not None:
-        for trial_id in ids:
-            optuna.Trial(search.optuna, trial_id).set_user_attr(WORKER, search.claims.worker)
-    return ids
-
-
-def _cut_off(search: Search) -> list[int]:
-    """Return the trials that a dead run asked and did not tell; fail incomplete ones."""
-    left, living = [], search.claims.living()
-    names = set(search.study.variables)
-    for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
-        if trial.user_attrs.get(WORKER) in living:
-            continue
-        if names <= set(trial.params):
-            left.append(trial._trial_id)
-        else:
-            search.optuna.tell(trial.number, state=TrialState.FAIL)
-    return left
 
 
 def _finish(search: Search, ids: list[int], executor: Executor) -> None:
@@ -254,14 +242,15 @@ def _finish(search: Search, ids: list[int], executor: Executor) -> None:
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     plans = [search.plan(_frozen(search, ids[k])) for k in worth]
     results = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
-    found = dict(zip(worth, results, strict=True))
+    found = {k: result for k, result in zip(worth, results, strict=True) if result.known}
     # A run that seemed dead may have told them meanwhile: it found the same.
     with suppress(UpdateFinishedTrialError):
         for k, trial in enumerate(trials):
             _note(study, trial, designs[k], found.get(k))
+            if k in worth and k not in found:
+                trial.set_user_attr("failed", [UNKNOWN])
         try:
-            pairs = zip(worth, plans, strict=True)
-            times = _foretell(search, [ids[k] for k, plan in pairs if not is_whole(plan)])
+            times = _foretell(search, [ids[k] for k in found])
         except InputError:  # too few engage to foretell anything
             for trial_id in ids:
                 search.optuna._storage.set_trial_system_attr(trial_id, PLAN, whole_plan(study))
@@ -300,24 +289,32 @@ def _note(study: Study, trial: optuna.Trial, design: Design, found: Simulated | 
 
 
 def _foretell(search: Search, ids: Sequence[int]) -> dict[int, float]:
-    """Note and return the expected times, s, of trials that lack some operating points."""
-    if not ids or search.guide is None:
-        return {}
+    """Note and return the expected times, s, of a round's trials that lack some operating points.
+
+    ``ids`` are all that were simulated of the round. They are foretold from those and all before.
+    """
     trials = [_frozen(search, trial_id) for trial_id in ids]
+    lacking = {t._trial_id for t in trials if not is_whole(search.plan(t))}
+    if not lacking or search.guide is None:
+        return {}
+    # A round that was cut off while it was told is foretold from the same again.
     known = {trial.number: trial for trial in [*search.simulated, *trials]}
-    together = list(known.values())
+    together = [known[number] for number in sorted(known)]
     times, errors = search.guide.times(together)
     found = {}
     for trial, time, error in zip(together, times.tolist(), errors.tolist(), strict=True):
-        if trial._trial_id in ids:
+        if trial._trial_id in lacking:
             found[trial._trial_id] = time
-            attributes = trial.user_attrs
-            noted = optuna.Trial(search.optuna, trial._trial_id)
-            noted.set_user_attr("standard_error_s", error)
-            noted.set_user_attr("simulated", {**attributes["simulated"], SIMULATED: time})
-            errors_by_name = {**attributes["standard_errors"], SIMULATED: error}
-            noted.set_user_attr("standard_errors", errors_by_name)
+            _note_foretold(optuna.Trial(search.optuna, trial._trial_id), time, error)
     return found
+
+
+def _note_foretold(trial: optuna.Trial, time: float, error: float) -> None:
+    """Write the expected time over all operating points into a trial that lacks some."""
+    attributes = trial.user_attrs
+    trial.set_user_attr("standard_error_s", error)
+    trial.set_user_attr("simulated", {**attributes["simulated"], SIMULATED: time})
+    trial.set_user_attr("standard_errors", {**attributes["standard_errors"], SIMULATED: error})
 
 
 def _status(search: Search) -> str:

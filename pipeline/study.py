@@ -9,7 +9,6 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
@@ -25,15 +24,16 @@ from pipeline.evaluation import FRESH, Simulated, evaluate
 from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
-from pipeline.known import joining
+from pipeline.known import digest_of, joining
 from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.reporting.publish import publish
+from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
-from pipeline.sampling.dogs import DogGuide, simulated
+from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search, best_trial, front, open_search, run, value_of
+from pipeline.search import UNKNOWN, Search, best_trial, front, open_search, run, value_of
 from pipeline.standing import standings
 from pipeline.storage import kept
 from pipeline.tolerances import smallest_within, spread_record, time_spread
@@ -43,8 +43,6 @@ from sim.errors import InputError
 from sim.outcome import Outcome
 from sim.versions import versions
 from surrogate.model import MIN_DESIGNS
-
-SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a round by its first trial
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study, folder, how.storage, how.resume)
+        search = open_search(study, folder, how.storage, how.resume, digest_of(brought))
         search.guide = guide
         with closing(search.claims), kept(how.storage, folder):
             result, say = _searched(search, sampler_of, how)
@@ -148,7 +146,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in shown],
         "trials": list(rows.values()),
-        "n_simulated_designs": len(search.simulated),
+        "n_simulated_designs": len(distinct(search.simulated)),
         "n_simulated_shifts": search.shifts(journal.rows),
         "failed_shifts": failed_shifts(journal),
         "confirmation": None,
@@ -184,8 +182,8 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
-        "feasible": design.feasible,
-        "failed": design.failed,
+        "feasible": design.feasible and told,
+        "failed": design.failed or ([] if told else [UNKNOWN]),
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
@@ -229,11 +227,13 @@ def confirm(
             dogs, evaluate(study, [*dogs.values()], executor, [plan] * len(dogs), seed), strict=True
         )
     )
+    _require_known({f"design {trial}": one for trial, one in found.items()})
     passed = [t for t, one in found.items() if design_of(study, designs[t], one.landing).feasible]
     chosen = (passed or [*dogs])[0]
     both = evaluate(
         study, [study.clutch.dog, dogs[chosen]], executor, [plan] * 2, seed, checked=True
     )
+    _require_known({"the prototype": both[0]})
     prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean
     return {
@@ -250,6 +250,17 @@ def confirm(
         "gain_share": gain / prototype.mean,
         "gains": _gains(study, *both),
     }
+
+
+def _require_known(found: Mapping[str, Simulated]) -> None:
+    """Raise InputError where the shifts of a design say nothing of some objective."""
+    unknown = [name for name, one in found.items() if not one.known]
+    if unknown:
+        raise InputError(
+            f"every shift of {' and '.join(unknown)} at fresh angles failed, so what they strike "
+            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
+            "or without the objective peak_impact_force_N"
+        )
 
 
 def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:

@@ -1,7 +1,9 @@
 r"""Numbers of the mix of all shifts, each with its standard error.
 
 **Mean** of a quantity over the mix: the weighted mean of the operating points' means, with the
-standard error of evenly spaced angles at each (``sim.expectation``).
+standard error of evenly spaced angles at each (``sim.expectation``). A time has a value even where
+the integration of every shift failed, since such a shift counts as one that did not engage; what
+a failed shift struck nobody knows, so there a mean is NaN and not a number that looks gentle.
 
 **Quantile** of a single shift's time. A shift that does not engage is tried again after time-out
 and retraction, at a new relative angle, until it engages. With the share *p* that engages at an
@@ -65,9 +67,12 @@ class _Retried:
 def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Estimate:
     """Return the mean over operating points of ``values`` in the order of their angles.
 
-    ``weights`` of the points need not add up to one; a point without values is left out.
+    ``weights`` of the points need not add up to one; a point without values is left out. NaN, and
+    its standard error too, where no point has any.
     """
     known = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True) if len(v)]
+    if not known:
+        return Estimate(math.nan, math.nan)
     total = sum(weight for weight, _ in known)
     mean = sum(weight * float(v.mean()) for weight, v in known) / total
     variance = sum(weight**2 * variance_of_mean(v) for weight, v in known) / total**2

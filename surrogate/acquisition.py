@@ -13,6 +13,7 @@ that, only where it is.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,7 +37,7 @@ class Choice:
     """Rows to simulate: places of designs of the question and of points of the mix, (n,).
 
     ``designs`` and ``points`` count from nought; ``left`` is the question's variance of the
-    relative error after each row, over that before the first.
+    relative error after each row, over that before the first, when given rows are known.
     """
 
     designs: Places
@@ -44,34 +45,78 @@ class Choice:
     left: Array
 
 
-def choose(over: Over, question: Question, angles: int, count: int) -> Choice:
-    """Choose ``count`` rows of ``angles`` shifts at the question's designs and the mix's points."""
-    surrogate, mix = over.surrogate, over.mix
-    process, size = surrogate.times, len(mix.points)
-    inputs = surrogate.crossed(question.designs, mix.points)
-    links = process.covariance.between(inputs, process.inputs)
-    known = links @ process.inverse
-    goals = surrogate.coordinates(question.designs)
-    shared = over.with_rows(goals, inputs) - over.with_rows(goals, process.inputs) @ known.T
-    variance = process.covariance.variance(inputs) - np.einsum("ij,ij->i", known, links)
-    noise = np.tile(one_shift_noise(surrogate, mix.points) / angles, len(question.designs))
-    start = float(question.weights @ over.relative_variance(goals))
-    told = np.zeros((0, len(inputs)))
+def choose(
+    over: Over,
+    question: Question,
+    angles: int,
+    count: int,
+    *,
+    given: Sequence[int] = (),
+    again: bool = True,
+) -> Choice:
+    """Choose ``count`` rows of ``angles`` shifts at the question's designs and the mix's points.
+
+    ``given`` are rows that are simulated anyhow, counted point by point through design after
+    design: what they tell is known before the first is chosen. With ``again`` a row may be chosen
+    more than once, for other angles; else there are no more than the rows that are left.
+    """
+    rows = _Rows(over, question, angles)
+    for row in given:
+        rows.take(row)
+    start, taken = rows.left, [] if again else list(given)
     picked: list[int] = []
-    left = [start]
-    for _ in range(count):
-        gain = question.weights @ shared**2 / (variance + noise)
-        best = int(np.argmax(gain))
+    left: list[float] = []
+    for _ in range(count if again else min(count, len(rows.noise) - len(set(given)))):
+        gains = rows.gains
+        gains[taken] = -np.inf
+        best = int(np.argmax(gains))
+        rows.take(best)
         picked.append(best)
-        left.append(left[-1] - float(gain[best]))
-        column = process.covariance.between(inputs, inputs[best : best + 1])[:, 0]
-        column = column - known @ links[best] - told.T @ told[:, best]
-        deviation = float(variance[best] + noise[best]) ** 0.5
-        told = np.vstack([told, column / deviation])
-        shared = shared - np.outer(shared[:, best], told[-1]) / deviation
-        variance = np.maximum(variance - told[-1] ** 2, 0.0)
-    places = np.array(picked)
-    return Choice(places // size, places % size, np.array(left[1:]) / start)
+        left.append(rows.left)
+        if not again:
+            taken.append(best)
+    places = np.array(picked, dtype=np.int64)
+    size = len(over.mix.points)
+    return Choice(places // size, places % size, np.array(left) / start)
+
+
+class _Rows:
+    """Rows that may be simulated: what they share with the question, given those taken."""
+
+    def __init__(self, over: Over, question: Question, angles: int) -> None:
+        surrogate, mix = over.surrogate, over.mix
+        process = surrogate.times
+        self._covariance, self._weights = process.covariance, question.weights
+        self._inputs = surrogate.crossed(question.designs, mix.points)
+        self._links = process.covariance.between(self._inputs, process.inputs)
+        self._known = self._links @ process.inverse
+        goals = surrogate.coordinates(question.designs)
+        rows = over.with_rows(goals, process.inputs)
+        #: covariance with the relative error of each design of the question, (t, n)
+        self._shared = over.with_rows(goals, self._inputs) - rows @ self._known.T
+        taken = np.einsum("ij,ij->i", self._known, self._links)
+        self._variance = process.covariance.variance(self._inputs) - taken
+        self.noise = np.tile(one_shift_noise(surrogate, mix.points) / angles, len(goals))
+        self._told = np.zeros((0, len(self._inputs)))
+        #: the question's variance of the relative error
+        self.left = float(question.weights @ over.relative_variance(goals))
+
+    @property
+    def gains(self) -> Array:
+        """Return what each row would take from the question's variance, (n,)."""
+        gains: Array = self._weights @ self._shared**2 / (self._variance + self.noise)
+        return gains
+
+    def take(self, row: int) -> None:
+        """Count a row as simulated."""
+        self.left -= float(self.gains[row])
+        column = self._covariance.between(self._inputs, self._inputs[row : row + 1])[:, 0]
+        column = column - self._known @ self._links[row] - self._told.T @ self._told[:, row]
+        deviation = float(self._variance[row] + self.noise[row]) ** 0.5
+        told = column / deviation
+        self._told = np.vstack([self._told, told])
+        self._shared = self._shared - np.outer(self._shared[:, row], told) / deviation
+        self._variance = np.maximum(self._variance - told**2, 0.0)
 
 
 def one_shift_noise(surrogate: Surrogate, points: Array) -> Array:

@@ -6,9 +6,10 @@ designs over a length scale for each coordinate and :math:`r_o` that of two oper
 points. Either factor may be left out. In a term that grows, :math:`g = e^{(b u + c u^2)/2}`
 with :math:`u = |o_1| - 1` from the mismatch's coordinate: fast shifts are rougher than slow ones.
 
-A rough term has Wendland's :math:`m(r) = (1 - r)_+^7 (7 r + 1)` instead (positive definite in up
-to nine coordinates, Wendland 1995), which is nought beyond its reach: there nearly all pairs of
-designs are left out.
+A rough term has Wendland's :math:`m(r) = (1 - r)_+^k (k r + 1)` instead, which is nought beyond its
+reach: there nearly all pairs of designs are left out. It is positive definite in up to *d*
+coordinates with :math:`k = \lfloor d/2 \rfloor + 3` (Wendland 1995), so *k* is 7 for up to nine and
+grows with more.
 
 Products keep designs and operating points apart, so that a mix of operating points is summed
 once and not for every design. Rasmussen and Williams 2006, ch. 4.
@@ -29,6 +30,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Places = NDArray[np.int64]
 ROOT5 = 5.0**0.5
+USUAL = 7  #: power of Wendland's function, at least
 CHUNK = 64  #: rows worked out at a time, so that they stay in the processor's cache
 
 
@@ -94,14 +96,15 @@ class Part:
         a, b = points[0][rows], points[1][columns]
         factor = design[rows, columns] * self.amplitude(a) * self.amplitude(b)
         if self.point is not None:
-            factor *= wendland(np.sqrt((((a - b) / self.point) ** 2).sum(axis=1)))
+            apart = np.sqrt((((a - b) / self.point) ** 2).sum(axis=1))
+            factor *= wendland(apart, len(self.point))
         total[rows, columns] += factor
 
     def _factor(self, a: Array, b: Array, scale: Array | None) -> Array:
         if scale is None:
             return np.ones((len(a), len(b)))
         a, b = a / scale, b / scale
-        return wendland(distance(a, b)) if self.rough else matern(a, b)
+        return wendland(distance(a, b), len(scale)) if self.rough else matern(a, b)
 
 
 @dataclass(frozen=True)
@@ -240,12 +243,16 @@ def distance(a: Array, b: Array) -> Array:
     return np.sqrt(squares, out=squares)
 
 
-def wendland(apart: Array) -> Array:
-    """Return Wendland's correlation of scaled distances, of their shape; nought from 1 on."""
+def wendland(apart: Array, coordinates: int) -> Array:
+    """Return Wendland's correlation of scaled distances, of their shape; nought from 1 on.
+
+    Positive definite over that many coordinates.
+    """
+    power = max(USUAL, coordinates // 2 + 3)
     correlation = np.zeros_like(apart)
     inside = apart < 1.0
     near = apart[inside]
-    correlation[inside] = (1.0 - near) ** 7 * (7.0 * near + 1.0)
+    correlation[inside] = (1.0 - near) ** power * (power * near + 1.0)
     return correlation
 
 

@@ -122,9 +122,7 @@ class Dataset:
                 raise DataError(
                     f"rows of different {kind} cannot be mixed: {apart}; fit them apart"
                 )
-        both = np.concatenate([self.rows, other.rows])
-        once = np.unique(np.nan_to_num(both, nan=-1.0), axis=0, return_index=True)[1]
-        return replace(self, rows=both[np.sort(once)])
+        return replace(self, rows=once(np.concatenate([self.rows, other.rows])))
 
     @property
     def digest(self) -> str:
@@ -140,6 +138,13 @@ class Dataset:
         whole = {c: int for c in ("count", "engaged", "shifts", "seed") if c in table}
         known = {"contact_set": self.physics.get("contact_set"), **self.engine}
         return table.astype(whole).assign(**known)
+
+
+def once(rows: Array) -> Array:
+    """Return each of the rows (n, k) once, in their order."""
+    first = np.unique(np.nan_to_num(rows, nan=-1.0), axis=0, return_index=True)[1]
+    kept: Array = rows[np.sort(first)]
+    return kept
 
 
 def among(x: Array, designs: Array) -> Mask:

@@ -17,11 +17,11 @@ SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 
 
 def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[int], BaseSampler]:
-    """Return a function that gives the sampler for a round, by the round's first trial.
+    """Return a function that gives the sampler for a proposal, by how many were asked before.
 
     ``guide`` steers the study's own sampler; None for one that knows nothing beforehand. Optuna's
-    samplers are made and seeded afresh for each round, which makes a resumed search equal to an
-    uninterrupted one.
+    samplers are made and seeded afresh for each proposal, which makes a resumed search equal to
+    an uninterrupted one.
     """
     search, guide = study.file.search, guide or DogGuide(study)
     if search.sampler in OWN:
@@ -38,7 +38,7 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
         hint = did_you_mean(search.sampler, SAMPLERS)
         raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
     make = kinds[search.sampler]
-    return lambda first: make(int(np.random.default_rng([search.seed, first]).integers(2**31)))
+    return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
 
 
 def startup_designs(study: Study, guide: DogGuide) -> int:

@@ -16,7 +16,8 @@ from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
 from pipeline.sampling.space import Space
-from surrogate.covariance import Array, Mask, Term
+from sim.errors import InputError
+from surrogate.covariance import Array, Mask, Term, starting
 from surrogate.fitting import Effort, fit_process
 from surrogate.process import Process, root_of
 
@@ -27,6 +28,7 @@ TERMS = (
     Term(design=True, point=False),
     Term(design=True, point=False, scales=(0.1, 0.1), first=0.1),
 )
+FEW = 10  #: values below which a process has parameters of its own and not the likeliest
 LEAST = 1e-6  #: variance of noise where none is known, of values scaled to one
 
 
@@ -83,7 +85,8 @@ class FreeGuide:
 def _limit(x: Array, trials: Sequence[FrozenTrial], name: str) -> Response:
     kept = [name in trial.constraints for trial in trials]
     values = np.array([t.constraints[name] for t in trials if name in t.constraints])
-    return Response.fitted(x[kept], values)
+    # A few values alike say little of how far others are: as far as the limit, for all they know.
+    return Response.fitted(x[kept], values, least=abs(float(values.mean())) / len(values) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -94,12 +97,23 @@ class Response:
     scale: float
 
     @classmethod
-    def fitted(cls, x: Array, values: Array, errors: Array | None = None) -> Response:
-        """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,)."""
-        scale = float(values.std()) or 1.0
+    def fitted(
+        cls, x: Array, values: Array, errors: Array | None = None, least: float = 0.0
+    ) -> Response:
+        """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,).
+
+        ``least`` is a standard deviation that values of other designs have at least. Fewer than
+        ``FEW`` values have the process of a standard deviation of one, over the whole range: their
+        likelihood says nothing. InputError where there is none.
+        """
+        if not len(values):
+            raise InputError("no design was simulated yet")
+        scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
         noise = np.full(len(values), LEAST) if errors is None else (errors / scale) ** 2 + LEAST
-        data = x, values / scale, noise
-        return cls(fit_process(TERMS, x.shape[1], data, effort=EFFORT), scale)
+        data, size = (x, values / scale, noise), x.shape[1]
+        if len(values) < FEW:
+            return cls(fit_process(TERMS, size, data, _prior(size), Effort(steps=0)), scale)
+        return cls(fit_process(TERMS, size, data, effort=EFFORT), scale)
 
     def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
         """Draw values at coordinates (m, c) jointly, (count, m)."""
@@ -111,10 +125,21 @@ class Response:
         return mean * self.scale, covariance * self.scale**2
 
     def below(self, x: Array, limit: float = 0.0) -> Array:
-        """Return the probability that values at coordinates (m, c) are below a limit, (m,)."""
+        """Return the probability that values at coordinates (m, c) are below a limit, (m,).
+
+        The process takes the mean of its values for its level, which few of them know badly.
+        """
         mean, variance = self.process.predict(x)
-        chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + LEAST))
+        level = 1.0 / len(self.process.targets)
+        chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + level + LEAST))
         return chance
+
+
+def _prior(coordinates: int) -> Array:
+    """Return the parameters of a process whose smooth part has a variance of one, rough a tenth."""
+    theta: Array = starting(TERMS, coordinates, 0)[0]
+    theta[[0, -1]] = np.log([1.0, 0.1])
+    return theta
 
 
 @dataclass(frozen=True)

@@ -41,18 +41,20 @@ def first_plan(study: Study, points: int, number: int) -> Plan:
 
 
 def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
-    """Return the plan that leaves least error in a design's expected time, (d,) in edge units."""
+    """Return the plan that leaves least error in a design's expected time, (d,) in edge units.
+
+    The hard points tell of the time too: the others are chosen given these, each once.
+    """
     hard = hard_points(study)
     count = max(points - len(hard), 0)
     if not count:
         return _plan(study, hard)
     question = Question(design[None, :], np.ones(1))
-    chosen = choose(over, question, study.file.expectation.angles, count)
+    angles = study.file.expectation.angles
+    chosen = choose(over, question, angles, count, given=hard, again=False)
     return _plan(study, [*hard, *(int(place) for place in chosen.points)])
 
 
 def _plan(study: Study, places: Sequence[int]) -> Plan:
-    plan = [0] * len(study.points)
-    for place in places:
-        plan[place] += study.file.expectation.angles
-    return plan
+    angles = study.file.expectation.angles
+    return [angles if place in places else 0 for place in range(len(study.points))]

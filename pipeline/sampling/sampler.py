@@ -11,6 +11,7 @@ gives the same trials, interrupted or not. Any storage serves, and ask-and-tell.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -25,16 +26,15 @@ from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.sampling.guide import Foretold, FreeGuide, Guide, Params, sound
 from pipeline.sampling.improvement import added, directions, not_dominated
+from pipeline.sampling.pool import Pool
 from pipeline.sampling.space import Space
 from sim.errors import InputError
 from surrogate.covariance import Array
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
-WIDE = 400  #: candidates of the whole space
 NEAR = 100  #: candidates near the front
 DRAWS = 48  #: joint draws of what is foretold
 WAYS = 128  #: directions of the hypervolume
-TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 
 
 @dataclass(frozen=True)
@@ -72,12 +72,13 @@ class SurrogateSampler(BaseSampler):
         self._seed = seed if seed is not None else int(np.random.default_rng().integers(2**31))
         self._startup = startup
         self._shared = IntersectionSearchSpace()
-        self._pools: dict[str, list[dict[str, Any]]] = {}
+        self._pool = Pool(self._guide, self._seed)
         self._known: tuple[Any, Foretold | None] = (None, None)
 
     def reseed_rng(self) -> None:
         """Draw another seed, for a process of its own."""
         self._seed = int(np.random.default_rng().integers(2**31))
+        self._pool = Pool(self._guide, self._seed)
 
     def infer_relative_search_space(
         self, study: optuna.Study, trial: FrozenTrial
@@ -123,7 +124,13 @@ class SurrogateSampler(BaseSampler):
 
     def require_allowed(self) -> None:
         """Raise InputError where next to no design of the guide's space is allowed."""
-        self._wide(Space(self._guide.distributions or {}))
+        self._pool.first(Space(self._guide.distributions or {}))
+
+    def exhausted(self, study: optuna.Study) -> bool:
+        """Tell whether every allowed design of the guide's space was proposed."""
+        space = Space(self._guide.distributions or {})
+        trials = study.get_trials(deepcopy=False)
+        return not self._pool.fresh(space, [t.params for t in trials if space.holds(t.params)])
 
     def _before(self, study: optuna.Study, trial: FrozenTrial, space: Space) -> _Seen:
         # A trial that was cut off before it had all of its design must not count.
@@ -163,10 +170,12 @@ class SurrogateSampler(BaseSampler):
         values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [t.params for t in (*kept, *seen.running)]
-        taken = seen.taken
-        pool = self._wide(space) + (self._drawn(space, rng, NEAR, best) if best else [])
+        near = self._pool.drawn(space, rng, NEAR, best) if best else []
+        gone = {space.key(params) for params in seen.taken}
+        fresh = self._pool.fresh(space, seen.taken)
+        fresh += [params for params in near if space.key(params) not in gone]
         # Few counts or choices may be all there is, and then they are proposed again.
-        fresh = [params for params in pool if params not in taken] or pool
+        fresh = fresh or self._pool.first(space)
         draws = foretold.draws([*fresh, *there], rng, DRAWS)
         candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
         low, high = _ends(values, candidates.mean(axis=0))
@@ -180,38 +189,17 @@ class SurrogateSampler(BaseSampler):
         mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
         return fresh[int(np.argmin(mean))]
 
-    def _wide(self, space: Space) -> list[dict[str, Any]]:
-        """Return allowed designs of the whole space, drawn once: most draws may not be."""
-        key = repr(space.distributions)
-        if key not in self._pools:
-            rng = np.random.default_rng(self._seed)
-            self._pools = {key: self._drawn(space, rng, WIDE, None)}
-        return self._pools[key]
-
-    def _drawn(
-        self, space: Space, rng: np.random.Generator, size: int, near: Sequence[Params] | None
-    ) -> list[dict[str, Any]]:
-        """Draw allowed designs: of the whole space, or near some."""
-        found: list[dict[str, Any]] = []
-        for _ in range(TRIES * size):
-            centre = None if near is None else near[int(rng.integers(len(near)))]
-            params = space.drawn(rng, centre)
-            if self._guide.allows(params):
-                found.append(params)
-                if len(found) == size:
-                    break
-        if not found:
-            raise InputError(
-                f"none of {TRIES * size} designs drawn from the search ranges passes every check; "
-                "widen [variables] or relax [load], [material] or [manufacturing]"
-            )
-        return found
-
     def _farthest(self, space: Space, taken: Sequence[Params]) -> dict[str, Any]:
-        """Return the design of the pool that is farthest from all that were taken."""
-        pool = self._wide(space)
+        """Return the design of the pool that is farthest from all that were taken.
+
+        Where every one was, that which was proposed least often.
+        """
+        pool = self._pool.fresh(space, taken)
         if not taken:
             return pool[0]
+        if not pool:
+            often = Counter(space.key(params) for params in taken)
+            return min(self._pool.first(space), key=lambda params: often[space.key(params)])
         here, there = space.coordinates(pool), space.coordinates(taken)
         apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
         return pool[int(np.argmax(apart))]

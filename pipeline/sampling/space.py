@@ -6,7 +6,9 @@ category one for each of its choices, of which one is 1.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -48,6 +50,20 @@ class Space:
             for name, known in self.distributions.items()
         )
 
+    def key(self, params: Mapping[str, Any]) -> tuple[float, ...]:
+        """Return what parameters of the space have in common only with the same ones."""
+        return tuple(d.to_internal_repr(params[name]) for name, d in self.distributions.items())
+
+    def every(self, most: int) -> list[dict[str, Any]] | None:
+        """Return all parameters there are; None where they are more than ``most``."""
+        values = [_values(known, most) for known in self.distributions.values()]
+        if math.prod(math.inf if some is None else len(some) for some in values) > most:
+            return None
+        names = list(self.distributions)
+        return [
+            dict(zip(names, one, strict=True)) for one in product(*(some or [] for some in values))
+        ]
+
     def drawn(self, rng: np.random.Generator, near: Mapping[str, Any] | None = None) -> Any:
         """Draw parameters: evenly, or normal about some with a deviation of 8 % of the range."""
         return {
@@ -77,6 +93,20 @@ def _drawn(known: BaseDistribution, rng: np.random.Generator, near: Any) -> Any:
     return _value(known, float(np.clip(unit, 0.0, 1.0)))
 
 
+def _values(known: BaseDistribution, most: int) -> list[Any] | None:
+    """Return the values that a parameter may have; None where they are more than ``most``."""
+    if isinstance(known, CategoricalDistribution):
+        return list(known.choices)
+    assert isinstance(known, FloatDistribution | IntDistribution)
+    if known.single():
+        return [known.low]
+    step = known.step
+    if step is None or (known.high - known.low) / step >= most:
+        return None
+    count = round((known.high - known.low) / step) + 1
+    return [_stepped(known, known.low + k * step) for k in range(count)]
+
+
 def _ends(known: Number) -> tuple[float, float]:
     """Return the ends of the scale, half a step beyond the range where there are steps."""
     half = 0.5 * known.step if known.step is not None else 0.0
@@ -94,6 +124,11 @@ def _value(known: Number, unit: float) -> float:
     low, high = _ends(known)
     value = low + unit * (high - low)
     value = float(np.exp(value)) if known.log else value
+    return _stepped(known, value)
+
+
+def _stepped(known: Number, value: float) -> float:
+    """Return the nearest value that a number may have."""
     if known.step is not None:
         value = known.low + round((value - known.low) / known.step) * known.step
     value = min(max(value, known.low), known.high)

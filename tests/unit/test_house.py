@@ -22,6 +22,7 @@ ALLOWED = {
 GUARDED = {
     "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {
+        "pipeline/rounds.py",
         "pipeline/search.py",
         "pipeline/standing.py",
         "pipeline/storage.py",

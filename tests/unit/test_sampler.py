@@ -16,10 +16,14 @@ from optuna.testing.pytest_samplers import (
     MultiObjectiveSamplerTestCase,
     RelativeSamplerTestCase,
 )
+from scipy.special import ndtr
 
+from pipeline.sampling.guide import FreeGuide, Response
 from pipeline.sampling.improvement import added, directions, hypervolume, scales, volume_of
+from pipeline.sampling.pool import WIDE, Pool
 from pipeline.sampling.sampler import SurrogateSampler
 from pipeline.sampling.space import STEP, Space
+from sim.errors import InputError
 from surrogate.covariance import Array
 
 
@@ -141,3 +145,83 @@ def test_draws_near_a_design_are_near() -> None:
     numbers = where[:, [3, 5]] - there[:, [3, 5]]  # of the logarithm and the whole number
     assert numbers.std(axis=0) == pytest.approx([STEP, STEP], rel=0.2)
     assert np.mean([params["choice"] == "b" for params in near]) > 0.7
+
+
+def test_a_chance_from_no_value_is_refused_and_from_few_is_unsure() -> None:
+    """The limit cases: none, one, some that are alike; then what many say counts."""
+    rng = np.random.default_rng(0)
+    asked = rng.random((50, 5))
+    with pytest.raises(InputError, match="no design was simulated yet"):
+        Response.fitted(np.zeros((0, 5)), np.zeros(0))
+    for count in (1, 2, 5, 10):
+        x = rng.random((count, 5))
+        for value in (-0.4, -1e-3, 1e-3, 0.4):
+            chance = Response.fitted(x, np.full(count, value), least=0.2).below(asked)
+            assert ((chance > 0.5) == (value < 0.0)).all()
+            assert ((chance > 0.0) & (chance < 1.0)).all()
+            if count == 1:
+                assert chance == pytest.approx(float(ndtr(-value / 0.2 / 2.1**0.5)), abs=0.12)
+            if abs(value) < 0.01:
+                assert chance == pytest.approx(0.5, abs=0.05)
+    x = rng.random((60, 5))
+    sure = Response.fitted(x, x[:, 0] - 0.5, least=0.2)
+    chance = sure.below(asked)
+    assert (chance[asked[:, 0] < 0.4] > 0.95).all()
+    assert (chance[asked[:, 0] > 0.6] < 0.05).all()
+
+
+@pytest.mark.parametrize("value", [-2000.0, 0.0, 3e-6])
+def test_a_constraint_of_any_size_is_unsure_where_few_trials_tell_it(value: float) -> None:
+    """A lone value of a free guide says that others may be as far away as the limit is."""
+    trials = [
+        optuna.trial.create_trial(
+            params={"x": 0.1 * k}, distributions={"x": FloatDistribution(0.0, 1.0)}, value=1.0,
+            constraints={"limit": value},
+        )
+        for k in range(3)
+    ]  # fmt: skip
+    space = Space({"x": FloatDistribution(0.0, 1.0)})
+    for count in (1, 3):
+        found = FreeGuide().foretold(space, trials[:count], np.ones(1))
+        chance = found.chances([{"x": 0.9}])[0]
+        assert 0.02 < chance < 0.98
+        assert (chance > 0.5) == (value < 0.0)
+
+
+def test_a_small_space_lists_what_it_holds() -> None:
+    space = Space({name: SPACE[name] for name in ("step", "choice", "whole")})
+    every = space.every(1000)
+    assert every is not None
+    assert len(every) == len({space.key(params) for params in every}) == 5 * 31 * 3
+    assert all(space.holds(params) for params in every)
+    rng = np.random.default_rng(0)
+    keys = {space.key(params) for params in every}
+    assert all(space.key(space.drawn(rng)) in keys for _ in range(200))
+    assert space.every(5 * 31 * 3 - 1) is None
+    assert Space(SPACE).every(10**9) is None
+    assert Space({"one": FloatDistribution(2.0, 2.0)}).every(1) == [{"one": 2.0}]
+
+
+@pytest.mark.parametrize("startup", [3, 100])
+def test_every_design_of_a_small_space_is_proposed_before_any_again(startup: int) -> None:
+    """While it fills, and while it improves; then the search goes round evenly."""
+    ranges = {"n": IntDistribution(1, 4), "kind": CategoricalDistribution(["a", "b", "c"])}
+    study = optuna.create_study(sampler=SurrogateSampler(seed=0, startup=startup))
+    told = []
+    for _ in range(24):
+        trial = study.ask(ranges)
+        study.tell(trial, trial.params["n"] * 1.0)
+        told.append(tuple(trial.params.values()))
+    assert len(set(told[:12])) == 12
+    if startup == 100:
+        assert len(set(told[12:])) == 12
+
+
+def test_a_pool_that_was_taken_is_drawn_anew() -> None:
+    """More designs that fill the space than the pool has: none comes twice."""
+    space, pool = Space({"x": FloatDistribution(0.0, 1.0)}), Pool(FreeGuide(), seed=0)
+    taken = pool.first(space)
+    more = pool.fresh(space, taken)
+    assert len(taken) == len(more) == WIDE
+    assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
+    assert pool.fresh(space, taken) == more

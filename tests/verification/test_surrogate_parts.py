@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import jv
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from pipeline.sampling.guide import TERMS
 from surrogate.acquisition import Question, choose, one_shift_noise
 from surrogate.comparison import compare
 from surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
@@ -61,13 +63,42 @@ def test_matern_is_that_of_scikit_learn() -> None:
 
 
 def test_wendland_ends_at_one_and_is_positive_definite_over_eight_coordinates() -> None:
-    assert wendland(np.array([0.0, 0.5, 1.0, 3.0])) == pytest.approx([1.0, 4.5 / 2**7, 0.0, 0.0])
+    assert wendland(np.array([0.0, 0.5, 1.0, 3.0]), 8) == pytest.approx([1.0, 4.5 / 2**7, 0.0, 0.0])
     places = np.random.default_rng(0).random((200, 8))
     apart = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
     for reach in (0.3, 1.0, 3.0):
-        correlation = wendland(apart / reach)
+        correlation = wendland(apart / reach, 8)
         assert (correlation == 0.0).any() == (reach < apart.max())
         assert np.linalg.eigvalsh(correlation).min() > 0.0
+
+
+def density(coordinates: int, functions_for: int) -> Array:
+    """Spectral density of Wendland's function over coordinates, times its frequency's power.
+
+    By Bochner it is positive wherever the function is positive definite.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(1000)
+    apart, half = 0.5 * (nodes + 1.0), 0.5 * coordinates
+    radial = 0.5 * weights * wendland(apart, functions_for) * apart**half
+    frequencies = np.linspace(1.0, 80.0, 400)
+    found: Array = jv(half - 1.0, np.outer(frequencies, apart)) @ radial
+    return found
+
+
+@pytest.mark.parametrize("coordinates", [1, 5, 9, 10, 14, 20])
+def test_wendland_is_positive_definite_over_its_coordinates(coordinates: int) -> None:
+    assert density(coordinates, coordinates).min() > 0.0
+
+
+def test_a_rough_term_over_twenty_coordinates_is_positive_semidefinite() -> None:
+    """The function of nine coordinates is not, as its density tells; a free guide's terms are."""
+    assert density(20, 9).min() < -1e-9  # rounding: 1e-17
+    theta, _ = starting(TERMS, 20, 0)
+    designs = np.random.default_rng(0).random((300, 20))
+    for spread in (0.02, 0.1, 1.0):  # within the reach of what is rough, and beyond
+        found = Covariance(TERMS, 20, 0, theta).among(spread * designs)
+        assert np.linalg.eigvalsh(found).min() > -1e-12
+        assert found == pytest.approx(found.T)
 
 
 def test_the_process_is_that_of_scikit_learn() -> None:
@@ -114,6 +145,25 @@ def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
         after += weight * float(shares @ joined.joint(inputs)[1] @ shares)
     assert choice.left[-1] == pytest.approx(after / before, rel=0.02)
     assert (np.diff(choice.left) <= 0.0).all()
+
+
+def test_given_rows_condition_what_is_chosen(surrogate: Surrogate) -> None:
+    """What is chosen after given rows is what is chosen where they were chosen first."""
+    question = Question(made(1, seed=3).designs, np.ones(1))
+    over = Over(surrogate, MIX)
+    free = choose(over, question, 8, 5)
+    first = [int(place) for place in free.points[:2]]
+    rest = choose(over, question, 8, 3, given=first)
+    assert rest.points.tolist() == free.points[2:].tolist()
+    assert rest.left == pytest.approx(free.left[2:] / free.left[1], rel=1e-9)
+
+
+def test_rows_are_chosen_once_where_they_may_not_be_again(surrogate: Surrogate) -> None:
+    question = Question(made(1, seed=3).designs, np.ones(1))
+    over, size = Over(surrogate, MIX), len(GRID)
+    assert len(set(choose(over, question, 1, 40).points.tolist())) < 40
+    once = choose(over, question, 1, 40, given=[1, 0], again=False).points.tolist()
+    assert sorted(once) == list(range(2, size))
 
 
 def test_known_designs_keep_what_only_they_tell(surrogate: Surrogate) -> None:

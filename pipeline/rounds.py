@@ -1,0 +1,134 @@
+"""Rounds of a search: which trials are asked together, and how one that was cut off goes on.
+
+Every trial says which round it is of: how many were begun before the round, and its size. A round
+that was cut off while it was asked is asked to its end; one that was cut off while it was told ends
+with the trials it has. So the rounds after it are those of a search that was never cut off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+import optuna
+from optuna.samplers import BaseSampler
+from optuna.trial import FrozenTrial, TrialState
+
+from pipeline.sampling.dogs import search_space
+from pipeline.sampling.factory import startup_designs
+from pipeline.sampling.sampler import SurrogateSampler
+
+if TYPE_CHECKING:
+    from pipeline.search import Search
+
+WORKER = "worker"  #: attribute of a trial: number of the run that is at it
+ROUND = "round"  #: attribute of a trial: how many were begun before its round, and its size
+OVER = (TrialState.FAIL, TrialState.WAITING)  #: states of trials that are of no round
+
+SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
+
+
+def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
+    """Return the trials of this run's next round: one that was cut off, or else a new one.
+
+    What other runs have asked for counts as if it were finished, so none is asked too many.
+    """
+    _require_prototype(search)
+    cut = _cut_off(search)
+    mine, mark = _of_one_round(search, cut)
+    ids = [trial._trial_id for trial in mine]
+    for trial_id in ids:
+        _claim(search, trial_id, mark)
+    space, begun = search_space(search.study), len(_begun(search))
+    for number in range(begun, begun + _missing(search, mark)):
+        # Seeded by its number alone, a proposal does not depend on where a round was cut off.
+        search.optuna.sampler = sampler_of(number)
+        if _none_left(search):
+            break
+        ids.append(search.optuna.ask(space)._trial_id)
+        _claim(search, ids[-1], mark)
+    return ids
+
+
+def exhausted(search: Search, sampler_of: SamplerOf) -> bool:
+    """Tell whether every design that may be proposed was told: its space has no others."""
+    search.optuna.sampler = sampler_of(len(_begun(search)))
+    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    return not running and _none_left(search)
+
+
+def _none_left(search: Search) -> bool:
+    """Tell whether the study's own sampler could only propose designs again."""
+    sampler = search.optuna.sampler
+    if search.optuna.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
+        return False
+    return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
+
+
+def _require_prototype(search: Search) -> None:
+    told = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
+    if not any(trial.user_attrs.get("prototype") for trial in told):
+        search.optuna.enqueue_trial(search.study.prototype, user_attrs={"prototype": True})
+
+
+def _begun(search: Search) -> list[FrozenTrial]:
+    """Return the trials that were asked: running or told."""
+    return [t for t in search.optuna.get_trials(deepcopy=False) if t.state not in OVER]
+
+
+def _cut_off(search: Search) -> list[FrozenTrial]:
+    """Return the trials that a dead run asked and did not tell; fail incomplete ones."""
+    left, living = [], search.claims.living()
+    names = set(search.study.variables)
+    for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+        if trial.user_attrs.get(WORKER) in living:
+            continue
+        if names <= set(trial.params):
+            left.append(trial)
+        else:
+            search.optuna.tell(trial.number, state=TrialState.FAIL)
+    return left
+
+
+def _of_one_round(
+    search: Search, cut: Sequence[FrozenTrial]
+) -> tuple[list[FrozenTrial], list[int]]:
+    """Return the trials of the first round that was cut off, and its mark; a new one if none was.
+
+    A run may be killed between asking for a trial and marking it: that trial was the last one
+    asked of its round.
+    """
+    bare = [trial for trial in cut if ROUND not in trial.user_attrs]
+    mark = next((trial.user_attrs[ROUND] for trial in cut if ROUND in trial.user_attrs), None)
+    if mark is None:
+        begun = len(_begun(search)) - len(bare)
+        return bare, [begun, min(_size(search), search.study.file.search.trials - begun)]
+    mine = [trial for trial in cut if trial.user_attrs.get(ROUND) == mark]
+    return mine + bare[: _open(search, mark)], mark
+
+
+def _open(search: Search, mark: list[int]) -> int:
+    """Return how many trials of a round were never asked."""
+    asked = [trial for trial in _begun(search) if trial.user_attrs.get(ROUND) == mark]
+    return mark[1] - len(asked)
+
+
+def _missing(search: Search, mark: list[int]) -> int:
+    """Return how many trials of a round are still to be asked."""
+    return max(0, min(_open(search, mark), search.study.file.search.trials - len(_begun(search))))
+
+
+def _size(search: Search) -> int:
+    """Return the number of trials of a new round."""
+    batch = search.study.file.search.batch
+    if search.guide is not None and search.guide.partial and not search.trials:
+        # Only with all of the first designs can any of them be told what it lacks.
+        return max(batch, startup_designs(search.study, search.guide))
+    return batch
+
+
+def _claim(search: Search, trial_id: int, mark: list[int]) -> None:
+    trial = optuna.Trial(search.optuna, trial_id)
+    trial.set_user_attr(ROUND, mark)
+    if search.claims.worker is not None:
+        trial.set_user_attr(WORKER, search.claims.worker)

@@ -1,0 +1,197 @@
+"""Rounds that were cut off end as they would have, whoever goes on with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import optuna
+import pytest
+from optuna.samplers import BaseSampler
+
+from pipeline.config import Study, build_study, load_study
+from pipeline.design import worth_simulating
+from pipeline.folder import StudyFolder
+from pipeline.rounds import ROUND, WORKER, next_round
+from pipeline.sampling.dogs import dataset_of_trials
+from pipeline.sampling.factory import sampler_factory
+from pipeline.schema import VariablesSection
+from pipeline.search import Search, open_search
+from pipeline.standing import standings
+from pipeline.study import Run, run_study
+from tests.conftest import SMALL
+
+SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
+TRIALS = 12
+
+
+class CutOffError(Exception):
+    """Stands for the end of a process."""
+
+
+class Claimed:
+    """Claims of a run, beside others that are alive."""
+
+    def __init__(self, worker: int | None, living: set[int]) -> None:
+        self.worker, self._living = worker, living
+
+    def turn(self) -> Any:
+        return nullcontext()
+
+    def living(self) -> set[int]:
+        return self._living
+
+    def wait(self) -> None:
+        raise AssertionError("nothing to wait for")
+
+    def close(self) -> None:
+        pass
+
+
+def _study(sampler: str) -> Study:
+    return load_study(
+        "mq200",
+        ["search.startup=3", f"search.trials={TRIALS}", f"search.sampler={sampler}",
+         "shift.timeout_s=1.1"],
+    )  # fmt: skip
+
+
+def _opened(study: Study) -> Search:
+    return Search(study, optuna.create_study(directions=["minimize"] * 2))
+
+
+def _tell(search: Search, ids: list[int], upto: int | None = None) -> None:
+    """Tell trials some function of their parameters."""
+    for trial_id in ids[:upto]:
+        trial = optuna.Trial(search.optuna, trial_id)
+        given = trial.params
+        search.optuna.tell(trial, [given["chamfer_deg"] + given["count"], given["height_mm"]])
+
+
+def _go_on(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[dict[str, Any]]:
+    while ids := next_round(search, sampler_of):
+        _tell(search, ids)
+    return [trial.params for trial in search.trials]
+
+
+def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[int], BaseSampler]:
+    """Return what ends the process where proposal ``number`` would be asked."""
+
+    def ending(asked: int) -> BaseSampler:
+        if asked == number:
+            raise CutOffError
+        return sampler_of(asked)
+
+    return ending
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("number", [2, 6])
+def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: int) -> None:
+    study = _study(sampler)
+    sampler_of = sampler_factory(study)
+    whole = _go_on(_opened(study), sampler_of)
+    search = _opened(study)
+    with pytest.raises(CutOffError):
+        _go_on(search, _ending(sampler_of, number))
+    assert len(search.trials) < number
+    assert _go_on(search, sampler_factory(study)) == whole
+    assert len(whole) == TRIALS
+
+
+@pytest.mark.parametrize("sampler", ["tpe", "nsga2"])
+@pytest.mark.parametrize("told", [1, 3])
+def test_a_round_cut_off_while_it_was_told_asks_no_more(sampler: str, told: int) -> None:
+    """The rounds after it begin where they would have."""
+    study = _study(sampler)
+    whole = _opened(study)
+    params = _go_on(whole, sampler_factory(study))
+    search, sampler_of = _opened(study), sampler_factory(study)
+    _tell(search, next_round(search, sampler_of))
+    second = next_round(search, sampler_of)
+    _tell(search, second, told)
+    assert next_round(search, sampler_of) == second[told:]
+    assert _go_on(search, sampler_of) == params
+    rounds = [[t.user_attrs[ROUND] for t in one.trials] for one in (search, whole)]
+    assert rounds[0] == rounds[1] == [[4 * (n // 4), 4] for n in range(TRIALS)]
+
+
+def test_a_trial_that_was_asked_and_not_marked_is_of_the_last_round() -> None:
+    study = _study("random")
+    sampler_of = sampler_factory(study)
+    whole = _go_on(_opened(study), sampler_of)
+    search = _opened(study)
+    with pytest.raises(CutOffError):
+        _go_on(search, _ending(sampler_of, 6))
+    _unmarked(search)
+    assert _go_on(search, sampler_of) == whole
+    search = _opened(study)
+    with pytest.raises(CutOffError):
+        _go_on(search, _ending(sampler_of, 5))
+    _unmarked(search)  # the only one of its round
+    assert _go_on(search, sampler_of) == whole
+
+
+def _unmarked(search: Search) -> None:
+    last = search.optuna.get_trials(deepcopy=False)[-1]
+    assert last.state == optuna.trial.TrialState.RUNNING
+    del last.user_attrs[ROUND]
+
+
+def test_each_round_of_a_dead_run_is_taken_over_as_it_is() -> None:
+    """Two runs died, one while it asked; a third goes on beside one that lives."""
+    study = _study("random")
+    sampler_of = sampler_factory(study)
+    search = _opened(study)
+    search.claims = Claimed(1, {1})
+    first = next_round(search, sampler_of)
+    search.claims = Claimed(2, {1, 2})
+    with pytest.raises(CutOffError):
+        next_round(search, _ending(sampler_of, 6))
+    search.claims = Claimed(3, {3})
+    assert next_round(search, sampler_of) == first
+    second = next_round(search, sampler_of)
+    assert len(second) == 4
+    third = next_round(search, sampler_of)
+    assert not next_round(search, sampler_of)
+    trials = search.optuna.get_trials(deepcopy=False)
+    assert [t._trial_id for t in trials] == [*first, *second, *third]
+    assert {t.user_attrs[WORKER] for t in trials} == {3}
+    rounds = [tuple(t.user_attrs[ROUND]) for t in trials]
+    assert rounds == [(0, 4)] * 4 + [(4, 4)] * 4 + [(8, 4)] * 4
+
+
+def _small_space(*more: str) -> Study:
+    """A study of the number of dogs alone: few designs, some of which pass the checks."""
+    file = load_study("mq200", [*SMALL, "search.trials=40", *more]).file
+    few = VariablesSection(count=[13, 20])
+    return build_study(file.model_copy(update={"variables": few}))
+
+
+def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
+    study = _small_space()
+    allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
+    assert 1 < len(allowed) < 10
+    how = Run(StudyFolder(tmp_path), jobs=1, resume=True)
+    result = run_study(study, how)
+    assert sorted(row["count"] for row in result["trials"]) == allowed
+    assert result["best"] is not None
+    again = run_study(study, how)
+    assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]
+
+
+def test_a_design_that_was_proposed_again_counts_once(tmp_path: Path) -> None:
+    study = _small_space("search.sampler=random", "search.trials=12")
+    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
+    told = [row for row in result["trials"] if row["expected_shift_time_s"] is not None]
+    designs = {row["count"] for row in told}
+    assert len(designs) < len(told)
+    assert result["n_simulated_designs"] == len(designs)
+    shown = [row["count"] for row in result["front"]]
+    assert len(set(shown)) == len(shown)
+    assert len(result["confirmation"]["designs"]) == 1
+    search = open_search(study, StudyFolder(tmp_path), None, resume=True)
+    assert len(standings(search)) == len(search.feasible) <= len(designs)
+    assert len(dataset_of_trials(study, search.simulated)) == len(designs) * len(study.points)
