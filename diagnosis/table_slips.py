@@ -46,14 +46,24 @@ def bounds(stand: Stand, sheet: Sheet) -> list[Finding]:
     timed = sum(row.time is not None for row in sheet.rows)
     if 2 * wrong < max(1, timed):
         return []  # single cells, which are refused one by one
+    offered = [quantity for quantity in UNITS if _looks_scaled(stand, sheet, quantity)]
     for count in (1, 2, 3):
-        for chosen in combinations(("time", "rise", "force"), count):
+        for chosen in combinations(offered, count):
             if _left(stand, sheet, chosen) <= 0.1 * len(sheet.rows):
                 return [_bound(stand, sheet, quantity) for quantity in chosen]
     return _swapped_by_size(stand, sheet)
 
 
 UNITS = {"time": "ms", "rise": "ms", "force": "kN"}
+
+
+def _looks_scaled(stand: Stand, sheet: Sheet, quantity: str) -> bool:
+    """Tell whether the size of a column speaks for the unit that it may be in."""
+    known = [value for row in sheet.rows if (value := getattr(row, quantity)) is not None]
+    if not known:
+        return False
+    middle = float(np.median(known))
+    return middle < 100.0 if quantity == "force" else middle > stand.clutch.timeout
 
 
 def _left(stand: Stand, sheet: Sheet, chosen: Iterable[str]) -> int:
@@ -148,8 +158,13 @@ def force_by_calibration(stand: Stand, sheet: Sheet) -> list[Finding]:
     both = [one for one in stand.calibration if one.arm_force and one.sleeve_force]
     forces = np.unique(_column(sheet, "force"))
     at_arm = _all_among(forces, [one.arm_force for one in both if one.arm_force])
-    at_sleeve = _all_among(forces, [one.sleeve_force for one in both if one.sleeve_force])
-    if not at_arm or at_sleeve:
+    sleeve = [one.sleeve_force for one in both if one.sleeve_force]
+    factor = stand.sensor.force_factor
+    if factor is not None and factor > 1.05 and _all_among(forces / factor, sleeve):
+        times = f"{number(factor)} times sleeve_force_N of the table actuator_calibration"
+        found, looks = f"force_N {_span(forces)}, {times}", "a force referred to the sleeve twice"
+        return [Finding("force", found, looks, certain=True)]
+    if not at_arm or _all_among(forces, sleeve):
         return []
     found = (
         f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
