@@ -9,9 +9,16 @@ the sampling of the bench, that of the simulation and the numerics. The spread
 :math:`\sigma` of single shifts is the simulation's, since that of ten readings is known to a
 quarter at best and scores gaps of nothing as many standard errors; *s* is the standard error
 of a mean over even angles (``sim.expectation``). The numerical error *e* comes from repeating
-some shifts with a tolerance thirty times smaller: their mean difference, which no number of
-shifts averages out, and its scatter over the *m* shifts of the cell,
-:math:`e^2 = \bar d^2 + s_d^2/m`.
+some shifts with a tolerance thirty times smaller, in units of their cell's spread, since a small
+error matters where a shift hangs in the balance: with mean :math:`\bar r`, which no number of
+shifts averages out, and scatter :math:`s_r` over the *m* shifts of the cell,
+:math:`e^2 = \sigma^2 (\bar r^2 + s_r^2/m)`.
+
+Fast shifts have a narrow bulk and a rare long tail, which a few angles may not meet. By the rule
+of succession one in *m* + 2 may be such a shift. It waits for the next slot, pitch over mismatch,
+or for as long as a whole shift where that is less; what this exceeds the range seen by is
+:math:`\tau`, and :math:`p(1-p)\tau^2` with *p* = 1/(*m* + 2) joins the variance of single shifts
+in both samples.
 
 Over the map the mean of :math:`v` over the mean-square gap is the share of noise; what is left
 is systematic. Shares engaged are compared where the bench says whether it engaged: with *k* of
@@ -26,17 +33,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import betabinom
+from scipy.stats import betabinom, mannwhitneyu
 
 from diagnosis.bench import Bench
 from diagnosis.reading import Cell
 from sim.blocks import Block, even_blocks
+from sim.clutch import Clutch, OperatingPoint
 from sim.expectation import PointExpectation, expect_point, variance_of_mean
 from sim.numerical import Runner, numerical_differences
 from sim.records import Record, result_of
 
 ANGLES = 16  #: evenly spaced angles at each operating point
 FLOOR = 1e-6  #: s, the least standard error
+LEAST_SPREAD = 1e-4  #: s, the least spread that a numerical error is measured in
 
 
 @dataclass(frozen=True)
@@ -82,6 +91,17 @@ class CellGap:
         """Spread of the bench's single times, s; None for fewer than two."""
         times = self.cell.times
         return float(times.std(ddof=1)) if times.size > 1 else None
+
+    @property
+    def times_p(self) -> float | None:
+        """Two-sided probability, by ranks, that single bench times lie as the simulated ones.
+
+        One shift of a long tail moves a mean by many standard errors, and ranks hardly. None for
+        fewer than three single times, or simulated ones.
+        """
+        if self.cell.times.size < 3 or len(self.times) < 3:
+            return None
+        return float(mannwhitneyu(self.cell.times, self.times).pvalue)
 
     @property
     def engaged_p(self) -> float | None:
@@ -216,15 +236,35 @@ def gap_map(
     rows = run(blocks)
     apart = _numerics(blocks, rows, run) if checked else (0.0, 0.0)
     pairs = zip(bench.cells, rows, strict=True)
-    return GapMap(bench, tuple(cell_gap(cell, r, bench.clutch.timeout, apart) for cell, r in pairs))
+    return GapMap(bench, tuple(cell_gap(cell, r, bench.clutch, apart) for cell, r in pairs))
 
 
 def _numerics(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> tuple[float, float]:
-    """Return mean and standard deviation of the numerical error of a shift, s."""
-    apart, _ = numerical_differences(blocks, rows, run)
-    return float(np.mean(apart)), float(np.std(apart, ddof=1)) if apart.size > 1 else 0.0
+    """Return mean and standard deviation of a shift's numerical error in spreads of its cell."""
+    apart, which = numerical_differences(blocks, rows, run)
+    spreads = np.array([_spread(rows[k]) for k in which])
+    ratios = apart / np.maximum(spreads, LEAST_SPREAD)
+    return float(ratios.mean()), float(ratios.std(ddof=1)) if ratios.size > 1 else 0.0
+
+
+def _spread(rows: Sequence[Record]) -> float:
+    times = [t for row in rows if (t := result_of(row).shift_time) is not None]
+    return float(np.std(times, ddof=1)) if len(times) > 1 else 0.0
+
+
+def unseen_tail(clutch: Clutch, point: OperatingPoint, times: Sequence[float]) -> float:
+    """Return the standard deviation that a tail which no simulated shift met may add, s.
+
+    ``times`` are those of the simulated shifts, s.
+    """
+    if not times or point.mismatch == 0.0:
+        return 0.0
+    wait = clutch.dog.pitch_angle / abs(point.mismatch)
+    beyond = min(wait, float(np.mean(times))) - (max(times) - min(times))
+    share = 1.0 / (len(times) + 2)
+    return math.sqrt(share * (1.0 - share)) * max(0.0, beyond)
 
 
 def _mean_error(simulated: PointExpectation, times: Sequence[float]) -> float:
@@ -235,19 +275,21 @@ def _mean_error(simulated: PointExpectation, times: Sequence[float]) -> float:
 
 
 def cell_gap(
-    cell: Cell, rows: Sequence[Record], timeout: float, numerics: tuple[float, float] = (0.0, 0.0)
+    cell: Cell, rows: Sequence[Record], clutch: Clutch, numerics: tuple[float, float] = (0.0, 0.0)
 ) -> CellGap:
     """Return the gap of one cell from its simulated shifts at even angles.
 
-    ``numerics`` are mean and standard deviation of the numerical error of one shift, s.
+    ``numerics`` are mean and standard deviation of the numerical error of one shift, in spreads
+    of the cell.
     """
     results = [result_of(row) for row in rows]
-    simulated = expect_point(cell.point, results, timeout, 0.0)
+    simulated = expect_point(cell.point, results, clutch.timeout, 0.0)
     times = tuple(r.shift_time for r in results if r.shift_time is not None)
+    tail, count = unseen_tail(clutch, cell.point, times), math.sqrt(max(1, len(times)))
     mean, scatter = numerics
     errors = ErrorBudget(
-        bench=simulated.sd / math.sqrt(max(1, cell.n)),
-        simulation=_mean_error(simulated, times),
-        numerics=math.hypot(mean, scatter / math.sqrt(max(1, simulated.n))),
+        bench=math.hypot(simulated.sd, tail) / math.sqrt(max(1, cell.n)),
+        simulation=math.hypot(_mean_error(simulated, times), tail / count),
+        numerics=max(LEAST_SPREAD, simulated.sd) * math.hypot(mean, scatter / count),
     )
     return CellGap(cell, simulated, times, errors)

@@ -45,6 +45,7 @@ def where_record(one: CellGap) -> Record:
         "bench_unknown": cell.unknown,
         "simulated_engaged": simulated.engaged,
         "engaged_p": one.engaged_p,
+        "times_p": one.times_p,
     }
 
 

@@ -26,10 +26,12 @@ def numerical_error(
     standard error are added as squares. A shift that does not engage counts with the
     time-out. NaN for a single shift.
     """
-    apart, weights = numerical_differences(blocks, rows, run)
+    apart, which = numerical_differences(blocks, rows, run)
     number = apart.size
     if number < 2:
         return math.nan
+    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k in which])
+    weights /= weights.sum()
     mean = float(weights @ apart)
     scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
     return math.sqrt(mean**2 + scatter)
@@ -37,26 +39,23 @@ def numerical_error(
 
 def numerical_differences(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what a smaller tolerance takes off some shift times, s, (k,), and their weights.
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return what a smaller tolerance takes off some shift times, s, (k,), and in which block each
+    of them is, (k,).
 
     Which shifts are repeated, and how, is that of ``numerical_error``.
     """
     shifts = [
-        (block, place, row)
-        for block, mine in zip(blocks, rows, strict=True)
-        for place, row in enumerate(mine)
+        (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
     ]
     number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
     drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
     chosen = [shifts[k] for k in sorted(drawn.tolist())]
-    fine = run([block.refined(place) for block, place, _ in chosen])
+    fine = run([blocks[which].refined(place) for which, place, _ in chosen])
     late = blocks[0].clutch.timeout
     pairs = zip(chosen, fine, strict=True)
     apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
-    weights = np.array([b.point.weight / len(b.angles) for b, _, _ in chosen])
-    weights /= weights.sum()
-    return apart, weights
+    return apart, np.array([which for which, _, _ in chosen])
 
 
 def _time(row: Record, late: float) -> float:

@@ -14,7 +14,7 @@ import pytest
 
 from diagnosis.along import PHASES, along, durations, entry_depth, overall, resampled
 from diagnosis.bench import Bench, load_bench
-from diagnosis.gap import CellGap, ErrorBudget, GapMap, cell_gap, gap_map
+from diagnosis.gap import CellGap, ErrorBudget, GapMap, cell_gap, gap_map, unseen_tail
 from diagnosis.reading import Cell, Reading, gather
 from diagnosis.records import map_record
 from sim.actuation import ForceProfile
@@ -24,6 +24,7 @@ from sim.trace import Trace
 from sim.units import RPM
 from tests.benches import good_set
 
+CLUTCH = load_bench("mq200_adams").clutch
 POINT = OperatingPoint(50 * RPM, ForceProfile(469.0, 0.1766))
 
 
@@ -37,38 +38,65 @@ def cell(times: Sequence[float], point: OperatingPoint = POINT) -> Cell:
 
 def test_one_cell_by_hand() -> None:
     one = cell_gap(
-        cell([0.10, 0.12, 0.11, 0.11]), rows([0.06, 0.10, 0.06, 0.10]), 1.0, (3e-4, 8e-4)
+        cell([0.10, 0.12, 0.11, 0.11]), rows([0.06, 0.10, 0.06, 0.10]), CLUTCH, (0.01, 0.03)
     )
     assert one.gap == pytest.approx(0.11 - 0.08)
-    # Spread of the simulation: squares 4 x 0.02^2 over 3; four bench shifts.
-    assert one.errors.bench == pytest.approx(math.sqrt(4 * 0.02**2 / 3) / 2)
+    # Spread of the simulation: squares 4 x 0.02^2 over 3. The next slot comes after 80 ms, as
+    # long as the mean shift, 40 ms beyond the range; one in six may have to wait for it.
+    spread, tail = 4 * 0.02**2 / 3, 5 / 36 * 0.04**2
+    assert one.errors.bench == pytest.approx(math.sqrt((spread + tail) / 4))
     # Differences +-0.04: sum of squares 0.0064 over 12 n^2, scatter 0.0016 times 5/(6 n).
-    assert one.errors.simulation == pytest.approx(math.sqrt(0.0064 / 192 + 5 * 0.0016 / 24))
-    assert one.errors.numerics == pytest.approx(5e-4)  # 3e-4 and 8e-4/2
-    whole = math.sqrt(4 * 0.02**2 / 12 + 0.0064 / 192 + 5 * 0.0016 / 24 + 25e-8)
-    assert one.z == pytest.approx(0.03 / whole)
+    sampled = 0.0064 / 192 + 5 * 0.0016 / 24 + tail / 4
+    assert one.errors.simulation == pytest.approx(math.sqrt(sampled))
+    numerics = spread * (0.01**2 + 0.03**2 / 4)
+    assert one.errors.numerics == pytest.approx(math.sqrt(numerics))
+    assert one.z == pytest.approx(0.03 / math.sqrt((spread + tail) / 4 + sampled + numerics))
     assert one.bench_sd == pytest.approx(math.sqrt(2 * 0.01**2 / 3))
 
 
 def test_shares_engaged_by_the_beta_argument() -> None:
     """With 1 of 2 engaged the share is Beta(3/2, 3/2): none of one with probability a half."""
     tried = gather([Reading(2, POINT, 1, None, False)])[0]
-    assert cell_gap(tried, rows([0.1, None]), 1.0).engaged_p == pytest.approx(1.0)
+    assert cell_gap(tried, rows([0.1, None]), CLUTCH).engaged_p == pytest.approx(1.0)
     # Beta(5/2, 1/2) has mean 5/6: a failure has probability 1/6, twice that two-sided.
-    assert cell_gap(tried, rows([0.1, 0.1]), 1.0).engaged_p == pytest.approx(1 / 3)
+    assert cell_gap(tried, rows([0.1, 0.1]), CLUTCH).engaged_p == pytest.approx(1 / 3)
     unknown = gather([Reading(2, POINT, 10, None, None)])[0]
-    assert cell_gap(unknown, rows([0.1, 0.1]), 1.0).engaged_p is None
+    assert cell_gap(unknown, rows([0.1, 0.1]), CLUTCH).engaged_p is None
     failed = gather([Reading(2, POINT, 10, None, False)])[0]
-    odd = cell_gap(failed, rows([0.1] * 16), 1.0).engaged_p
+    odd = cell_gap(failed, rows([0.1] * 16), CLUTCH).engaged_p
     assert odd is not None
     assert odd < 1e-6
-    never = cell_gap(cell([0.1, 0.1]), rows([None, None]), 1.0)
+    never = cell_gap(cell([0.1, 0.1]), rows([None, None]), CLUTCH)
     assert never.gap is None
     assert never.z is None
 
 
+def test_a_tail_that_no_angle_met_is_reckoned_with() -> None:
+    """The pitch passes in 40 ms at 100 1/min; where the range is wider no tail is unseen."""
+    fast = OperatingPoint(100 * RPM, POINT.profile)
+    narrow = unseen_tail(CLUTCH, fast, [0.070] * 14)
+    assert narrow == pytest.approx(0.04 * math.sqrt(15 / 16 / 16))
+    assert unseen_tail(CLUTCH, fast, [0.070] * 13 + [0.111]) == 0.0
+    slow = OperatingPoint(10 * RPM, POINT.profile)
+    assert unseen_tail(CLUTCH, slow, [0.070] * 14) == pytest.approx(narrow * 0.07 / 0.04)
+    assert unseen_tail(CLUTCH, OperatingPoint(0.0, POINT.profile), [0.07] * 14) == 0.0
+
+
+def test_ranks_of_single_times() -> None:
+    """All of three above all of three: 2 of 20 orders are as odd. One long tail is no gap."""
+    apart = cell_gap(cell([0.13, 0.14, 0.15]), rows([0.10, 0.11, 0.12]), CLUTCH)
+    assert apart.times_p == pytest.approx(0.1)
+    simulated = (0.050 + 0.001 * np.arange(16)).tolist()
+    tail = cell_gap(cell([*(0.0505 + 0.002 * np.arange(8)), 0.27]), rows(simulated), CLUTCH)
+    assert tail.z is not None
+    assert tail.z > 4.0
+    assert tail.times_p is not None
+    assert tail.times_p > 0.5
+    assert cell_gap(cell([0.1, 0.1]), rows([0.1] * 3), CLUTCH).times_p is None
+
+
 def budget(gap: float, point: OperatingPoint, errors: ErrorBudget) -> CellGap:
-    made = cell_gap(cell([0.1 + gap] * 2, point), rows([0.1] * 3), 1.0)
+    made = cell_gap(cell([0.1 + gap] * 2, point), rows([0.1] * 3), CLUTCH)
     return replace(made, errors=errors)
 
 
