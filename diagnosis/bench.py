@@ -1,87 +1,36 @@
 """Bench data sets: what a stand or another simulator delivers about one clutch.
 
-A folder with ``bench.toml`` (clutch, stand) and ``shifts.csv``, one row a shift or
-the mean of ``n_shifts`` shifts at one operating point. A cell without a time is
-kept: whether it was tried is in ``engaged``, which may be empty as well.
+A folder with ``bench.toml`` (clutch, stand), ``shifts.csv``, one row a shift or the mean of
+``n_shifts`` shifts at one operating point, and time series of single shifts in ``traces``.
+Before anything is made of the numbers they are examined for slips of units and axes: what
+cannot be true is refused with the correction that would make it so, what merely looks odd
+becomes a warning of the data set.
 """
 
 from __future__ import annotations
 
-import tomllib
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
 
-import numpy as np
-import pandas as pd
-from pydantic import Field
-
+from diagnosis.corrections import Correction, corrected, parse
+from diagnosis.reading import Cell, Reading, gather
+from diagnosis.slips import Finding, examine, impossible, require_no_slip
+from diagnosis.stand import Calibration, Sensor, Stand, load_stand
+from diagnosis.table import Row, Sheet, bad_cell, load_sheet
 from sim.actuation import ForceProfile
 from sim.bundled import bundled_root
-from sim.clutch import Clutch, OperatingPoint, solver_for
-from sim.contact import contact_set
-from sim.edge import DogSection, OutputSection, Section, SlidingSection, rings, validate
-from sim.errors import DataError, did_you_mean, refusal, require_between
-from sim.units import DEG, MM, RPM
-
-COLUMNS = (
-    "mismatch_rpm",
-    "force_N",
-    "force_rise_s",
-    "n_shifts",
-    "shift_time_s",
-    "engaged",
-    "trace",
-)
-
-
-class _Contact(Section):
-    # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
-    # published set; the friction velocity is read and not used.
-    static_friction: float
-    dynamic_friction: float
-    stiction_velocity_m_s: float
-    friction_velocity_m_s: float
-
-
-class _Sensor(Section):
-    displacement_at: str = "sleeve"
-    linkage_ratio: float | None = None
-    linkage_efficiency: float | None = None
-
-
-class _BenchFile(Section):
-    name: str
-    source: str
-    timeout_s: float
-    shift_travel_mm: float
-    relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
-    dog: DogSection
-    sliding: SlidingSection
-    output: OutputSection
-    contact: _Contact
-    sensor: _Sensor | None = None
-    actuator_calibration: list[dict[str, float]] = Field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One operating point of a data set.
-
-    ``time`` is the mean shift time in s over the ``n`` shifts that have one, None
-    where there is none.
-    """
-
-    point: OperatingPoint
-    time: float | None
-    n: int
+from sim.clutch import Clutch, OperatingPoint
+from sim.errors import DataError, InputError, number
+from sim.units import RPM
 
 
 @dataclass(frozen=True)
 class Bench:
     """A data set: the clutch as the bench knows it, and its operating points.
 
-    ``relative_angles`` are those of the bench in rad, where it says them.
+    ``relative_angles`` are those of the bench in rad, where it says them. ``corrections`` are
+    those that were asked for and made, ``warnings`` what looks odd in the corrected data.
     """
 
     name: str
@@ -89,19 +38,54 @@ class Bench:
     clutch: Clutch
     cells: tuple[Cell, ...]
     relative_angles: tuple[float, ...] | None
+    sensor: Sensor
+    calibration: tuple[Calibration, ...] = ()
+    corrections: tuple[Correction, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+
+    @property
+    def readings(self) -> tuple[Reading, ...]:
+        """All rows, in the order of the table."""
+        rows = [reading for cell in self.cells for reading in cell.readings]
+        return tuple(sorted(rows, key=lambda reading: reading.row))
 
 
-def load_bench(where: str | Path) -> Bench:
-    """Read a data set; every mistake raises DataError with file, row and column."""
+def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
+    """Read a data set.
+
+    Parameters
+    ----------
+    where : a folder, or the name of a bundled set.
+    corrections : such as ``time=ms`` (``diagnosis.corrections``), beside those that
+        ``bench.toml`` asks for.
+
+    Raises
+    ------
+    DataError
+        For every mistake, with file, row and column; for data that cannot be true as they
+        stand, with the correction that would explain them.
+    InputError
+        For corrections that are unknown or contradict each other.
+    """
     folder = _find(where)
-    file = _settings(folder / "bench.toml")
-    angles = file.relative_angles_deg
+    stand = load_stand(folder / "bench.toml")
+    asked = parse((*stand.corrections, *corrections))
+    sheet = load_sheet(folder / "shifts.csv")
+    for correction in asked:
+        sheet = corrected(sheet, correction, stand.sensor)
+    findings = examine(stand, sheet, asked)
+    require_no_slip(str(sheet.path), findings)
+    readings = [_reading(stand, sheet, row, asked) for row in sheet.rows]
     return Bench(
-        name=file.name,
-        source=file.source,
-        clutch=_clutch(file),
-        cells=_cells(_table(folder / "shifts.csv"), folder / "shifts.csv"),
-        relative_angles=tuple(a * DEG for a in angles) if angles else None,
+        name=stand.name,
+        source=stand.source,
+        clutch=stand.clutch,
+        cells=gather(readings),
+        relative_angles=stand.relative_angles,
+        sensor=stand.sensor,
+        calibration=stand.calibration,
+        corrections=asked,
+        warnings=findings,
     )
 
 
@@ -120,96 +104,27 @@ def _find(where: str | Path) -> Path:
     )
 
 
-def _settings(path: Path) -> _BenchFile:
+def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]) -> Reading:
+    """Return a row as a reading; numbers that cannot be true raise DataError."""
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; a data set needs bench.toml") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise DataError(f"{path} is not valid TOML: {error}; correct the line") from error
-    return validate(_BenchFile, data, str(path))
+        point = OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
+    except InputError as error:
+        raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
+    rule = impossible(stand, row, asked)
+    if rule:
+        raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
+    _require_whole(sheet, row)
+    return Reading(row.row, point, row.n, row.time, row.engaged, row.trace)
 
 
-def _clutch(file: _BenchFile) -> Clutch:
-    dog = file.dog.dog()
-    contact = replace(
-        contact_set("adams2019"),
-        name="bench",
-        static_friction=file.contact.static_friction,
-        dynamic_friction=file.contact.dynamic_friction,
-        stiction_velocity=file.contact.stiction_velocity_m_s,
-    )
-    left = dog.travel - file.shift_travel_mm * MM
-    if not 0.0 < left < dog.height:
-        rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
-        remedy = "give the travel at which a shift counts as finished"
-        raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
-    require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
-    both = rings(file.sliding, file.output)
-    return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
-
-
-def _table(path: Path) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; a data set needs shifts.csv") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, OSError) as error:
-        raise DataError(f"{path} is not a table of comma separated values: {error}") from error
-    for column in table.columns:
-        if column not in COLUMNS:
-            hint = did_you_mean(str(column), COLUMNS)
-            raise DataError(f"{path}, row 1: '{column}' is not a known column; {hint}")
-    for column in COLUMNS:
-        if column not in table.columns:
-            raise DataError(f"{path}, row 1: the column '{column}' is missing; add it")
-    if table.empty:
-        raise DataError(f"{path} has no rows; a data set needs at least one shift")
-    return table
-
-
-def _cells(table: pd.DataFrame, path: Path) -> tuple[Cell, ...]:
-    """Gather rows by operating point, in the order in which these first appear."""
-    found: dict[tuple[float, float, float], list[tuple[float, int]]] = {}
-    for row, record in enumerate(table.to_dict("records"), start=2):
-        key = tuple(
-            _number(path, row, record, column)
-            for column in ("mismatch_rpm", "force_N", "force_rise_s")
+def _require_whole(sheet: Sheet, row: Row) -> None:
+    """Raise DataError where a trace ends before its shift does."""
+    trace = row.trace
+    if trace is None or row.time is None:
+        return
+    if trace.time[-1] < row.time - 2.0 * trace.step:
+        raise DataError(
+            f"{trace.path} ends at {number(trace.time[-1])} s, before its shift, which took "
+            f"{number(row.time)} s ({sheet.path}, row {row.row}); export the whole shift, or "
+            "correct the name of the trace"
         )
-        times = found.setdefault((key[0], key[1], key[2]), [])
-        count = _number(path, row, record, "n_shifts")
-        if count < 1 or count != int(count):
-            raise _bad(path, row, "n_shifts", record, "a whole number of at least 1")
-        if record["engaged"] not in ("true", "false", ""):
-            raise _bad(path, row, "engaged", record, "true, false or empty")
-        if record["shift_time_s"]:
-            time = _number(path, row, record, "shift_time_s")
-            if not 0.0 < time < 60.0:
-                raise _bad(path, row, "shift_time_s", record, "a time in s, above 0 and below 60")
-            times.append((time, int(count)))
-    return tuple(_cell(key, times) for key, times in found.items())
-
-
-def _cell(key: tuple[float, float, float], times: list[tuple[float, int]]) -> Cell:
-    mismatch, force, rise = key
-    point = OperatingPoint(mismatch * RPM, ForceProfile(force, rise))
-    total = sum(count for _, count in times)
-    mean = sum(time * count for time, count in times) / total if total else None
-    return Cell(point, mean, total)
-
-
-def _number(path: Path, row: int, record: dict[Any, Any], column: str) -> float:
-    try:
-        value = float(record[column])
-    except ValueError:
-        raise _bad(path, row, column, record, "a number") from None
-    if not np.isfinite(value):
-        raise _bad(path, row, column, record, "a finite number")
-    return value
-
-
-def _bad(path: Path, row: int, column: str, record: dict[Any, Any], rule: str) -> DataError:
-    return DataError(
-        f"{path}, row {row}, column {column} is '{record[column]}', but it must be {rule}; "
-        "correct the cell"
-    )

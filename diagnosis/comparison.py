@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from diagnosis.bench import Bench, Cell
+from diagnosis.bench import Bench
+from diagnosis.reading import Cell
 from sim.blocks import Block, even_blocks
 from sim.expectation import PointExpectation, expect_point
 from sim.numerical import Runner, numerical_error

@@ -23,6 +23,10 @@ Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
 Cluster = Annotated[
     str | None, typer.Option(help="Dask scheduler to simulate on, e.g. tcp://scheduler:8786")
 ]
+Corrections = Annotated[
+    list[str] | None,
+    typer.Option("--correct", metavar="QUANTITY=WAY", help="take a column so, e.g. time=ms"),
+]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
 
 

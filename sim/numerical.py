@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.blocks import Block
 from sim.records import Record, result_of
@@ -25,25 +26,36 @@ def numerical_error(
     standard error are added as squares. A shift that does not engage counts with the
     time-out. NaN for a single shift.
     """
-    shifts = [
-        (block, place, row)
-        for block, mine in zip(blocks, rows, strict=True)
-        for place, row in enumerate(mine)
-    ]
-    number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
-    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
-    chosen = [shifts[k] for k in sorted(drawn.tolist())]
-    fine = run([block.refined(place) for block, place, _ in chosen])
+    apart, which = numerical_differences(blocks, rows, run)
+    number = apart.size
     if number < 2:
         return math.nan
-    late = blocks[0].clutch.timeout
-    pairs = zip(chosen, fine, strict=True)
-    apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
-    weights = np.array([b.point.weight / len(b.angles) for b, _, _ in chosen])
+    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k in which])
     weights /= weights.sum()
     mean = float(weights @ apart)
     scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
     return math.sqrt(mean**2 + scatter)
+
+
+def numerical_differences(
+    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return what a smaller tolerance takes off some shift times, s, (k,), and in which block each
+    of them is, (k,).
+
+    Which shifts are repeated, and how, is that of ``numerical_error``.
+    """
+    shifts = [
+        (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
+    ]
+    number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
+    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
+    chosen = [shifts[k] for k in sorted(drawn.tolist())]
+    fine = run([blocks[which].refined(place) for which, place, _ in chosen])
+    late = blocks[0].clutch.timeout
+    pairs = zip(chosen, fine, strict=True)
+    apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
+    return apart, np.array([which for which, _, _ in chosen])
 
 
 def _time(row: Record, late: float) -> float:

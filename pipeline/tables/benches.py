@@ -6,6 +6,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
+from diagnosis.bench import Bench
 from diagnosis.comparison import Comparison, Difference
 from pipeline.console import columns, in_ms
 from sim.units import RPM
@@ -23,6 +24,30 @@ def difference_record(d: Difference) -> dict[str, Any]:
         "engaged": d.simulated.engaged,
         "n": d.simulated.n,
     }
+
+
+def examined_record(bench: Bench) -> dict[str, Any]:
+    """Return what was corrected in a data set and what looks odd in it."""
+    return {
+        "corrections": [str(correction) for correction in bench.corrections],
+        "warnings": [
+            {
+                "quantity": finding.quantity,
+                "found": finding.found,
+                "looks_like": finding.looks_like,
+                "correction": finding.correction,
+                "sentence": finding.sentence,
+            }
+            for finding in bench.warnings
+        ],
+    }
+
+
+def examined_lines(bench: Bench) -> list[str]:
+    """Return the same in words, a line each."""
+    made = ", ".join(str(correction) for correction in bench.corrections)
+    lines = [f"corrected as asked: {made}"] if made else []
+    return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]
 
 
 def comparison_table(result: Comparison) -> RenderableType:
@@ -43,4 +68,4 @@ def comparison_table(result: Comparison) -> RenderableType:
     )
     if result.numerical_error is not None:
         total += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"
-    return Group(table, total)
+    return Group(table, total, *examined_lines(result.bench))

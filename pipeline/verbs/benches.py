@@ -10,9 +10,9 @@ from diagnosis.bench import load_bench
 from diagnosis.comparison import ANGLES, compare
 from pipeline.console import emit, verb
 from pipeline.executor import scratch_executor
-from pipeline.options import Jobs, Json, angles_of
+from pipeline.options import Corrections, Jobs, Json, angles_of
 from pipeline.progress import ShiftProgress
-from pipeline.tables.benches import comparison_table, difference_record
+from pipeline.tables.benches import comparison_table, difference_record, examined_record
 from sim.errors import InputError
 from sim.numerical import CHECKED, LEAST
 
@@ -24,6 +24,7 @@ def validate(
         str | None,
         typer.Option(help="how many, or angles A,B,C in degrees; default: the set's own, or 16"),
     ] = None,
+    correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
@@ -31,7 +32,7 @@ def validate(
 
     Example: dogshape validate mq200_adams
     """
-    given = load_bench(bench)
+    given = load_bench(bench, correct or ())
     count, listed = angles_of(angles, ANGLES)
     if len(listed or range(count)) < 3:
         raise InputError(
@@ -49,5 +50,6 @@ def validate(
         "rmse_s": result.rmse,
         "relative_rms": result.relative_rms,
         "numerical_error_s": result.numerical_error,
+        **examined_record(given),
     }
     emit(data, json, lambda: comparison_table(result))

@@ -209,6 +209,26 @@ def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
     assert {point["n"] for point in fewer.json["points"]} == {3}
 
 
+def test_validate_asks_about_a_slip_of_units(dogshape: Call, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    shutil.copytree(bundled_root() / "bench/mq200_adams", folder)
+    table = folder / "shifts.csv"
+    head, *rows = table.read_text().splitlines()
+    cells = rows[24].split(",")
+    cells[4] = str(1e3 * float(cells[4]))
+    table.write_text("\n".join([head, ",".join(cells)]))
+    refused = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
+    assert refused.status == 2
+    assert "shift_time_s is 67.867, but" in refused.sentence
+    assert "--correct time=ms takes it as that" in refused.sentence
+    arguments = ("validate", folder, "--angles", 3, "--jobs", 1, "--correct", "time=ms")
+    said = dogshape(*arguments, "--json")
+    assert said.json["points"][0]["bench_s"] == pytest.approx(0.067867)
+    assert said.json["corrections"] == ["time=ms"]
+    assert said.json["warnings"] == []
+    assert "corrected as asked: time=ms" in dogshape(*arguments).out
+
+
 BAD: list[tuple[tuple[Any, ...], str]] = [
     (("strength", "nowhere"), "there is no study at nowhere"),
     (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
@@ -237,6 +257,8 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("check", "mq200", "--designs", "none.csv"), "there is no table of designs at none.csv"),
     (("check", "mq200", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
     (("fit", "mq200", "--question", "bst"), "did you mean 'best'?"),
+    (("validate", "mq200_adams", "--correct", "tiem=ms"), "did you mean 'time'?"),
+    (("validate", "mq200_stand", "--correct", "force=arm"), "a force referred to the sleeve twice"),
     (("validate", "nowhere"), "there is no data set at nowhere"),
 ]
 

@@ -62,6 +62,7 @@ GUARDED = {
     "joblib": {"pipeline/executor.py"},
     "distributed": {"pipeline/executor.py"},
     "mujoco": {"diagnosis/second_engine.py"},
+    "nptdms": {"diagnosis/tdms.py"},
     "build123d": {"pipeline/cad.py"},
     "skfem": {"sim/root_stress.py"},
     "SALib": {"surrogate/sensitivity.py"},

@@ -1,0 +1,215 @@
+"""Traces of bench shifts, CSV and TDMS: what is read, and errors with file, row and column."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.bench import load_bench
+from diagnosis.table import load_sheet
+from diagnosis.tdms import tdms_available
+from diagnosis.traces import COLUMNS, BenchTrace, read_trace
+from sim.errors import DataError, InputError
+from sim.units import MM, RPM
+from tests.benches import edit, good_set
+from tests.conftest import needed
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return good_set(tmp_path)
+
+
+def test_traces_come_with_their_readings(folder: Path) -> None:
+    bench = load_bench(folder)
+    assert [len(cell.traces) for cell in bench.cells] == [2, 2, 2, 2]
+    reading = bench.readings[0]
+    trace = reading.trace
+    assert trace is not None
+    assert trace.path.name == "0041.csv"
+    first = [float(cell) for cell in trace.path.read_text().splitlines()[1].split(",")]
+    assert trace.time[0] == first[0]
+    assert trace.displacement[0] == pytest.approx(first[1] * MM)
+    assert trace.sliding_speed[0] == pytest.approx(first[3] * RPM)
+    assert trace.relative_speed[0] == pytest.approx((first[4] - first[3]) * RPM)
+    assert trace.step == pytest.approx(1e-3)
+    assert bench.sensor.displacement_at == "actuator"
+    assert bench.sensor.force_factor == pytest.approx(2.55312)
+    assert bench.calibration[0].sleeve_force == 235.1929
+    assert bench.calibration[0].arm_displacement is None
+
+
+def lines(change: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
+    def spoil(path: Path) -> None:
+        path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")
+
+    return spoil
+
+
+def cell(row: int, place: int, text: str) -> Callable[[Path], None]:
+    """Write a text into a cell; row as an editor counts."""
+
+    def change(given: list[str]) -> list[str]:
+        cells = given[row - 1].split(",")
+        cells[place] = text
+        return [*given[: row - 1], ",".join(cells), *given[row:]]
+
+    return lines(change)
+
+
+BROKEN: list[tuple[Callable[[Path], object], str]] = [
+    (Path.unlink, "there is no trace"),
+    (lambda p: p.write_text(""), "is not a table of comma separated values"),
+    (lambda p: p.write_bytes(b"\xff\xfe\x00x"), "is not a table of comma separated values"),
+    (cell(1, 1, "displacement_m"), "row 1: the column 'displacement_mm' is missing; add it"),
+    (cell(7, 1, "abc"), "row 7, column displacement_mm is 'abc', but it must be a number"),
+    (cell(7, 3, ""), "row 7, column sliding_speed_rpm is '', but it must be a number"),
+    (cell(7, 2, "nan"), "row 7, column force_N is 'nan', but it must be a finite number"),
+    (cell(7, 0, "inf"), "row 7, column t_s is 'inf', but it must be a finite number"),
+    (cell(7, 0, "0.001"), "row 7, column t_s is '0.001' after '0.004', but time must grow"),
+    (cell(7, 0, "0.004"), "sort the trace and leave doubled samples out"),
+    (lines(lambda given: given[:9]), "has 8 samples, but a trace needs at least 10"),
+    (lines(lambda given: given[:40]), "before its shift, which took"),
+]
+
+
+@pytest.mark.parametrize(("spoil", "words"), BROKEN, ids=[words for _, words in BROKEN])
+def test_broken_traces(folder: Path, spoil: Callable[[Path], object], words: str) -> None:
+    spoil(folder / "traces" / "0041.csv")
+    with pytest.raises(DataError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
+    assert "0041.csv" in str(refused.value)
+    assert "shifts.csv, row 2" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "words"),
+    [
+        ("trace", "../elsewhere.csv", "a path inside the folder of the data set"),
+        ("trace", "/etc/passwd", "a path inside the folder of the data set"),
+        ("n_shifts", "2", "empty where n_shifts is not 1"),
+        ("engaged", "false", "true where shift_time_s has a time, or else that cell must be empty"),
+    ],
+)
+def test_rows_that_contradict_themselves(folder: Path, column: str, value: str, words: str) -> None:
+    edit(folder / "shifts.csv", **{column: lambda _: value})
+    with pytest.raises(DataError) as refused:
+        load_bench(folder)
+    assert f"row 2, column {'trace' if column == 'n_shifts' else column} is" in str(refused.value)
+    assert words in str(refused.value)
+
+
+def test_what_is_unknown_is_kept_apart(folder: Path) -> None:
+    head = ",".join(("mismatch_rpm", "force_N", "force_rise_s", "n_shifts"))
+    rows = [
+        "50,469.0,0.1766,1,0.05,true,",
+        "50,469.0,0.1766,3,0.07,,",
+        "50,469.0,0.1766,2,,false,",
+        "50,469.0,0.1766,4,,,",
+        "50,469.0,0.1766,5,,true,",
+    ]
+    text = "\n".join([head + ",shift_time_s,engaged,trace", *rows])
+    (folder / "shifts.csv").write_text(text)
+    (cell,) = load_bench(folder).cells
+    assert (cell.n, cell.engaged, cell.failed, cell.unknown, cell.tried) == (4, 9, 2, 4, 11)
+    assert cell.time == pytest.approx((0.05 + 3 * 0.07) / 4)
+    assert cell.times.tolist() == [0.05]
+    stand = load_bench("mq200_stand").cells
+    assert [c.unknown for c in stand[:4]] == [0, 10, 10, 10]
+    assert all(c.failed == 0 for c in stand)
+
+
+def tdms(
+    path: Path, trace: BenchTrace, *, waveform: bool, group: str = "shift", **extra: Any
+) -> None:
+    """Write a trace as LabVIEW would, in the units of its channels."""
+    nptdms = importlib.import_module("nptdms")
+    units = (1.0, MM, 1.0, RPM, RPM)
+    series = (
+        trace.time, trace.displacement, trace.force, trace.sliding_speed, trace.output_speed
+    )  # fmt: skip
+    given = dict(zip(COLUMNS, (s / u for s, u in zip(series, units, strict=True)), strict=True))
+    time = given.pop("t_s")
+    properties = {"wf_start_offset": float(time[0]), "wf_increment": trace.step} if waveform else {}
+    if not waveform and "t_s" not in extra:
+        given["t_s"] = time
+    given |= extra
+    with nptdms.TdmsWriter(str(path)) as writer:
+        channels = [
+            nptdms.ChannelObject(group, name, np.asarray(values), properties=properties)
+            for name, values in given.items()
+            if values is not None
+        ]
+        writer.write_segment(channels)
+
+
+@pytest.mark.parametrize("waveform", [False, True])
+def test_tdms_reads_as_csv_does(folder: Path, waveform: bool) -> None:
+    needed(tdms_available(), "npTDMS")
+    known = load_sheet(folder / "shifts.csv").rows[0].trace
+    assert known is not None
+    known = replace(known, time=0.002 + 0.001 * np.arange(known.time.size))
+    tdms(folder / "traces" / "x.tdms", known, waveform=waveform)
+    edit(folder / "shifts.csv", trace=lambda name: name.replace("0041.csv", "x.tdms"))
+    read = load_bench(folder).readings[0].trace
+    assert read is not None
+    assert read.path.name == "x.tdms"
+    for name in ("time", "displacement", "force", "sliding_speed", "output_speed"):
+        assert np.allclose(getattr(read, name), getattr(known, name), rtol=1e-12, atol=1e-12)
+
+
+def test_broken_tdms(folder: Path) -> None:
+    needed(tdms_available(), "npTDMS")
+    path = folder / "x.tdms"
+    known = read_trace(folder / "traces" / "0041.csv")
+    bad = known.displacement / MM
+    bad[4] = np.nan
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"waveform": True, "force_N": None}, "the channel 'force_N' is missing"),
+        ({"waveform": True, "displacement_mm": None, "weg_mm": bad}, "has no channel displacement"),
+        ({"waveform": False, "t_s": None}, "nor the waveform properties wf_increment"),
+        ({"waveform": True, "force_N": [1.0, 2.0]}, "channel force_N has 2 samples and"),
+        ({"waveform": True, "force_N": ["a", "b"]}, "does not hold numbers"),
+        ({"waveform": True, "displacement_mm": bad}, "row 4, column displacement_mm is 'nan'"),
+    ]
+    for options, words in cases:
+        tdms(path, known, **options)
+        with pytest.raises(DataError) as refused:
+            read_trace(path)
+        assert words in str(refused.value)
+        assert str(path) in str(refused.value)
+    path.write_bytes(b"no TDMS at all, whatever its name says")
+    with pytest.raises(DataError, match="is not a TDMS file"):
+        read_trace(path)
+
+
+def test_two_shifts_in_a_tdms_file_are_refused(folder: Path) -> None:
+    needed(tdms_available(), "npTDMS")
+    nptdms = importlib.import_module("nptdms")
+    path = folder / "x.tdms"
+    with nptdms.TdmsWriter(str(path)) as writer:
+        for group in ("first", "second"):
+            writer.write_segment([nptdms.ChannelObject(group, "displacement_mm", np.ones(20))])
+    with pytest.raises(DataError, match=r"in the groups 'first', 'second'.* a file for each shift"):
+        read_trace(path)
+
+
+def test_without_the_extra_a_sentence_says_what_to_install(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(f"No module named '{name}'")
+
+    monkeypatch.setattr("diagnosis.tdms.import_module", missing)
+    (folder / "x.tdms").write_bytes(b"")
+    with pytest.raises(InputError, match=r"npTDMS cannot be loaded.*'\.\[tdms\]'"):
+        read_trace(folder / "x.tdms")
+    assert not tdms_available()

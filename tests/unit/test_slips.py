@@ -1,0 +1,231 @@
+"""Slips of units and axes: each kind is found, named and taken back; good data raise none."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.bench import Bench, load_bench
+from diagnosis.reading import Reading
+from sim.bundled import bundled_root
+from sim.errors import DataError, InputError
+from sim.units import MS, RPM
+from tests.benches import good_set, scale, scale_traces, swap
+
+ARM = 3.1914 * 0.80
+
+Spoil = Callable[[Path], object]
+
+
+def table(**factors: float) -> Spoil:
+    return lambda folder: scale(folder / "shifts.csv", **factors)
+
+
+def traces(**factors: float) -> Spoil:
+    return lambda folder: scale_traces(folder, **factors)
+
+
+def swapped(folder: Path) -> None:
+    swap(folder / "shifts.csv")
+
+
+def both(*spoils: Spoil) -> Spoil:
+    return lambda folder: [spoil(folder) for spoil in spoils]
+
+
+SPEED = {"sliding_speed_rpm": RPM, "output_speed_rpm": RPM}
+
+#: What is spoilt, the corrections that are asked for, and words of the sentence.
+CERTAIN: list[tuple[Spoil, list[str], str]] = [
+    (table(shift_time_s=1e3), ["time=ms"], "shift_time_s runs from"),
+    (table(force_rise_s=1e3), ["rise=ms"], "this looks like milliseconds"),
+    (table(force_N=1e-3), ["force=kN"], "this looks like kilonewtons"),
+    (table(force_N=1 / ARM), ["force=arm"], "robot arm instead of that at the sleeve"),
+    (swapped, ["axes=swapped"], "mismatch_rpm and force_N swapped"),
+    (table(mismatch_rpm=RPM), ["mismatch=rad_s"], "mismatch_rpm in radians a second"),
+    (table(mismatch_rpm=-1.0), ["mismatch=reversed"], "sliding less output speed"),
+    (traces(displacement_mm=1e-3), ["displacement=m"], "this looks like metres"),
+    (traces(displacement_mm=3.1914), ["displacement=arm"], "3.1914 times the sleeve's"),
+    (traces(t_s=1e3), ["trace_time=ms"], "t_s of the traces runs to"),
+    (traces(force_N=1e-3), ["trace_force=kN"], "force_N of the traces ends at"),
+    (traces(**SPEED), ["speeds=rad_s"], "speeds of the traces in radians a second"),
+    (table(shift_time_s=1e3, force_rise_s=1e3), ["time=ms", "rise=ms"], "Also: "),
+    (table(shift_time_s=1e3, force_N=1e-3), ["time=ms", "force=kN"], "Also: "),
+    (both(table(shift_time_s=1e3), traces(t_s=1e3)), ["time=ms", "trace_time=ms"], "Also: "),
+    (both(swapped, table(shift_time_s=1e3)), ["axes=swapped", "time=ms"], "Also: "),
+]  # fmt: skip
+
+
+def same(one: Bench, other: Bench) -> bool:
+    """Whether two sets hold the same numbers."""
+    return all(
+        np.allclose(numbers(a), numbers(b), rtol=1e-6, equal_nan=True) and a.engaged is b.engaged
+        for a, b in zip(one.readings, other.readings, strict=True)
+    )
+
+
+def numbers(reading: Reading) -> list[float]:
+    point, time = reading.point, reading.time
+    rest = (reading.n, np.nan if time is None else time)
+    return [point.mismatch, point.profile.force, point.profile.rise, *rest]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "asked", "words"), CERTAIN, ids=[", ".join(asked) for _, asked, _ in CERTAIN]
+)
+def test_a_slip_is_refused_and_taken_back_as_asked(
+    tmp_path: Path, spoil: Spoil, asked: list[str], words: str
+) -> None:
+    folder = good_set(tmp_path)
+    good = load_bench(folder)
+    spoil(folder)
+    with pytest.raises(DataError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+    for correction in asked:
+        assert f"--correct {correction} takes it as that" in str(refused.value)
+    again = load_bench(folder, asked)
+    assert same(again, good)
+    assert {str(correction) for correction in again.corrections} == set(asked)
+    assert again.warnings == ()
+    for mine, theirs in zip(again.readings, good.readings, strict=True):
+        if mine.trace is not None and theirs.trace is not None:
+            for name in ("time", "displacement", "force", "output_speed"):
+                ours, known = getattr(mine.trace, name), getattr(theirs.trace, name)
+                assert np.allclose(ours, known, rtol=1e-6, atol=1e-12)
+
+
+def test_good_sets_raise_no_alarm(tmp_path: Path) -> None:
+    for bench in (load_bench("mq200_stand"), load_bench("mq200_adams")):
+        assert bench.warnings == ()
+    for place, sensor in enumerate((True, False)):
+        (tmp_path / str(place)).mkdir()
+        assert load_bench(good_set(tmp_path / str(place), sensor=sensor)).warnings == ()
+
+
+def published(folder: Path, name: str) -> Path:
+    shutil.copytree(bundled_root() / "bench" / name, folder / name)
+    return folder / name
+
+
+@pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])
+@pytest.mark.parametrize(
+    ("factors", "asked"),
+    [
+        ({"shift_time_s": 1e3}, "time=ms"),
+        ({"force_rise_s": 1e3}, "rise=ms"),
+        ({"force_N": 1e-3}, "force=kN"),
+        ({"force_N": 1 / ARM}, "force=arm"),
+    ],
+)
+def test_published_tables_with_a_slip(
+    tmp_path: Path, name: str, factors: dict[str, float], asked: str
+) -> None:
+    folder = published(tmp_path, name)
+    scale(folder / "shifts.csv", **factors)
+    if name == "mq200_adams" and asked == "force=arm":
+        assert load_bench(folder).warnings == ()  # nothing in that set says where the arm is
+        return
+    with pytest.raises(DataError, match=f"--correct {asked} takes it as that"):
+        load_bench(folder)
+
+
+@pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])
+def test_published_tables_with_swapped_axes(tmp_path: Path, name: str) -> None:
+    folder = published(tmp_path, name)
+    swap(folder / "shifts.csv")
+    with pytest.raises(DataError, match="--correct axes=swapped takes it as that"):
+        load_bench(folder)
+    assert same(load_bench(folder, ["axes=swapped"]), load_bench(name))
+
+
+def test_the_data_set_itself_may_ask_for_corrections(tmp_path: Path) -> None:
+    folder = good_set(tmp_path)
+    scale(folder / "shifts.csv", shift_time_s=1e3)
+    file = folder / "bench.toml"
+    file.write_text('corrections = ["time=ms"]\n' + file.read_text())
+    assert [str(c) for c in load_bench(folder).corrections] == ["time=ms"]
+    assert [str(c) for c in load_bench(folder, ["time=ms"]).corrections] == ["time=ms"]
+    with pytest.raises(InputError, match="time=ms and time=given contradict each other"):
+        load_bench(folder, ["time=given"])
+
+
+def test_a_wrong_correction_is_not_believed(tmp_path: Path) -> None:
+    """Corrections are made first; what is then impossible is refused as it would be anyway."""
+    folder = good_set(tmp_path)
+    with pytest.raises(DataError, match=r"shift_time_s is .*not far below .* free flight"):
+        load_bench(folder, ["time=ms"])
+    with pytest.raises(DataError, match="speeds=rad_s"):
+        load_bench(folder, ["mismatch=rad_s"])
+    for text, words in [
+        ("tiem=ms", "did you mean 'time'?"),
+        ("time=s", "valid are time=ms, time=given"),
+        ("time", "valid are time=ms, time=given"),
+    ]:
+        with pytest.raises(InputError) as refused:
+            load_bench(folder, [text])
+        assert words in str(refused.value)
+
+
+def test_what_is_odd_but_possible_becomes_a_warning(tmp_path: Path) -> None:
+    folder = good_set(tmp_path, sensor=False)
+    scale_traces(folder, displacement_mm=0.8)
+    (odd,) = load_bench(folder).warnings
+    assert not odd.certain
+    assert odd.quantity == "displacement"
+    assert "--correct displacement=given takes it as it stands" in odd.sentence
+    assert load_bench(folder, ["displacement=given"]).warnings == ()
+
+
+def test_times_before_the_free_flight(tmp_path: Path) -> None:
+    """Half of the free flight is impossible, nine tenths of it odd."""
+    folder = good_set(tmp_path, traces=False, sensor=False)
+    bench = load_bench(folder)
+    profile = bench.cells[-1].point.profile
+    free = profile.free_flight_time(bench.clutch.shift_travel, bench.clutch.rings.mass)
+    shortest = min(float(cell.times.min()) for cell in bench.cells)
+    scale(folder / "shifts.csv", shift_time_s=0.6 * free / shortest)
+    (odd,) = load_bench(folder).warnings
+    assert "shorter than the free flight" in odd.sentence
+    scale(folder / "shifts.csv", shift_time_s=0.5)
+    with pytest.raises(DataError, match="free flight alone takes"):
+        load_bench(folder)
+    times = [r.time for r in load_bench(folder, ["time=given"]).readings]
+    assert min(t for t in times if t is not None) == pytest.approx(0.3 * free, rel=1e-6)
+
+
+def test_linkage_against_calibration(tmp_path: Path) -> None:
+    folder = good_set(tmp_path)
+    file = folder / "bench.toml"
+    file.write_text(file.read_text().replace("linkage_ratio = 3.1914", "linkage_ratio = 2.98"))
+    (odd,) = load_bench(folder).warnings
+    assert "sleeve_force_N is 2.55319 times arm_force_N" in odd.sentence
+    file.write_text(file.read_text().replace("linkage_ratio = 2.98", "linkage_ratio = -1"))
+    with pytest.raises(DataError, match=r"sensor.linkage_ratio is -1, but it must lie between"):
+        load_bench(folder)
+
+
+def test_the_arm_needs_a_linkage(tmp_path: Path) -> None:
+    folder = good_set(tmp_path, sensor=False)
+    for correction in ("force=arm", "displacement=arm"):
+        with pytest.raises(InputError, match="give linkage_ratio"):
+            load_bench(folder, [correction])
+    scale_traces(folder, displacement_mm=3.2)
+    with pytest.raises(DataError, match="give linkage_ratio in the table"):
+        load_bench(folder)
+
+
+def test_single_cells_are_no_slip_of_the_column(tmp_path: Path) -> None:
+    folder = good_set(tmp_path, traces=False)
+    path = folder / "shifts.csv"
+    lines = path.read_text().splitlines()
+    cells = lines[3].split(",")
+    cells[4] = str(float(cells[4]) / MS)
+    path.write_text("\n".join([*lines[:3], ",".join(cells), *lines[4:]]))
+    with pytest.raises(DataError, match=r"row 4, column shift_time_s is .* time-out of 1 s"):
+        load_bench(folder)
