@@ -36,7 +36,8 @@ from pipeline.search import front, open_search, run
 
 START = 10  #: designs that every sampler begins with, the prototype among them
 POINTS = 3  #: operating points of six that this project's sampler simulates of a design
-MOST_ASKED = 4000  #: proposals after which a sampler that is forbidden them all gives up
+MOST_ASKED = 4000  #: proposals after which a sampler of Optuna's gives up: most may be forbidden
+MOST_CPU = 600.0  #: s of a processor after which it gives up too
 PROBLEM = (
     "operating.mismatch_rpm=[10, 50, 149]",
     "operating.force_N=[235.2, 641.5]",
@@ -130,7 +131,11 @@ def _asked_and_told(
     worst = 0.0
     simulated = 0
     budget = designs * sum(whole_plan(study))
-    while len(executor.journal.rows) < budget and record.asked < MOST_ASKED:
+    while (
+        len(executor.journal.rows) < budget
+        and record.asked < MOST_ASKED
+        and time.process_time() - begun < MOST_CPU
+    ):
         record.asked += 1
         trial = asked.ask(search_space(study))
         design = design_of(study, dict(trial.params))

@@ -7,6 +7,9 @@ The default study's objectives and constraints at six of its operating points, f
 may spend the same number of shifts, and none knows what the package brings. Each run has a
 processor to itself, so that the time is that of one worker.
 
+A run of Optuna's also ends after ten minutes of a processor or 4000 proposals: it then keeps the
+front that it had.
+
 A front is what a search declares at a number of shifts: designs that pass every check and that no
 other dominates, as far as it knows. All of them are simulated again, densely and at fresh angles,
 and those whose dogs land too hard there are left out. What is told is the hypervolume of the rest
@@ -14,8 +17,8 @@ up to a quarter beyond the prototype, as a share of that of the reference front:
 designs that were simulated densely, among them the front of a search over 20 000 designs by the
 surrogate that the package brings.
 
-Finished runs are kept in a folder and not run again. Takes one and a half hours on two processors;
-needs the extra ``gp``.
+Finished runs are kept in a folder and not run again. Takes an hour and a half on two
+processors; needs the extra ``gp``.
 """
 
 from __future__ import annotations
@@ -48,7 +51,7 @@ from surrogate.covariance import Array
 from surrogate.over import Over
 
 SHIFTS = 24  #: of a whole design
-DENSE = 12  #: fresh angles at each operating point of a declared design
+DENSE = 8  #: fresh angles at each operating point of a declared design
 PARTS = 5  #: numbers of shifts at which fronts are compared
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
 WIDE, NEAR, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
@@ -189,13 +192,15 @@ def print_shares(runs: Sequence[Run], shares: Mapping[tuple[str, int], Array], m
 
 def print_costs(runs: Sequence[Run], most: int) -> None:
     """Print what the runs cost besides, medians over the seeds."""
-    print(f"\nmedians at {most} shifts: designs simulated, proposals, minutes of one processor")
+    print(f"\nmedians at the end: shifts (of {most}), designs, proposals, minutes of one processor")
     for name in dict.fromkeys(run["sampler"] for run in runs):
         mine = [run for run in runs if run["sampler"] == name]
         last = [run["steps"][-1] for run in mine]
-        designs, minutes = (np.median([step[key] for step in last]) for key in ("designs", "cpu"))
+        shifts, designs, seconds = (
+            np.median([step[key] for step in last]) for key in ("shifts", "designs", "cpu")
+        )
         asked = np.median([run["asked"] for run in mine])
-        print(f"{name:<20}{designs:>8.0f}{asked:>8.0f}{minutes / 60:>8.1f}")
+        print(f"{name:<20}{shifts:>8.0f}{designs:>8.0f}{asked:>8.0f}{seconds / 60:>8.1f}")
 
 
 def print_races(shares: Mapping[tuple[str, int], Array], most: int) -> None:
@@ -219,7 +224,7 @@ def main() -> None:
     """Run what is missing and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--designs", type=int, default=60)
+    parser.add_argument("--designs", type=int, default=48)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/samplers"))
     parser.add_argument("--only", nargs="*", default=[*SAMPLERS, *OWN])
