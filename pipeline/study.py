@@ -49,13 +49,17 @@ SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a round by its
 
 @dataclass(frozen=True)
 class Run:
-    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers."""
+    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
+
+    Without ``report`` it ends with its result.
+    """
 
     folder: StudyFolder
     jobs: int = 0
     storage: str | None = None
     resume: bool = False
     cluster: str | None = None
+    report: bool = True
 
 
 def run_study(study: Study, how: Run) -> dict[str, Any]:
@@ -78,7 +82,8 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         else:
             say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
-        publish(folder, say)
+        if how.report:
+            publish(folder, say)
     return result
 
 

@@ -30,11 +30,21 @@ from sim.errors import InputError
 from surrogate.covariance import Array
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
-WIDE = 400  #: candidates of the whole space
-NEAR = 100  #: candidates near the front
-DRAWS = 48  #: joint draws of what is foretold
-WAYS = 128  #: directions of the hypervolume
 TRIES = 200  #: draws for a candidate before the allowed space counts as empty
+
+
+@dataclass(frozen=True)
+class Breadth:
+    """How much is weighed for a proposal; its time grows with the square of the candidates.
+
+    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of what is
+    foretold, ``ways`` directions of the hypervolume.
+    """
+
+    wide: int = 400
+    near: int = 100
+    draws: int = 48
+    ways: int = 128
 
 
 @dataclass(frozen=True)
@@ -63,14 +73,20 @@ class SurrogateSampler(BaseSampler):
     guide : says what is allowed and foretold; None for any study of Optuna's.
     seed : of every proposal, with the trial's number; None draws one.
     startup : designs that fill the allowed space before anything is foretold.
+    breadth : how much is weighed for a proposal.
     """
 
     def __init__(
-        self, guide: Guide | None = None, seed: int | None = None, startup: int = 10
+        self,
+        guide: Guide | None = None,
+        seed: int | None = None,
+        startup: int = 10,
+        breadth: Breadth | None = None,
     ) -> None:
         self._guide = guide if guide is not None else FreeGuide()
         self._seed = seed if seed is not None else int(np.random.default_rng().integers(2**31))
         self._startup = startup
+        self._breadth = breadth or Breadth()
         self._shared = IntersectionSearchSpace()
         self._pools: dict[str, list[dict[str, Any]]] = {}
         self._known: tuple[Any, Foretold | None] = (None, None)
@@ -164,13 +180,15 @@ class SurrogateSampler(BaseSampler):
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [t.params for t in (*kept, *seen.running)]
         taken = seen.taken
-        pool = self._wide(space) + (self._drawn(space, rng, NEAR, best) if best else [])
+        pool = self._wide(space) + (
+            self._drawn(space, rng, self._breadth.near, best) if best else []
+        )
         # Few counts or choices may be all there is, and then they are proposed again.
         fresh = [params for params in pool if params not in taken] or pool
-        draws = foretold.draws([*fresh, *there], rng, DRAWS)
+        draws = foretold.draws([*fresh, *there], rng, self._breadth.draws)
         candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
         low, high = _ends(values, candidates.mean(axis=0))
-        ways = directions(rng, WAYS, len(signs))
+        ways = directions(rng, self._breadth.ways, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
                        np.full(len(signs), 1.1), ways)  # fmt: skip
         likely = gained * foretold.chances(fresh)
@@ -185,7 +203,7 @@ class SurrogateSampler(BaseSampler):
         key = repr(space.distributions)
         if key not in self._pools:
             rng = np.random.default_rng(self._seed)
-            self._pools = {key: self._drawn(space, rng, WIDE, None)}
+            self._pools = {key: self._drawn(space, rng, self._breadth.wide, None)}
         return self._pools[key]
 
     def _drawn(

@@ -14,8 +14,8 @@ from pipeline.records import is_clear
 from surrogate.store import Stored
 
 
-def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
-    """Return the front and the confirmation of a study."""
+def study_table(study: Study, result: dict[str, Any], report: Path | None) -> RenderableType:
+    """Return the front and the confirmation of a study; ``report`` is None where none was made."""
     variables = list(study.variables)
     others = [o for o in objectives_of(study) if o.name not in (SIMULATED, "smallest_margin")]
     heads = [f"{o.label}, {o.unit}".rstrip(", ") for o in others]
@@ -45,7 +45,8 @@ def study_table(study: Study, result: dict[str, Any], report: Path) -> Renderabl
             lines.append("the best design is not distinguishable from the prototype")
     for reason, count in result["failed_shifts"].items():
         lines.append(f"{count} shifts failed and count as not engaged: {reason}")
-    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
+    where = "none yet, 'dogshape report' makes it" if report is None else report
+    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {where}")
     return Group(*lines)
 
 

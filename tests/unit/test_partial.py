@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from pipeline.config import Study, load_study
-from pipeline.folder import StudyFolder
 from pipeline.plans import blocks_of, is_whole, whole_plan
 from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.plans import first_plan, hard_points
-from pipeline.study import Run, run_study
+from pipeline.study import run_study
+from tests.conftest import searching
 
 FEW = [
     "operating.mismatch_rpm=[25, 50, 100, 149]",
@@ -35,7 +35,7 @@ NAMES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A small search run to its end."""
     folder = tmp_path_factory.mktemp("partial")
-    return folder, run_study(load_study("mq200", FEW), Run(StudyFolder(folder), jobs=1))
+    return folder, run_study(load_study("mq200", FEW), searching(folder, jobs=1))
 
 
 def _points_of(folder: Path) -> dict[tuple[float, ...], dict[tuple[float, float], int]]:
@@ -93,7 +93,7 @@ def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, An
 
 
 def test_the_same_search_on_two_workers(found: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    again = run_study(load_study("mq200", FEW), Run(StudyFolder(tmp_path), jobs=2))
+    again = run_study(load_study("mq200", FEW), searching(tmp_path, jobs=2))
     keys = (*NAMES, "expected_shift_time_s", "standard_error_s", "probability_on_front")
     first, second = ([[row.get(k) for k in keys] for row in r["trials"]] for r in (found[1], again))
     assert first == second
@@ -140,6 +140,6 @@ def test_only_what_can_be_foretold_is_left_out(override: str, partial: bool) -> 
 
 def test_too_few_designs_to_foretell_from_are_simulated_whole(tmp_path: Path) -> None:
     study = load_study("mq200", [*FEW, "search.trials=2", "search.confirm_designs=1"])
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
+    result = run_study(study, searching(tmp_path, jobs=1))
     assert [row["points"] for row in result["trials"]] == [8, 8]
     assert all(len(points) == 8 for points in _points_of(tmp_path).values())
