@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.config import Study, load_study
-from pipeline.plans import blocks_of, is_whole, whole_plan
+from pipeline.plans import blocks_of, is_whole, most_to_confirm, most_to_search, whole_plan
 from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.plans import first_plan, hard_points
 from pipeline.study import run_study
@@ -57,6 +57,9 @@ def test_designs_are_simulated_at_a_few_points_and_confirmed_at_all(
     points = _points_of(folder)
     confirmed = {d["trial"] for d in result["confirmation"]["designs"]}
     assert len(confirmed) == min(2, len(result["front"]))
+    study = load_study("mq200", FEW)
+    announced = most_to_search(study, 16, partial=True, prototype=True)
+    assert result["n_simulated_shifts"] <= announced + most_to_confirm(study, len(confirmed))
     for row in result["trials"]:
         mine = points[tuple(round(row[name], 6) for name in NAMES)]
         whole = row["prototype"] or row["trial"] in confirmed

@@ -20,6 +20,7 @@ from pipeline.config import Study, build_study, load_study
 from pipeline.design import design_of
 from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal, append
+from pipeline.plans import most_to_confirm, most_to_search
 from pipeline.reporting.publish import write_report
 from pipeline.sampling.dogs import DogGuide, search_space
 from pipeline.sampling.factory import sampler_factory
@@ -76,6 +77,9 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
     shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
     assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts
+    study = load_study("mq200", SMALL)
+    announced = most_to_search(study, 12, partial=False, prototype=True)
+    assert shifts == announced + most_to_confirm(study, len(confirmed))
     assert result["confirmation"]["gain_s"] == pytest.approx(
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]
