@@ -15,6 +15,7 @@ PLOTS = ((560.0, 320.0), (1040.0, 410.0))
 LETTER, LINE = 8.0, 17.0  #: width and height of a letter, px
 REACHES = (24.0, 38.0, 54.0, 72.0, 96.0)  #: distances of a name from its mark, px
 TURNS = (225, 315, 45, 135, 270, 90, 0, 180)  #: directions that are tried, degrees
+NEARER = 4.0  #: what a label that is nearer to another mark costs, px
 MARK = 11.0  #: half the width of a mark with some room, px
 Span = tuple[float, float]
 Box = tuple[float, float, float, float]  #: middle across and up, width, height, px
@@ -66,21 +67,28 @@ def shifts_of(labels: Sequence[Label], x: Span, y: Span, taken: Taken | None = N
     found = []
     for label in labels:
         at = [_pixel(label.at, x, y, plot) for plot in PLOTS]
-        best = _best(label, at, boxes)
+        best = _best(label, at, boxes, len(marks.marks))
         for (a, u), there in zip(at, boxes, strict=True):
             there.append((a + best[0], u + best[1], label.width, LINE))
         found.append(best)
     return found
 
 
-def _best(label: Label, at: list[Span], boxes: list[list[Box]]) -> Span:
-    """Return the place of a label that covers least on all sizes of the plot together, px."""
+def _best(label: Label, at: list[Span], boxes: list[list[Box]], marks: int) -> Span:
+    """Return the place of a label that covers least on all sizes of the plot together, px.
+
+    The first ``marks`` boxes are those of marks: one that stands nearer than the label's own would
+    be taken for it.
+    """
 
     def cost(place: Span) -> float:
-        return sum(
-            _covered((a + place[0], u + place[1], label.width, LINE), there, plot)
-            for (a, u), there, plot in zip(at, boxes, PLOTS, strict=True)
-        )
+        total = 0.0
+        for (a, u), there, plot in zip(at, boxes, PLOTS, strict=True):
+            box = a + place[0], u + place[1], label.width, LINE
+            own = _apart(box, a, u)
+            total += _covered(box, there, plot)
+            total += NEARER * any(_apart(box, b, v) < 0.99 * own for b, v, *_ in there[:marks])
+        return total
 
     return min(_places(label), key=cost)
 
@@ -114,6 +122,12 @@ def write_labels(
 
 def _pixel(at: Span, x: Span, y: Span, plot: Span) -> Span:
     return plot[0] * (at[0] - x[0]) / (x[1] - x[0]), plot[1] * (at[1] - y[0]) / (y[1] - y[0])
+
+
+def _apart(box: Box, across: float, up: float) -> float:
+    """Return the distance of a point from a box, px; nought within."""
+    a, u, width, height = box
+    return math.hypot(max(abs(a - across) - 0.5 * width, 0), max(abs(u - up) - 0.5 * height, 0))
 
 
 def _covered(box: Box, others: list[Box], plot: Span) -> float:

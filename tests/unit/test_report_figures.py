@@ -126,6 +126,20 @@ def test_labels_cover_neither_marks_nor_each_other() -> None:
             assert abs(x - other[0]) >= 15.9 or abs(y - other[1]) >= 16.9
 
 
+def test_a_label_is_nearest_to_its_own_mark() -> None:
+    labels = [Label("1: 28.4", (0.9, 0.4)), Label("7: 27.8", (0.94, 0.39))]
+    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0), Taken(half=21.0))
+    for own, (label, place) in enumerate(zip(labels, places, strict=True)):
+        for wide, high in PLOTS:
+            at = wide * label.at[0] + place[0], high * label.at[1] + place[1]
+            apart = [
+                math.hypot(max(abs(at[0] - wide * x) - 0.5 * label.width, 0.0),
+                           max(abs(at[1] - high * y) - 0.5 * LINE, 0.0))
+                for x, y in (other.at for other in labels)
+            ]  # fmt: skip
+            assert min(apart) == apart[own]
+
+
 def test_a_label_covers_no_mark_and_no_bar_on_paper_or_screen() -> None:
     """A long name in a crowd: below it a bar, beside it marks."""
     crowd = [(0.55, 0.5), (0.45, 0.55), (0.5, 0.6)]
