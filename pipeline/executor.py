@@ -54,6 +54,7 @@ class Executor:
     jobs: int = 0
     progress: Progress = field(default=_silent)
     cluster: str | None = None
+    _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
@@ -62,11 +63,12 @@ class Executor:
         die again and again or the cluster is lost, StorageError where the journal cannot be
         written.
         """
-        missing = self._unfinished(blocks)
-        known = sum(len(b.angles) for b in blocks) - sum(len(b.angles) for b in missing)
+        asked = {key for block in blocks for key in block.keys}
+        known = [key for key in asked - self._counted if key in self.journal.rows]
+        self._counted |= asked
         if known:
-            self.progress(known)
-        for rows in self._simulate(missing):
+            self.progress(len(known))
+        for rows in self._simulate(self._unfinished(blocks)):
             self.journal.add(rows)
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pipeline.config import Study
 from sim.blocks import Block, even_block
 from sim.clutch import Clutch
+from sim.numerical import repeated
 
 Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 
@@ -28,3 +29,24 @@ def blocks_of(study: Study, clutch: Clutch, plan: Sequence[int], seed: int) -> l
         for index, (point, count) in enumerate(zip(study.points, plan, strict=True))
         if count
     ]
+
+
+def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -> int:
+    """Return how many shifts so many designs take at most; one that fails a check takes none.
+
+    With ``partial`` they are simulated at ``search.points`` operating points, but for the
+    ``prototype`` where it is among them.
+    """
+    every = len(study.points)
+    own = study.file.search.points if partial else None
+    points = designs * (own or every) + (every - (own or every) if prototype else 0)
+    return points * study.file.expectation.angles
+
+
+def most_to_confirm(study: Study, designs: int) -> int:
+    """Return how many shifts it takes at most to confirm the prototype and so many designs.
+
+    For prototype and chosen design those for the numerical error come on top.
+    """
+    each = len(study.points) * study.file.search.confirm_angles
+    return (1 + designs) * each + 2 * repeated(each)

@@ -22,18 +22,22 @@ LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 
 
 class ShiftProgress:
-    """Counts finished shifts; a context manager that clears its bar at the end."""
+    """Counts finished shifts; a context manager that clears its bar at the end.
 
-    def __init__(self, total: int) -> None:
+    ``most`` says that ``total`` is an upper bound.
+    """
+
+    def __init__(self, total: int, *, most: bool = False) -> None:
         self._console = Console(stderr=True)
         self._total = total
+        self._most = most
         self._done = 0
         self._start = self._said = time.monotonic()
         self._bar = Progress(
             TextColumn("{task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
-            TextColumn("shifts"),
+            TextColumn("{task.fields[unit]}"),
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
@@ -41,7 +45,9 @@ class ShiftProgress:
             disable=not self._console.is_terminal,
             transient=True,
         )
-        self._task = self._bar.add_task("simulating", total=total)
+        self._task = self._bar.add_task(
+            "simulating", total=total, unit="shifts at most" if most else "shifts"
+        )
 
     def __enter__(self) -> ShiftProgress:
         self._bar.start()
@@ -53,19 +59,26 @@ class ShiftProgress:
         self._bar.stop()
 
     def advance(self, count: int) -> None:
-        """Count ``count`` more finished shifts."""
+        """Count ``count`` more finished shifts; more than were expected raise the total."""
         self._done += count
-        self._bar.advance(self._task, count)
+        self._total = max(self._total, self._done)
+        self._bar.update(self._task, advance=count, total=self._total)
         now = time.monotonic()
         if not self._console.is_terminal and now - self._said >= LINE_EVERY:
             self._said = now
             left = (now - self._start) / self._done * max(0, self._total - self._done)
-            line = f"{self._done} of at most {self._total} shifts, about {left:.0f} s left"
+            total = f"at most {self._total}" if self._most else f"{self._total}"
+            line = f"{self._done} of {total} shifts, about {left:.0f} s left"
             self._console.print(line, highlight=False)
 
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""
         self._total += count
+        self._bar.update(self._task, total=self._total)
+
+    def rest(self, count: int) -> None:
+        """Expect ``count`` more shifts after those that are done, whatever was said before."""
+        self._total = self._done + count
         self._bar.update(self._task, total=self._total)
 
     @contextmanager

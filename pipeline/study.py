@@ -25,7 +25,7 @@ from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.known import digest_of, joining
-from pipeline.plans import whole_plan
+from pipeline.plans import most_to_confirm, most_to_search, whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
 from pipeline.reporting.publish import publish
@@ -47,13 +47,17 @@ from surrogate.model import MIN_DESIGNS
 
 @dataclass(frozen=True)
 class Run:
-    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers."""
+    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
+
+    Without ``report`` it ends with its result.
+    """
 
     folder: StudyFolder
     jobs: int = 0
     storage: str | None = None
     resume: bool = False
     cluster: str | None = None
+    report: bool = True
 
 
 def run_study(study: Study, how: Run) -> dict[str, Any]:
@@ -76,14 +80,17 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         else:
             say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
-        publish(folder, say)
+        if how.report:
+            publish(folder, say)
     return result
 
 
 def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
     """Run a search to its end and confirm its best; return the result and how to say more."""
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
-    with ShiftProgress(_shifts(search.study)) as progress:
+    most, words = _most(search)
+    with ShiftProgress(most, most=True) as progress:
+        progress.say(words)
 
         def after_round(line: str) -> None:
             progress.say(line)
@@ -117,12 +124,19 @@ def _learn(
         row["time_within_tolerances"] = spread_record(spread)
 
 
-def _shifts(study: Study) -> int:
-    """Return the number of shifts that a study takes at most."""
-    search, points = study.file.search, len(study.points)
-    own = min(search.points or points, points)
-    confirmed = points * (1 + search.confirm_designs) * search.confirm_angles
-    return own * search.trials * study.file.expectation.angles + confirmed
+def _most(search: Search) -> tuple[int, str]:
+    """Return the number of shifts that the rest of a study takes at most, and what they are."""
+    study, settings = search.study, search.study.file.search
+    left = max(0, settings.trials - len(search.trials))
+    partial = search.guide is not None and search.guide.partial
+    new = not any(trial.user_attrs.get("prototype") for trial in search.trials)
+    confirm = settings.confirm_designs
+    most = most_to_search(study, left, partial, left > 0 and new) + most_to_confirm(study, confirm)
+    points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
+    return most, (
+        f"at most {most} shifts: {left} designs at {points} operating points, then prototype and "
+        f"up to {confirm} of the front at all of them to confirm"
+    )
 
 
 def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
@@ -206,6 +220,7 @@ def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dic
         return None
     shown = [best, *(t for t in front(search) if t.number != best.number)]
     shown = shown[: search.study.file.search.confirm_designs]
+    progress.rest(most_to_confirm(search.study, len(shown)))
     progress.say(f"confirming prototype and {len(shown)} of the front at fresh angles")
     return confirm(search.study, {t.number: dict(t.params) for t in shown}, executor)
 

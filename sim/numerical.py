@@ -16,6 +16,11 @@ CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
 
+def repeated(shifts: int) -> int:
+    """Return how many of so many shifts are repeated."""
+    return min(shifts, max(LEAST, shifts // CHECKED))
+
+
 def numerical_error(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> float:
@@ -48,7 +53,7 @@ def numerical_differences(
     shifts = [
         (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
     ]
-    number = min(len(shifts), max(LEAST, len(shifts) // CHECKED))
+    number = repeated(len(shifts))
     drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
     chosen = [shifts[k] for k in sorted(drawn.tolist())]
     fine = run([blocks[which].refined(place) for which, place, _ in chosen])

@@ -75,6 +75,7 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "ms": summary.ms,
         "headline": summary.headline(result),
         "said": summary.points_of(result) if result["confirmation"] else [],
+        "choice": summary.choice(result),
         "failures": summary.failures_of(result) if result["confirmation"] else [],
         "failed_words": summary.failed_words,
         "quantiles": quantile_rows(times),

@@ -7,12 +7,13 @@ from plotly.subplots import make_subplots
 
 from pipeline.design import SIMULATED
 from pipeline.reporting.goals import Goal, Goals, goals_of
-from pipeline.reporting.labels import Label, write_labels
+from pipeline.reporting.labels import Label, Span, Taken, write_labels
 from pipeline.reporting.look import BLUE, INK, MARKS, Row, styled, window
 from pipeline.reporting.names import describe, design_name, of_kinds
 
 PALE = "#b9c9dd"
-CHOICES = ("front", "chosen", "prototype")  #: kinds of designs that are named
+LEAST, LARGEST = 9.0, 36.0  #: sizes of marks that show a third objective, px
+CHOICES = ("front", "prototype", "chosen")  #: kinds of designs that are named
 
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
@@ -45,7 +46,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     ]
     rest = [*kinds["dominated"], *kinds["lands too hard"]]
     marks = [(lead.shown(row), second.shown(row)) for row in rest]
-    write_labels(figure, labels, x, y, marks, row=1, col=1)
+    write_labels(figure, labels, x, y, Taken(marks, _lines(seen, lead, second)), row=1, col=1)
     figure.update_xaxes(title=lead.axis, range=x, col=1)
     figure.update_yaxes(title=second.axis, range=y, col=1)
     return styled(figure, 520)
@@ -64,7 +65,7 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
             continue
         trace = _designs(kind, rows, up, variables, goals)
         share = [(size.shown(row) - low) / ((high - low) or 1.0) for row in rows]
-        sizes = [9.0 + 27.0 * part for part in share]
+        sizes = [LEAST + (LARGEST - LEAST) * part for part in share]
         trace.marker = {**trace.marker.to_plotly_json(), "size": sizes, "opacity": 0.75}
         trace.error_x = trace.error_y = None
         figure.add_trace(trace)
@@ -73,7 +74,8 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
     y = window([up.shown(row) for row in seen])
     named = [(f"{_short(row)}: {size.number(size.shown(row))}", row) for row in seen]
     labels = [Label(words, (lead.shown(row), up.shown(row))) for words, row in named]
-    write_labels(figure, labels, x, y)
+    rest = [(lead.shown(row), up.shown(row)) for row in kinds["dominated"]]
+    write_labels(figure, labels, x, y, Taken(rest, half=LARGEST / 2.0 + 3.0))
     figure.update_xaxes(title=lead.axis, range=x)
     figure.update_yaxes(title=up.axis, range=y)
     figure = styled(figure, 520)
@@ -173,6 +175,19 @@ def _bars(rows: list[Row], goal: Goal) -> Row:
     }
 
 
+def _lines(rows: list[Row], lead: Goal, second: Goal) -> list[tuple[Span, Span]]:
+    """Return the ends of the error bars of designs, of both objectives."""
+    found = []
+    for row in rows:
+        at = lead.shown(row), second.shown(row)
+        for place, goal in enumerate((lead, second)):
+            if goal.error(row):
+                low, high = goal.interval(row)
+                found.append(((low, at[1]), (high, at[1])) if place == 0 else
+                             ((at[0], low), (at[0], high)))  # fmt: skip
+    return found
+
+
 def _designs(
     kind: str, rows: list[Row], second: Goal, variables: list[str], goals: Goals
 ) -> go.Scatter:
@@ -209,7 +224,8 @@ def _not_simulated(
 
 def _simulated(kinds: dict[str, list[Row]]) -> list[Row]:
     """Return the designs that are named and were simulated."""
-    return [row for kind in CHOICES for row in kinds[kind] if row[SIMULATED] is not None]
+    order = reversed(CHOICES)  # the first has the best place for its name
+    return [row for kind in order for row in kinds[kind] if row[SIMULATED] is not None]
 
 
 def _short(row: Row) -> str:

@@ -51,8 +51,8 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
     return figure
 
 
-def window(values: Sequence[float]) -> list[float]:
+def window(values: Sequence[float]) -> tuple[float, float]:
     """Return a range that shows ``values`` with room on either side."""
     low, high = min(values), max(values)
     room = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
-    return [low - room, high + room]
+    return low - room, high + room

@@ -13,6 +13,7 @@ from pipeline.reporting.names import check_name, percent
 from pipeline.reporting.operating import Gain, gains
 
 Row = dict[str, Any]
+COUNTS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven"}
 
 
 def ms(seconds: float, digits: int = 1) -> str:
@@ -42,6 +43,24 @@ class Gained:
         """Gain over the prototype's value; None of a margin, which is a share already."""
         value = self.prototype[0]
         return None if self.goal.unit == "%" or not value else self.gain[0] / abs(value)
+
+    @property
+    def more(self) -> bool:
+        """Whether the chosen design has more of it than the prototype."""
+        return (self.gain[0] >= 0.0) == self.goal.objective.maximise
+
+    @property
+    def change(self) -> str:
+        """What the chosen design has less or more of than the prototype, in words."""
+        gain, error = self.gain
+        if not gain and not error:
+            return "none"
+        side = "more" if self.more else "less"
+        unit = " percentage points" if self.goal.unit == "%" else f" {self.goal.unit}".rstrip()
+        said = f"{self.goal.pair(abs(gain), error)}{unit} {side}"
+        said += "" if self.share is None else f" ({100 * abs(self.share):.0f} %)"
+        worse = ", worse" if gain < 0.0 else ""
+        return said + (worse if self.clear else ", not clear")
 
 
 def gained(result: Row) -> list[Gained]:
@@ -103,7 +122,6 @@ def _told(first: Gained) -> str:
     if quick and first.share is not None:
         word = "faster" if gain[0] >= 0.0 else "slower"
         return f"shifts {100 * abs(first.share):.0f} % {word} than the prototype"
-    below = (gain[0] >= 0.0) != goal.objective.maximise
     change = (
         f"{goal.number(abs(gain[0]))} percentage points"
         if first.share is None and goal.unit == "%"
@@ -112,8 +130,29 @@ def _told(first: Gained) -> str:
         else f"{100 * abs(first.share):.0f} %"
     )
     value = goal.words(first.chosen[0])
-    side = "below" if below else "above"
+    side = "above" if first.more else "below"
     return f"has a {goal.label} of {value}, {change} {side} the prototype's"
+
+
+def choice(result: Row) -> str:
+    """Return which objectives there are, what chosen means, and which margins decide."""
+    goals = goals_of(result)
+    number = COUNTS.get(len(goals.every), str(len(goals.every)))
+    first = f"The objective is the {goals.leading.label}."
+    if goals.others:
+        others = "; ".join(f"the {goal.label}" for goal in goals.others)
+        lead = f"the {goals.leading.label}, which leads"
+        first = f"There are {number} objectives: {lead}; {others}."
+    chosen = (
+        "Chosen is the first design of the front, in the order of the leading objective, which "
+        "also passes every check at the fresh angles"
+    )
+    if result["confirmation"] and _failed(_confirmed(result)):
+        chosen += "; none of those confirmed does, so it is the first of all"
+    return (
+        f"{first} {chosen}. Margins at nominal size decide what passes; the margin with every "
+        "tolerance at its worst is shown, and may be negative."
+    )
 
 
 def points_of(result: Row) -> list[str]:
@@ -127,13 +166,12 @@ def points_of(result: Row) -> list[str]:
 
 def failures_of(result: Row) -> list[str]:
     """Return sentences on designs of the front that fail a check at the fresh angles."""
-    best = result["best"]
-    said = []
-    for trial, found in confirmed_designs(result).items():
-        words = _failed(found)
-        if words:
-            name = f"Design {trial}" + (", the chosen one," if trial == best["trial"] else "")
-            said.append(f"{name} fails at the fresh angles: {words}.")
+    best, said, role = result["best"]["trial"], [], ", passed over,"
+    for trial, found in confirmed_designs(result).items():  # in the order of the search
+        role = ", the chosen one," if trial == best else role
+        if words := _failed(found):
+            said.append(f"Design {trial}{role} fails at the fresh angles: {words}.")
+        role = "" if trial == best else role
     return said
 
 
@@ -186,7 +224,10 @@ def _better(result: Row) -> list[str]:
     names = ", ".join(str(trial) for trial in better)
     word = "Design" if len(better) == 1 else "Designs"
     chosen = result["best"]["trial"]
-    said = f"{word} {names} did clearly better than design {chosen} at the fresh angles."
+    said = (
+        f"{word} {names} did clearly better than design {chosen} at the fresh angles; the order "
+        "of the search decides, so that none is chosen for its luck there."
+    )
     return [said] if better else []
 
 

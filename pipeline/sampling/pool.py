@@ -11,7 +11,7 @@ from pipeline.sampling.guide import Guide, Params
 from pipeline.sampling.space import Space
 from sim.errors import InputError
 
-WIDE = 400  #: candidates of the whole space
+WIDE = 400  #: candidates of the whole space, where nobody says another number
 LISTED = 10_000  #: designs of a space that are listed and not drawn, at most
 TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 
@@ -22,22 +22,23 @@ class Pool:
     Most draws may not be allowed, so they are drawn once; again only when all were taken.
     """
 
-    def __init__(self, guide: Guide, seed: int) -> None:
+    def __init__(self, guide: Guide, seed: int, wide: int = WIDE) -> None:
         self._guide = guide
         self._seed = seed
+        self._wide = wide
         self._space = ""
         self._listed: list[dict[str, Any]] | None = None
         self._drawn: list[list[dict[str, Any]]] = []
 
     def fresh(self, space: Space, taken: Sequence[Params]) -> list[dict[str, Any]]:
-        """Return up to ``WIDE`` allowed designs of a space that were not taken.
+        """Return up to ``wide`` allowed designs of a space that were not taken.
 
         None where every one was. Raises InputError where next to none is allowed.
         """
         self._turn_to(space)
         gone = {space.key(params) for params in taken}
         if self._listed is not None:
-            return _not_of(gone, space, self._listed)[:WIDE]
+            return _not_of(gone, space, self._listed)[: self._wide]
         for number, drawn in enumerate([*self._drawn, None]):
             pool = drawn if drawn is not None else self._more(space, number)
             if left := _not_of(gone, space, pool):
@@ -45,7 +46,7 @@ class Pool:
         return []
 
     def first(self, space: Space) -> list[dict[str, Any]]:
-        """Return up to ``WIDE`` allowed designs of a space, taken or not."""
+        """Return up to ``wide`` allowed designs of a space, taken or not."""
         return self.fresh(space, [])
 
     def drawn(
@@ -69,7 +70,7 @@ class Pool:
         self._listed, self._drawn = None, []
         rng = np.random.default_rng(self._seed)
         if (every := space.every(LISTED)) is None:
-            self._drawn = [self.drawn(space, rng, WIDE, None)]
+            self._drawn = [self.drawn(space, rng, self._wide, None)]
         else:
             order = [every[place] for place in rng.permutation(len(every))]
             allowed = [params for params in order if self._guide.allows(params)]
@@ -79,7 +80,7 @@ class Pool:
     def _more(self, space: Space, number: int) -> list[dict[str, Any]]:
         """Draw designs after ``number`` pools; they are kept if they are new."""
         rng = np.random.default_rng([self._seed, number])
-        more = self.drawn(space, rng, WIDE, None)
+        more = self.drawn(space, rng, self._wide, None)
         known = {space.key(params) for pool in self._drawn for params in pool}
         if _not_of(known, space, more):
             self._drawn.append(more)

@@ -26,15 +26,26 @@ from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.sampling.guide import Foretold, FreeGuide, Guide, Params, sound
 from pipeline.sampling.improvement import added, directions, not_dominated
-from pipeline.sampling.pool import Pool
+from pipeline.sampling.pool import WIDE, Pool
 from pipeline.sampling.space import Space
 from sim.errors import InputError
 from surrogate.covariance import Array
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
-NEAR = 100  #: candidates near the front
-DRAWS = 48  #: joint draws of what is foretold
-WAYS = 128  #: directions of the hypervolume
+
+
+@dataclass(frozen=True)
+class Breadth:
+    """How much is weighed for a proposal; its time grows with the square of the candidates.
+
+    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of what is
+    foretold, ``ways`` directions of the hypervolume.
+    """
+
+    wide: int = WIDE
+    near: int = 100
+    draws: int = 48
+    ways: int = 128
 
 
 @dataclass(frozen=True)
@@ -63,22 +74,28 @@ class SurrogateSampler(BaseSampler):
     guide : says what is allowed and foretold; None for any study of Optuna's.
     seed : of every proposal, with the trial's number; None draws one.
     startup : designs that fill the allowed space before anything is foretold.
+    breadth : how much is weighed for a proposal.
     """
 
     def __init__(
-        self, guide: Guide | None = None, seed: int | None = None, startup: int = 10
+        self,
+        guide: Guide | None = None,
+        seed: int | None = None,
+        startup: int = 10,
+        breadth: Breadth | None = None,
     ) -> None:
         self._guide = guide if guide is not None else FreeGuide()
         self._seed = seed if seed is not None else int(np.random.default_rng().integers(2**31))
         self._startup = startup
+        self._breadth = breadth or Breadth()
         self._shared = IntersectionSearchSpace()
-        self._pool = Pool(self._guide, self._seed)
+        self._pool = Pool(self._guide, self._seed, self._breadth.wide)
         self._known: tuple[Any, Foretold | None] = (None, None)
 
     def reseed_rng(self) -> None:
         """Draw another seed, for a process of its own."""
         self._seed = int(np.random.default_rng().integers(2**31))
-        self._pool = Pool(self._guide, self._seed)
+        self._pool = Pool(self._guide, self._seed, self._breadth.wide)
 
     def infer_relative_search_space(
         self, study: optuna.Study, trial: FrozenTrial
@@ -170,16 +187,16 @@ class SurrogateSampler(BaseSampler):
         values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [t.params for t in (*kept, *seen.running)]
-        near = self._pool.drawn(space, rng, NEAR, best) if best else []
+        near = self._pool.drawn(space, rng, self._breadth.near, best) if best else []
         gone = {space.key(params) for params in seen.taken}
         fresh = self._pool.fresh(space, seen.taken)
         fresh += [params for params in near if space.key(params) not in gone]
         # Few counts or choices may be all there is, and then they are proposed again.
         fresh = fresh or self._pool.first(space)
-        draws = foretold.draws([*fresh, *there], rng, DRAWS)
+        draws = foretold.draws([*fresh, *there], rng, self._breadth.draws)
         candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
         low, high = _ends(values, candidates.mean(axis=0))
-        ways = directions(rng, WAYS, len(signs))
+        ways = directions(rng, self._breadth.ways, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
                        np.full(len(signs), 1.1), ways)  # fmt: skip
         likely = gained * foretold.chances(fresh)

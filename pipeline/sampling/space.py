@@ -90,7 +90,7 @@ def _drawn(known: BaseDistribution, rng: np.random.Generator, near: Any) -> Any:
         return near if kept else known.choices[rng.integers(len(known.choices))]
     assert isinstance(known, FloatDistribution | IntDistribution)
     unit = rng.random() if near is None else _unit(known, near) + rng.normal(0.0, STEP)
-    return _value(known, float(np.clip(unit, 0.0, 1.0)))
+    return _value(known, min(max(float(unit), 0.0), 1.0))
 
 
 def _values(known: BaseDistribution, most: int) -> list[Any] | None:

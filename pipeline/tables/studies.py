@@ -6,57 +6,94 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Group, RenderableType
+from rich.table import Table
 
 from pipeline.config import Study
 from pipeline.console import columns, in_ms
-from pipeline.design import SIMULATED, objectives_of
-from pipeline.records import is_clear
+from pipeline.exploring.labels import axis
+from pipeline.reporting.goals import MARGIN, Goal, goals_of
+from pipeline.reporting.names import check_name, designs_shown, percent
+from pipeline.reporting.summary import choice, failures_of, gained, headline
 from surrogate.store import Stored
 
+Row = dict[str, Any]
 
-def study_table(study: Study, result: dict[str, Any], report: Path) -> RenderableType:
-    """Return the front and the confirmation of a study."""
-    variables = list(study.variables)
-    others = [o for o in objectives_of(study) if o.name not in (SIMULATED, "smallest_margin")]
-    heads = [f"{o.label}, {o.unit}".rstrip(", ") for o in others]
-    table = columns("design", *variables, "time, ms", "s.e., ms", *heads, "smallest margin")
-    for row in result["front"]:
-        values = [f"{row[v]:.4g}" for v in variables]
-        time, error = in_ms(row["expected_shift_time_s"]), in_ms(row["standard_error_s"])
-        margin = f"{row['smallest_margin']:.0%} {row['weakest_check']}"
-        more = [f"{row[o.name]:.4g}" for o in others]
-        table.add_row(str(row["trial"]), *values, time, error, *more, margin)
-    lines: list[RenderableType] = [table]
-    c = result["confirmation"]
-    if c is None:
-        lines.append("no design passes every check, so none was simulated")
-    else:
-        best, proto = c["best"], c["prototype"]
-        lines.append(
-            f"at fresh angles: design {result['best']['trial']} "
-            f"{in_ms(best['expected_shift_time_s'])} +- {in_ms(best['standard_error_s'])} ms, "
-            "prototype "
-            f"{in_ms(proto['expected_shift_time_s'])} +- {in_ms(proto['standard_error_s'])} ms, "
-            f"gain {in_ms(c['gain_s'])} +- {in_ms(c['gain_standard_error_s'])} ms "
-            f"(one standard error; numerical error {best['numerical_error_s'] * 1e3:.2g} ms)"
-        )
-        lines += [_gain_text(c, o.name, o.label, o.unit) for o in others if o.simulated]
-        if not is_clear(c):
-            lines.append("the best design is not distinguishable from the prototype")
+
+def study_table(study: Study, result: Row, report: Path | None) -> RenderableType:
+    """Return what a study found: its result, prototype beside chosen design, and the front.
+
+    ``report`` is None where none was made.
+    """
+    lines: list[RenderableType] = [headline(result)]
+    if result["confirmation"]:
+        lines += ["", _pair(study, result), *failures_of(result)]
+        error = result["confirmation"]["best"]["numerical_error_s"]
+        if error is not None:
+            lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
+    if result["best"] is not None:
+        lines += ["", choice(result), "", "front by the search (95 % intervals)"]
+        lines += [_front(study, result), ""]
     for reason, count in result["failed_shifts"].items():
         lines.append(f"{count} shifts failed and count as not engaged: {reason}")
-    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {report}")
+    where = "none yet, 'dogshape report' makes it" if report is None else report
+    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {where}")
     return Group(*lines)
 
 
-def _gain_text(confirmation: dict[str, Any], name: str, label: str, unit: str) -> str:
-    """Return in words what both confirmed designs have of a simulated objective."""
-    told = [
-        f"{who} {one['value']:.4g} +- {one['standard_error']:.2g} {unit}"
-        for who in ("best", "prototype")
-        for one in [confirmation[who]["estimates"][name]]
-    ]
-    return f"{label}: {', '.join(told)}"
+def _pair(study: Study, result: Row) -> Table:
+    """Return prototype and chosen design, a line for each variable and objective."""
+    best, angles = result["best"], result["confirmation"]["angles"]
+    own = next(row for row in result["trials"] if row["prototype"])
+    chosen = "the same" if best["prototype"] else f"design {best['trial']}, chosen"
+    table = columns(f"at {angles} fresh angles (95 % interval)", "prototype", chosen, "change")
+    for name in study.variables:
+        table.add_row(axis(name), *(f"{row[name]:.4g}" for row in (own, best)), "")
+    for one in gained(result):
+        table.add_row(one.goal.title, *(_ranged(one.goal, p) for p in (one.prototype, one.chosen)),
+                      one.change)  # fmt: skip
+    table.add_row("smallest margin, nominal", _margin(own), _margin(best), "")
+    return table
+
+
+def _front(study: Study, result: Row) -> Table:
+    """Return the prototype and the designs of the front by the study's objectives."""
+    goals = [goal for goal in goals_of(result).told if goal.name != MARGIN]
+    table = columns(
+        "design", *study.variables, *(goal.title for goal in goals), "smallest margin, nominal"
+    )
+    for row in designs_shown(result):
+        values = [f"{row[name]:.4g}" for name in study.variables]
+        name = "prototype" if row["prototype"] else str(row["trial"])
+        name += ", chosen" if row["trial"] == result["best"]["trial"] else ""
+        table.add_row(name, *values, *(_searched(goal, row) for goal in goals), _margin(row))
+    return table
+
+
+def _searched(goal: Goal, row: Row) -> str:
+    """Return an objective of a row with its 95 % interval, if it has one."""
+    if row.get(goal.name) is None:
+        return "not simulated"
+    if not goal.error(row):
+        return goal.number(goal.shown(row))
+    return f"{goal.number(goal.shown(row))} ({_between(goal, *goal.interval(row))})"
+
+
+def _ranged(goal: Goal, found: tuple[float, float]) -> str:
+    """Return a value with its 95 % interval from its standard error, if it has one."""
+    value, half = found[0], 1.96 * found[1]
+    return f"{goal.number(value)}" + (
+        f" ({_between(goal, value - half, value + half)})" if half else ""
+    )
+
+
+def _between(goal: Goal, low: float, high: float) -> str:
+    return f"{goal.number(low)} to {goal.number(high)}"
+
+
+def _margin(row: Row) -> str:
+    if row["smallest_margin"] is None:
+        return "no dog"
+    return f"{percent(row['smallest_margin'])} {check_name(row['weakest_check'])}"
 
 
 def validation_text(stored: Stored, path: Path) -> RenderableType:

@@ -14,7 +14,7 @@ from pipeline.options import Corrections, Jobs, Json, angles_of
 from pipeline.progress import ShiftProgress
 from pipeline.tables.benches import comparison_table, difference_record, examined_record
 from sim.errors import InputError
-from sim.numerical import CHECKED, LEAST
+from sim.numerical import repeated
 
 
 @verb
@@ -41,7 +41,7 @@ def validate(
     chosen = None if angles is None else listed or count
     own = given.relative_angles if angles is None else None
     shifts = len(given.cells) * len(listed or own or range(count))
-    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
+    with ShiftProgress(shifts + repeated(shifts)) as progress:
         run = scratch_executor(jobs, progress.advance).run
         result = compare(given, run, chosen, checked=True)
     data = {

@@ -39,7 +39,7 @@ from sim.engagement import engage
 from sim.errors import InputError, refusal, require_between
 from sim.expectation import Expectation
 from sim.manufacture import require_makeable
-from sim.numerical import CHECKED, LEAST, numerical_error
+from sim.numerical import numerical_error, repeated
 from sim.plant import ClutchPlant
 from sim.units import DEG
 
@@ -164,7 +164,7 @@ def _expect_at(
     else:
         blocks = even_blocks(given.clutch, points, count, seed, uncertainty=unsure)
     shifts = sum(len(b.angles) for b in blocks)
-    with ShiftProgress(shifts + max(LEAST, shifts // CHECKED)) as progress:
+    with ShiftProgress(shifts + repeated(shifts)) as progress:
         executor = simulate(progress=progress.advance)
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)

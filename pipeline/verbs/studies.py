@@ -34,10 +34,15 @@ def study(
         typer.Option(help="PostgreSQL that machines share: postgresql+psycopg://user@host/db"),
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="go on if there is a study")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="result only; 'dogshape report' makes it later")
+    ] = False,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
     """Search for the best shape, then write the report.
+
+    The report takes a minute or more for its effects and animations; --no-report leaves it out.
 
     Example: dogshape study mq200 --out results/mq200 --trials 48
     """
@@ -46,10 +51,11 @@ def study(
     overrides += [f"search.seed={seed}"] if seed is not None else []
     given = load_study(study, overrides)
     folder = StudyFolder(out or default_out(given))
-    result = run_study(given, Run(folder, jobs, storage, resume, cluster))
+    result = run_study(given, Run(folder, jobs, storage, resume, cluster, not no_report))
+    path = None if no_report else folder.report
     keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
-    data = {key: result[key] for key in keys} | {"report": str(folder.report)}
-    emit(data, json, lambda: study_table(given, result, folder.report))
+    data = {key: result[key] for key in keys} | {"report": path and str(path)}
+    emit(data, json, lambda: study_table(given, result, path))
     if result["best"] is None:
         raise typer.Exit(1)
 

@@ -17,6 +17,7 @@ from tests.conftest import SMALL
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
 
 OVERRIDES = [part for text in SMALL for part in ("--set", text)]
+STUDY = ["mq200", "--no-report", *OVERRIDES]
 EXPECT = ["mq200", "--angles", "3", *OVERRIDES, "--json"]
 
 
@@ -54,7 +55,7 @@ def test_a_killed_worker_loses_no_trial(tmp_path: Path) -> None:
     size = ["--set", "search.trials=4"]
     with dask_cluster(2) as two:
         process = subprocess.Popen(
-            command_of("study", "mq200", "--out", str(outs[0]), *OVERRIDES, *size,
+            command_of("study", *STUDY, "--out", str(outs[0]), *size,
                        "--cluster", two.address),
             cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
@@ -63,7 +64,7 @@ def test_a_killed_worker_loses_no_trial(tmp_path: Path) -> None:
         two.workers[0].wait()
         _, err = process.communicate(timeout=240)
         assert process.returncode == 0, err.decode()
-    here = _call("study", "mq200", "--out", str(outs[1]), *OVERRIDES, *size)
+    here = _call("study", *STUDY, "--out", str(outs[1]), *size)
     assert here.returncode == 0, here.stderr
     away, alone = (json.loads((out / "result.json").read_text()) for out in outs)
     assert away == alone
@@ -86,7 +87,7 @@ def _wait_for_shifts(out: Path, count: int) -> None:
 
 def test_ctrl_c_stops_a_run_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
     process = subprocess.Popen(
-        command_of("study", "mq200", "--out", str(tmp_path), *OVERRIDES,
+        command_of("study", *STUDY, "--out", str(tmp_path),
                    "--cluster", cluster.address),
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
@@ -103,7 +104,7 @@ def test_ctrl_c_stops_a_run_on_a_cluster(cluster: Cluster, tmp_path: Path) -> No
 def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
     with dask_cluster(1) as doomed:
         process = subprocess.Popen(
-            command_of("study", "mq200", "--out", str(tmp_path), *OVERRIDES,
+            command_of("study", *STUDY, "--out", str(tmp_path),
                        "--cluster", doomed.address),
             cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip

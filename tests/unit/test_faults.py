@@ -21,20 +21,21 @@ from optuna.storages.journal import JournalFileBackend
 
 from pipeline.config import Study, load_study
 from pipeline.executor import Executor
-from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal, append
-from pipeline.study import Run, run_study
+from pipeline.study import run_study
 from sim.actuation import ForceProfile
 from sim.blocks import Block, even_blocks
 from sim.errors import StorageError, WorkerError
 from sim.records import Record
-from tests.conftest import SMALL, Said
+from tests.conftest import SMALL, Said, searching
 from tests.server import ROOT, command_of
 
 
 def _command(out: Path, *more: str) -> list[str]:
     overrides = [part for text in SMALL for part in ("--set", text)]
-    return command_of("study", "mq200", "--out", str(out), "--resume", *overrides, *more)
+    return command_of(
+        "study", "mq200", "--out", str(out), "--resume", "--no-report", *overrides, *more
+    )
 
 
 def _designs(result: dict[str, Any]) -> list[dict[str, Any]]:
@@ -54,9 +55,7 @@ def _lines(out: Path) -> list[bytes]:
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     """What a small study finds when nothing goes wrong."""
-    return run_study(
-        load_study("mq200", SMALL), Run(StudyFolder(tmp_path_factory.mktemp("finished")))
-    )
+    return run_study(load_study("mq200", SMALL), searching(tmp_path_factory.mktemp("finished")))
 
 
 def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[str, Any]) -> None:
@@ -77,7 +76,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[s
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
-    run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), resume=True))
+    run_study(load_study("mq200", SMALL), searching(tmp_path, resume=True))
     assert _designs(_result(tmp_path)) == _designs(finished)
     assert _result(tmp_path)["confirmation"] == finished["confirmation"]
     keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
@@ -103,7 +102,7 @@ def test_a_full_disk_is_said_and_costs_nothing(
     kept = _lines(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), resume=True))
+    again = run_study(load_study("mq200", SMALL), searching(tmp_path, resume=True))
     assert _lines(tmp_path)[: len(kept)] == kept
     assert _designs(again) == _designs(finished)
 
@@ -150,10 +149,10 @@ def test_a_disk_full_of_trials(
 
     monkeypatch.setattr(JournalFileBackend, "append_logs", torn)
     with pytest.raises(OSError, match="No space left on device"):
-        run_study(study, Run(StudyFolder(tmp_path / "out"), 1))
+        run_study(study, searching(tmp_path / "out", 1))
     monkeypatch.undo()
-    again = run_study(study, Run(StudyFolder(tmp_path / "out"), 1, resume=True))
-    other = run_study(study, Run(StudyFolder(tmp_path / "other"), 1))
+    again = run_study(study, searching(tmp_path / "out", 1, resume=True))
+    other = run_study(study, searching(tmp_path / "other", 1))
     assert _designs(again)[0] == _designs(other)[0]
     params = [[row[name] for name in study.variables] for row in again["trials"]]
     assert params == [[row[name] for name in study.variables] for row in other["trials"]]
@@ -175,7 +174,7 @@ def test_a_read_only_folder_is_said(
 ) -> None:
     shut = tmp_path / "shut"
     with pytest.raises(StorageError, match=r"cannot be written \(Permission denied\); choose"):
-        run_study(small_study, Run(StudyFolder(shut / "out"), 1))
+        run_study(small_study, searching(shut / "out", 1))
 
 
 def test_two_runs_in_one_folder(tmp_path: Path) -> None:
@@ -197,10 +196,10 @@ def test_two_runs_in_one_folder(tmp_path: Path) -> None:
 
 def test_a_stale_lock_of_the_trials_costs_no_wait(tmp_path: Path) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=1"])
-    run_study(study, Run(StudyFolder(tmp_path), 1))
+    run_study(study, searching(tmp_path, 1))
     (tmp_path / "trials.log.lock").symlink_to(tmp_path / "trials.log")
     start = time.monotonic()
-    run_study(study, Run(StudyFolder(tmp_path), 1, resume=True))
+    run_study(study, searching(tmp_path, 1, resume=True))
     assert time.monotonic() - start < 25.0
 
 
@@ -208,7 +207,7 @@ def test_a_clock_that_jumps_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=5"])
-    plain = run_study(study, Run(StudyFolder(tmp_path / "plain"), 1))
+    plain = run_study(study, searching(tmp_path / "plain", 1))
     chance, true, asked = random.Random(1), time.time, []
 
     def jumping() -> float:
@@ -217,8 +216,8 @@ def test_a_clock_that_jumps_changes_nothing(
 
     monkeypatch.setattr("time.time", jumping)
     short = load_study("mq200", [*SMALL, "search.trials=2"])
-    run_study(short, Run(StudyFolder(tmp_path / "jumps"), 1))
-    jumped = run_study(study, Run(StudyFolder(tmp_path / "jumps"), 1, resume=True))
+    run_study(short, searching(tmp_path / "jumps", 1))
+    jumped = run_study(study, searching(tmp_path / "jumps", 1, resume=True))
     assert _designs(jumped) == _designs(plain)
     assert time.time() != true()
 
@@ -272,6 +271,7 @@ def test_a_study_goes_on_with_shifts_that_fail(tmp_path: Path, dogshape: Any) ->
     assert sum(failed.values()) == sum(row["outcome"] == "diverged" for row in rows) > 0
     assert all("solver.max_steps = 420" in reason for reason in failed)
     assert "shifts failed and count as not engaged" in said.out
+    assert (tmp_path / "report.html").stat().st_size > 0
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,11 @@ from pipeline.design import exact_losses, leading, losses_of, objectives_of
 from pipeline.executor import scratch_executor
 from pipeline.folder import StudyFolder
 from pipeline.precision import FIRST
+from pipeline.reporting.publish import write_report
 from pipeline.rows import dataset_of, study_mix
 from pipeline.sampling.improvement import not_dominated
 from pipeline.schema import QUANTILE
-from pipeline.study import Run, run_study
+from pipeline.study import run_study
 from sim.blocks import even_blocks
 from sim.clutch import OperatingPoint
 from sim.errors import DogshapeError
@@ -26,6 +27,7 @@ from sim.records import clutch_record, content_key, inputs, result_of
 from sim.units import RPM
 from surrogate.query import require_same_physics
 from surrogate.targets import point_coordinates
+from tests.conftest import searching
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"
 NORMAL = "{distribution='normal', mean=60, sd=20}"
@@ -300,7 +302,7 @@ def _tiny(name: str, *more: str) -> Study:
 
 
 def _run(study: Study, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    result = run_study(study, Run(StudyFolder(folder), jobs=1))
+    result = run_study(study, searching(folder, jobs=1))
     lines = (folder / "shifts.jsonl").read_text().splitlines()
     return result, [json.loads(line) for line in lines]
 
@@ -327,8 +329,8 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
     told = [one["shift_time_quantile_s"]["value"] for one in both]
     assert gain["value"] == pytest.approx(told[0] - told[1])
-    assert (tmp_path / "report.html").stat().st_size > 0
-    resumed = run_study(study, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+    assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
+    resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
     assert resumed["trials"] == result["trials"]
     assert resumed["n_simulated_shifts"] == len(shifts)
 

@@ -15,12 +15,13 @@ import pytest
 from pipeline.config import Study, load_study
 from pipeline.folder import StudyFolder
 from pipeline.known import known_surrogate
-from pipeline.plans import blocks_of, is_whole, whole_plan
+from pipeline.plans import blocks_of, is_whole, most_to_confirm, most_to_search, whole_plan
 from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide
 from pipeline.sampling.plans import first_plan, hard_points, telling_plan
 from pipeline.study import Run, run_study
 from surrogate.over import Over
+from tests.conftest import searching
 
 FEW = [
     "operating.mismatch_rpm=[25, 50, 100, 149]",
@@ -41,7 +42,7 @@ NAMES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A small search run to its end."""
     folder = tmp_path_factory.mktemp("partial")
-    return folder, run_study(load_study("mq200", FEW), Run(StudyFolder(folder), jobs=1))
+    return folder, run_study(load_study("mq200", FEW), searching(folder, jobs=1))
 
 
 def _points_of(folder: Path) -> dict[tuple[float, ...], dict[tuple[float, float], int]]:
@@ -63,6 +64,9 @@ def test_designs_are_simulated_at_a_few_points_and_confirmed_at_all(
     points = _points_of(folder)
     confirmed = {d["trial"] for d in result["confirmation"]["designs"]}
     assert len(confirmed) == min(2, len(result["front"]))
+    study = load_study("mq200", FEW)
+    announced = most_to_search(study, 16, partial=True, prototype=True)
+    assert result["n_simulated_shifts"] <= announced + most_to_confirm(study, len(confirmed))
     for row in result["trials"]:
         mine = points[tuple(round(row[name], 6) for name in NAMES)]
         whole = row["prototype"] or row["trial"] in confirmed
@@ -99,7 +103,7 @@ def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, An
 
 
 def test_the_same_search_on_two_workers(found: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    again = run_study(load_study("mq200", FEW), Run(StudyFolder(tmp_path), jobs=2))
+    again = run_study(load_study("mq200", FEW), searching(tmp_path, jobs=2))
     keys = (*NAMES, "expected_shift_time_s", "standard_error_s", "probability_on_front")
     first, second = ([[row.get(k) for k in keys] for row in r["trials"]] for r in (found[1], again))
     assert first == second
@@ -191,6 +195,6 @@ def test_only_what_can_be_foretold_is_left_out(override: str, partial: bool) -> 
 
 def test_too_few_designs_to_foretell_from_are_simulated_whole(tmp_path: Path) -> None:
     study = load_study("mq200", [*FEW, "search.trials=2", "search.confirm_designs=1"])
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
+    result = run_study(study, searching(tmp_path, jobs=1))
     assert [row["points"] for row in result["trials"]] == [8, 8]
     assert all(len(points) == 8 for points in _points_of(tmp_path).values())

@@ -15,7 +15,7 @@ from pipeline.reporting.convergence import convergence_figure, course
 from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
 from pipeline.reporting.front import front_figure, sure_figure, third_figure
 from pipeline.reporting.goals import MARGIN
-from pipeline.reporting.labels import Label, shifts_of
+from pipeline.reporting.labels import LINE, MARK, PLOTS, Label, Taken, shifts_of
 from pipeline.reporting.listed import listed_figure
 from pipeline.reporting.operating import (
     engaged_figure,
@@ -120,10 +120,38 @@ def test_names_at_the_end_of_lines_stay_apart() -> None:
 def test_labels_cover_neither_marks_nor_each_other() -> None:
     labels = [Label("12", (0.5 + 0.01 * k, 0.5)) for k in range(4)]
     places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0))
-    centres = [(600 * (0.5 + 0.01 * k) + x, 160 + y) for k, (x, y) in enumerate(places)]
+    centres = [(560 * (0.5 + 0.01 * k) + x, 160 + y) for k, (x, y) in enumerate(places)]
     for k, (x, y) in enumerate(centres):
         for other in centres[:k]:
             assert abs(x - other[0]) >= 15.9 or abs(y - other[1]) >= 16.9
+
+
+def test_a_label_is_nearest_to_its_own_mark() -> None:
+    labels = [Label("1: 28.4", (0.9, 0.4)), Label("7: 27.8", (0.94, 0.39))]
+    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0), Taken(half=21.0))
+    for own, (label, place) in enumerate(zip(labels, places, strict=True)):
+        for wide, high in PLOTS:
+            at = wide * label.at[0] + place[0], high * label.at[1] + place[1]
+            apart = [
+                math.hypot(max(abs(at[0] - wide * x) - 0.5 * label.width, 0.0),
+                           max(abs(at[1] - high * y) - 0.5 * LINE, 0.0))
+                for x, y in (other.at for other in labels)
+            ]  # fmt: skip
+            assert min(apart) == apart[own]
+
+
+def test_a_label_covers_no_mark_and_no_bar_on_paper_or_screen() -> None:
+    """A long name in a crowd: below it a bar, beside it marks."""
+    crowd = [(0.55, 0.5), (0.45, 0.55), (0.5, 0.6)]
+    bars = [((0.3, 0.45), (0.7, 0.45))]
+    label = Label("<b>chosen: design 31</b>", (0.5, 0.5))
+    ((right, up),) = shifts_of([label], (0.0, 1.0), (0.0, 1.0), Taken(crowd, bars))
+    for wide, high in PLOTS:
+        across, over = 0.5 * wide + right, 0.5 * high + up
+        for x, y in [*crowd, label.at]:
+            apart = abs(across - wide * x) - 0.5 * label.width, abs(over - high * y) - 0.5 * LINE
+            assert max(apart) >= MARK
+        assert abs(over - 0.45 * high) >= 0.5 * LINE + 3.0
 
 
 def test_gain_at_each_operating_point(result: Row) -> None:

@@ -15,18 +15,19 @@ import pandas as pd
 import pytest
 
 from pipeline.config import Study, load_study
+from pipeline.design import OBJECTIVES
 from pipeline.evaluation import FRESH
 from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal
 from pipeline.known import known_surrogate
 from pipeline.reporting import replays
-from pipeline.reporting.goals import goals_of
+from pipeline.reporting.goals import Goal, goals_of
 from pipeline.reporting.learned import learn_effects, stored_effects
 from pipeline.reporting.names import of_kinds, percent
 from pipeline.reporting.provenance import command_of
 from pipeline.reporting.replays import drawn_variant, replays_of, write_replays
 from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
-from pipeline.reporting.summary import failures_of, gained, headline, points_of
+from pipeline.reporting.summary import Gained, choice, failures_of, gained, headline, points_of
 from pipeline.reporting.tables import csv_link, designs_frame, in_parts
 from pipeline.sampling.improvement import hypervolume
 from surrogate.store import save
@@ -188,11 +189,48 @@ def test_designs_that_fail_at_the_fresh_angles_are_said(result: Row) -> None:
     result["confirmation"]["best"]["checks"] = [check]
     result["confirmation"]["designs"] = [{"trial": 2, **result["confirmation"]["best"]}]
     (said,) = failures_of(result)
+    assert "none of those confirmed does" in choice(result)
     assert said == (
         "Design 2, the chosen one, fails at the fresh angles: "
         "edge pressure impact (\N{MINUS SIGN}10 %)."
     )
     assert headline(result).endswith("but fails a check at the fresh angles.")
+
+
+def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
+    c = result["confirmation"]
+    check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
+    failing = c["best"] | {"checks": [check]}
+    (own,) = c["designs"]
+    c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **failing}]
+    over, after = failures_of(result)
+    assert over.startswith("Design 1, passed over, fails at the fresh angles: edge pressure impact")
+    assert after.startswith("Design 3 fails at the fresh angles")
+    assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
+
+
+def test_objectives_and_choice_are_explained(result: Row) -> None:
+    said = choice(result)
+    assert said.startswith(
+        "There are two objectives: the expected shift time, which leads; the axial length, root "
+        "to root. Chosen is the first design of the front"
+    )
+    assert "Margins at nominal size decide" in said
+    assert choice(result | {"objectives": [TIME]}).startswith("The objective is the expected")
+
+
+def test_changes_read_alike_for_every_objective(result: Row) -> None:
+    time, length = gained(result)
+    assert time.change == "20.0 ± 1.0 ms less (20 %)"
+    assert length.change == "1 mm less (12 %)"
+    margin = Goal(OBJECTIVES["smallest_margin"], 0.95, False)
+    assert Gained(margin, (1.0, 0.0), (3.0, 0.0), (2.0, 0.0)).change == "2.0 percentage points more"
+    longer = Gained(length.goal, (8.0, 0.0), (9.0, 0.0), (-1.0, 0.0))
+    assert longer.change == "1 mm more (12 %), worse"
+    unclear = Gained(time.goal, (100.0, 1.0), (99.0, 1.0), (1.0, 1.4))
+    assert unclear.change == "1.0 ± 1.4 ms less (1 %), not clear"
+    same = Gained(length.goal, (8.0, 0.0), (8.0, 0.0), (0.0, 0.0))
+    assert same.change == "none"
 
 
 def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Study) -> None:

@@ -21,10 +21,12 @@ from scipy.special import ndtr
 from pipeline.sampling.guide import FreeGuide, Response
 from pipeline.sampling.improvement import added, directions, hypervolume, scales, volume_of
 from pipeline.sampling.pool import WIDE, Pool
-from pipeline.sampling.sampler import SurrogateSampler
+from pipeline.sampling.sampler import Breadth, SurrogateSampler
 from pipeline.sampling.space import STEP, Space
 from sim.errors import InputError
 from surrogate.covariance import Array
+
+FEW = Breadth(wide=60, near=20, draws=8, ways=32)  #: for what holds however much is weighed
 
 
 class TestAsOptunaWantsIt(
@@ -34,7 +36,7 @@ class TestAsOptunaWantsIt(
 
     @pytest.fixture
     def sampler(self) -> Callable[[], optuna.samplers.BaseSampler]:
-        return lambda: SurrogateSampler(seed=0, startup=2)
+        return lambda: SurrogateSampler(seed=0, startup=2, breadth=FEW)
 
 
 def bowls(trial: optuna.Trial) -> tuple[float, float]:
@@ -54,7 +56,7 @@ def searched(sampler: optuna.samplers.BaseSampler, trials: int = 40) -> float:
 
 def test_it_finds_more_of_a_front_than_random_designs() -> None:
     """Two objectives and a constraint that only the evaluation tells."""
-    own = [searched(SurrogateSampler(seed=seed)) for seed in range(3)]
+    own = [searched(SurrogateSampler(seed=seed, breadth=FEW)) for seed in range(3)]
     blind = [searched(optuna.samplers.RandomSampler(seed=seed)) for seed in range(3)]
     assert min(own) > max(blind)
 
@@ -63,14 +65,16 @@ def test_ask_and_tell_from_a_storage_goes_on_as_before(tmp_path: Path) -> None:
     """Any storage serves, and a search that is taken up again makes the same trials."""
     backend = JournalFileBackend(str(tmp_path / "trials.log"))
     storage = optuna.storages.JournalStorage(backend)
-    whole = optuna.create_study(directions=["minimize"] * 2, sampler=SurrogateSampler(seed=3))
+    whole = optuna.create_study(
+        directions=["minimize"] * 2, sampler=SurrogateSampler(seed=3, breadth=FEW)
+    )
     whole.optimize(bowls, n_trials=14)
     for part in (12, 2):
         again = optuna.create_study(
             study_name="bowls",
             storage=storage,
             directions=["minimize"] * 2,
-            sampler=SurrogateSampler(seed=3),
+            sampler=SurrogateSampler(seed=3, breadth=FEW),
             load_if_exists=True,
         )
         for _ in range(part):

@@ -20,14 +20,16 @@ from pipeline.config import Study, build_study, load_study
 from pipeline.design import design_of
 from pipeline.folder import StudyFolder
 from pipeline.journal import ShiftJournal, append
+from pipeline.plans import most_to_confirm, most_to_search
+from pipeline.reporting.publish import write_report
 from pipeline.sampling.dogs import DogGuide, search_space
 from pipeline.sampling.factory import sampler_factory
 from pipeline.sampling.sampler import SurrogateSampler
 from pipeline.schema import VariablesSection
-from pipeline.study import Run, run_study
+from pipeline.study import run_study
 from sim.errors import DogshapeError, InputError, StorageError
 from sim.units import RPM
-from tests.conftest import SMALL
+from tests.conftest import SMALL, searching
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
@@ -49,6 +51,7 @@ def _command(out: Path, *more: str) -> list[str]:
         "mq200",
         "--out",
         str(out),
+        "--no-report",
         *overrides,
         *more,
     ]
@@ -58,7 +61,7 @@ def _command(out: Path, *more: str) -> list[str]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A small study run to its end by one worker."""
     folder = tmp_path_factory.mktemp("finished")
-    return folder, run_study(load_study("mq200", SMALL), Run(StudyFolder(folder), jobs=1))
+    return folder, run_study(load_study("mq200", SMALL), searching(folder, jobs=1))
 
 
 def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> None:
@@ -74,12 +77,17 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
     shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
     assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts
+    study = load_study("mq200", SMALL)
+    announced = most_to_search(study, 12, partial=False, prototype=True)
+    assert shifts == announced + most_to_confirm(study, len(confirmed))
     assert result["confirmation"]["gain_s"] == pytest.approx(
         result["confirmation"]["prototype"]["expected_shift_time_s"]
         - result["confirmation"]["best"]["expected_shift_time_s"]
     )
-    for name in ("study.json", "trials.log", "surrogate.json", "report.html"):
+    for name in ("study.json", "trials.log", "surrogate.json"):
         assert (folder / name).stat().st_size > 0
+    assert not (folder / "report.html").exists()
+    assert not (folder / "shifts").exists()
     assert json.loads((folder / "result.json").read_text()) == result
 
 
@@ -112,7 +120,7 @@ def test_rows_carry_inputs_and_versions(finished: tuple[Path, dict[str, Any]]) -
 def test_same_seed_gives_the_same_trials_on_more_workers(
     finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
-    again = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2))
+    again = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2))
     assert _designs(again) == _designs(finished[1])
 
 
@@ -172,9 +180,9 @@ def test_a_finished_study_can_be_given_more_trials(
     finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     short = load_study("mq200", [*SMALL, "search.trials=4"])
-    run_study(short, Run(StudyFolder(tmp_path), jobs=2))
+    run_study(short, searching(tmp_path, jobs=2))
     assert not (tmp_path / "surrogate.json").exists()
-    longer = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2, resume=True))
+    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2, resume=True))
     assert _designs(longer) == _designs(finished[1])
 
 
@@ -182,23 +190,23 @@ def test_a_torn_journal_of_trials_is_mended(
     finished: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     short = load_study("mq200", [*SMALL, "search.trials=4"])
-    run_study(short, Run(StudyFolder(tmp_path), jobs=2))
+    run_study(short, searching(tmp_path, jobs=2))
     with (tmp_path / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
-    longer = run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), jobs=2, resume=True))
+    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2, resume=True))
     assert _designs(longer) == _designs(finished[1])
 
 
 def test_a_broken_journal_of_trials_is_said(tmp_path: Path) -> None:
     short = load_study("mq200", [*SMALL, "search.trials=1"])
-    run_study(short, Run(StudyFolder(tmp_path), jobs=1))
+    run_study(short, searching(tmp_path, jobs=1))
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
     shifts = (tmp_path / "shifts.jsonl").read_bytes()
     with pytest.raises(StorageError, match=r"trials\.log, line 1 is damaged; remove the file"):
-        run_study(short, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+        run_study(short, searching(tmp_path, jobs=1, resume=True))
     log.unlink()
-    again = run_study(short, Run(StudyFolder(tmp_path), jobs=1, resume=True))
+    again = run_study(short, searching(tmp_path, jobs=1, resume=True))
     assert len(again["trials"]) == 1
     assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
@@ -207,10 +215,10 @@ def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, A
     folder, _ = finished
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
-        run_study(load_study("mq200", SMALL), Run(StudyFolder(folder)))
+        run_study(load_study("mq200", SMALL), searching(folder))
     other = load_study("mq200", [*SMALL, "sliding.mass_kg=0.4"])
     with pytest.raises(StorageError, match="another configuration"):
-        run_study(other, Run(StudyFolder(folder), resume=True))
+        run_study(other, searching(folder, resume=True))
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
@@ -218,7 +226,7 @@ def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:
     with (tmp_path / ".lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         with pytest.raises(StorageError, match="in use by another run"):
-            run_study(small_study, Run(StudyFolder(tmp_path)))
+            run_study(small_study, searching(tmp_path))
     assert [p.name for p in tmp_path.iterdir()] == [".lock"]
 
 
@@ -226,49 +234,49 @@ def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Stu
     folder = StudyFolder(tmp_path)
     folder.manifest.write_text('{"format": 99}')
     with pytest.raises(StorageError, match="was written in format 99"):
-        run_study(small_study, Run(folder, resume=True))
+        run_study(small_study, searching(tmp_path, resume=True))
     folder.manifest.write_text("{")
     with pytest.raises(StorageError, match="damaged"):
-        run_study(small_study, Run(folder, resume=True))
+        run_study(small_study, searching(tmp_path, resume=True))
     folder.manifest.unlink()
     folder.shifts.write_text("")
     with pytest.raises(StorageError, match=r"holds results without study\.json"):
-        run_study(small_study, Run(folder, resume=True))
+        run_study(small_study, searching(tmp_path, resume=True))
 
 
 def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Study) -> None:
     url = f"sqlite:///{tmp_path}/no/such/folder/db.sqlite"
     with pytest.raises(StorageError, match="cannot be opened"):
-        run_study(small_study, Run(StudyFolder(tmp_path / "out"), storage=url))
+        run_study(small_study, searching(tmp_path / "out", storage=url))
 
 
 def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path}/search.db"
     settings = [*SMALL, "search.sampler=random", "search.trials=4"]
     study = load_study("mq200", settings)
-    first = run_study(study, Run(StudyFolder(tmp_path / "a"), 1, storage=url))
+    first = run_study(study, searching(tmp_path / "a", 1, storage=url))
     assert len(first["trials"]) == 4
     assert not (tmp_path / "a" / "trials.log").exists()
     with pytest.raises(StorageError, match="holds a study 'mq200' already"):
-        run_study(study, Run(StudyFolder(tmp_path / "b"), 1, storage=url))
+        run_study(study, searching(tmp_path / "b", 1, storage=url))
     other = load_study("mq200", [*settings, "sliding.mass_kg=0.4"])
     with pytest.raises(StorageError, match="of another configuration"):
-        run_study(other, Run(StudyFolder(tmp_path / "c"), 1, storage=url, resume=True))
-    again = run_study(study, Run(StudyFolder(tmp_path / "a"), 1, storage=url, resume=True))
+        run_study(other, searching(tmp_path / "c", 1, storage=url, resume=True))
+    again = run_study(study, searching(tmp_path / "a", 1, storage=url, resume=True))
     assert _designs(again) == _designs(first)
 
 
 @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
 def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
     study = load_study("mq200", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=2))
+    result = run_study(study, searching(tmp_path, jobs=2))
     barred = [row for row in result["trials"] if not row["feasible"]]
     assert barred
     assert all(row["failed"] and row["expected_shift_time_s"] is None for row in barred)
     simulated = {row["height_mm"] for row in _rows(tmp_path)}
     allowed = [row["height_mm"] for row in result["trials"] if row["feasible"]]
     assert all(min(abs(h - a) for a in allowed) < 1e-9 for h in simulated)
-    assert "not simulated" in (tmp_path / "report.html").read_text()
+    assert "not simulated" in write_report(StudyFolder(tmp_path)).read_text()
 
 
 def test_own_sampler_proposes_feasible_designs_only(small_study: Study) -> None:
@@ -310,14 +318,14 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 def test_no_feasible_design_is_said(small_study: Study, tmp_path: Path) -> None:
     tight = load_study("mq200", [*SMALL, "material.allowable_pressure_MPa=2"])
     with pytest.raises(InputError, match="passes every check; widen"):
-        run_study(tight, Run(StudyFolder(tmp_path), jobs=1))
+        run_study(tight, searching(tmp_path, jobs=1))
 
 
 def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
     still = load_study("mq200", SMALL)
     file = still.file.model_copy(update={"variables": VariablesSection()})
     with pytest.raises(InputError, match=r"\[variables\] is empty"):
-        run_study(build_study(file), Run(StudyFolder(tmp_path / "out")))
+        run_study(build_study(file), searching(tmp_path / "out"))
     assert not (tmp_path / "out").exists()
 
 
@@ -332,7 +340,7 @@ def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
 def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> None:
     study = load_study("mq200", [*SMALL, override])
     with pytest.raises(DogshapeError) as refused:
-        run_study(study, Run(StudyFolder(tmp_path / "out"), jobs=1))
+        run_study(study, searching(tmp_path / "out", jobs=1))
     assert words in str(refused.value)
     assert not (tmp_path / "out").exists()
 

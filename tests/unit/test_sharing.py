@@ -16,10 +16,11 @@ import pytest
 from pipeline.claims import Shared
 from pipeline.config import load_study
 from pipeline.folder import StudyFolder
+from pipeline.reporting.publish import write_report
 from pipeline.storage import _address
-from pipeline.study import Run, run_study
+from pipeline.study import run_study
 from sim.errors import StorageError
-from tests.conftest import SMALL
+from tests.conftest import SMALL, searching
 from tests.server import ROOT, Server, command_of, free_port, postgres
 
 Process = subprocess.Popen[bytes]
@@ -35,7 +36,7 @@ def server() -> Iterator[Server]:
 def _start(server: Server, name: str, out: Path, *more: str) -> Process:
     """Start a run of the search ``name`` in a process group of its own."""
     overrides = [part for text in (*SMALL, f"name={name}", *more) for part in ("--set", text)]
-    where = ["--storage", server.url, "--out", str(out), "--resume", "--jobs", "1"]
+    where = ["--storage", server.url, "--out", str(out), "--resume", "--no-report", "--jobs", "1"]
     return subprocess.Popen(
         command_of("study", "mq200", *where, *overrides),
         cwd=ROOT,
@@ -95,7 +96,7 @@ def _require_whole(server: Server, name: str, outs: list[Path], trials: int) -> 
         stored, other = (json.loads((o / "surrogate.json").read_text()) for o in (out, outs[0]))
         assert stored["rows"] == other["rows"]
         assert len(stored["rows"]) == 2 * trials + 4
-        assert f"{trials} designs" in (out / "report.html").read_text()
+        assert f"{trials} designs" in write_report(StudyFolder(out)).read_text()
 
 
 def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path: Path) -> None:
@@ -192,7 +193,7 @@ def test_locks_tell_the_living(server: Server) -> None:
 def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, words: str) -> None:
     full = url.format(free=free_port(), server=server.url)
     with pytest.raises(StorageError) as refused:
-        run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), 1, storage=full))
+        run_study(load_study("mq200", SMALL), searching(tmp_path, 1, storage=full))
     assert words in str(refused.value)
     assert "secret" not in str(refused.value)
 
@@ -202,17 +203,17 @@ def test_a_missing_driver_names_the_extra(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "psycopg", None)
     with pytest.raises(StorageError, match=r"needs psycopg; install the extra.*\[machines\]"):
-        run_study(load_study("mq200", SMALL), Run(StudyFolder(tmp_path), 1, storage=server.url))
+        run_study(load_study("mq200", SMALL), searching(tmp_path, 1, storage=server.url))
 
 
 def test_a_machine_with_other_versions_is_refused(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=1", "name=versions"])
-    run_study(study, Run(StudyFolder(tmp_path / "a"), 1, server.url))
+    run_study(study, searching(tmp_path / "a", 1, server.url))
     monkeypatch.setattr("pipeline.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"})
     with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
-        run_study(study, Run(StudyFolder(tmp_path / "b"), 1, server.url, resume=True))
+        run_study(study, searching(tmp_path / "b", 1, server.url, resume=True))
 
 
 def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
@@ -221,5 +222,5 @@ def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=1"])
     held = OneFile(tmp_path / "search.db")
     with pytest.raises(StorageError, match="SQLite serves one at a time"):
-        run_study(study, Run(StudyFolder(tmp_path), 1, f"sqlite:///{tmp_path}/search.db"))
+        run_study(study, searching(tmp_path, 1, f"sqlite:///{tmp_path}/search.db"))
     held.close()

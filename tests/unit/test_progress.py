@@ -1,0 +1,89 @@
+"""What is said while a study runs, and at its end."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from pipeline.config import Study, load_study
+from pipeline.executor import Executor
+from pipeline.journal import ShiftJournal
+from pipeline.plans import most_to_confirm, most_to_search
+from pipeline.progress import ShiftProgress
+from pipeline.tables.studies import study_table
+from sim.blocks import even_blocks
+from tests.found import FORCE, LENGTH, TIME, Row, found
+
+
+def test_shifts_are_announced_with_all_that_is_planned() -> None:
+    """48 designs at 10 of 28 points with 6 angles, the prototype at all; 16 angles confirm."""
+    study = load_study("mq200")
+    assert most_to_search(study, 48, partial=True, prototype=True) == (47 * 10 + 28) * 6
+    assert most_to_search(study, 8, partial=True, prototype=False) == 8 * 10 * 6
+    assert most_to_search(study, 8, partial=False, prototype=True) == 8 * 28 * 6
+    assert most_to_confirm(study, 4) == 5 * 28 * 16 + 2 * 56
+
+
+def test_progress_says_an_upper_bound_as_such(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.progress.LINE_EVERY", 0.0)
+    with ShiftProgress(10, most=True) as progress:
+        progress.advance(4)
+        progress.rest(3)
+        progress.advance(1)
+        progress.advance(5)
+    with ShiftProgress(2) as exact:
+        exact.advance(1)
+    said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
+    assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]
+
+
+def test_a_shift_is_counted_once(small_study: Study, tmp_path: Path) -> None:
+    counted: list[int] = []
+    blocks = even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
+    journal = ShiftJournal(tmp_path / "shifts.jsonl")
+    executor = Executor(journal, 1, counted.append)
+    executor.run(blocks)
+    executor.run(blocks)
+    assert sum(counted) == 3
+    Executor(journal, 1, counted.append).run(blocks)  # one that was stopped goes on
+    assert sum(counted) == 6
+
+
+def _said(study: Study, result: Row, report: Path | None = None) -> str:
+    for row in result["trials"]:
+        row |= {**study.prototype, **row}
+    stream = io.StringIO()
+    Console(file=stream, width=200).print(
+        study_table(study, result | {"failed_shifts": {}}, report)
+    )
+    return stream.getvalue()
+
+
+def test_the_end_table_shows_the_objectives_of_the_study(study: Study, result: Row) -> None:
+    lines = _said(study, result | {"objectives": [TIME, LENGTH, FORCE]}).splitlines()
+    assert lines[0] == "Design 2 shifts 20 % faster than the prototype."
+    for name, values in (
+        ("expected shift time, ms", "100.0 (98.8 to 101.2) 80.0 (78.8 to 81.2) 20.0 ± 1.0 ms less"),
+        ("axial length, root to root, mm", "8 7 1 mm less (12 %)"),
+        ("axial separating force, N", "8000 7000 1000 N less (12 %)"),
+        ("number of dogs N", "15 17"),
+    ):
+        (line,) = [line for line in lines if line.startswith(name)]
+        assert values in " ".join(line.split())
+    front = [" ".join(line.split()) for line in lines if line.startswith(("prototype", "2, cho"))]
+    assert "100.0 (98.0 to 102.0) 8 8000 1.0 % tip width" in front[0]
+    assert "70.0 (68.0 to 72.0) 7 7000 3.0 % tip width" in front[1]
+    assert "There are three objectives: the expected shift time, which leads;" in "\n".join(lines)
+    assert "report: none yet, 'dogshape report' makes it" in lines[-1]
+
+
+def test_the_end_table_where_no_design_passes(study: Study) -> None:
+    nothing = found() | {"best": None, "front": [], "confirmation": None}
+    said = _said(study, nothing, Path("report.html"))
+    assert said.startswith("No design of this search passes every check")
+    assert "report: report.html" in said
