@@ -1,0 +1,66 @@
+"""The results that studies/ keeps: of the studies as they are, and found again when simulated."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from pipeline.config import Study, bundled_studies, load_study
+from pipeline.design import design_of
+from pipeline.evaluation import FRESH, evaluate
+from pipeline.executor import scratch_executor
+from sim.bundled import bundled_root
+from sim.units import RPM
+
+
+def _kept(name: str) -> dict[str, Any]:
+    result: dict[str, Any] = json.loads((bundled_root() / name / "result.json").read_text("utf-8"))
+    return result
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_kept_result_is_of_the_study_as_it_is(name: str) -> None:
+    study, result = load_study(name), _kept(name)
+    assert result["physics_hash"] == study.physics_hash
+    assert result["objectives"] == list(study.file.search.objectives)
+    assert len(result["trials"]) == study.file.search.trials
+    points = {(round(p.mismatch / RPM, 6), p.profile.force) for p in study.points}
+    confirmed = result["confirmation"]["best"]["points"]
+    assert {(p["mismatch_rpm"], p["force_N"]) for p in confirmed} == points
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_kept_margins_are_those_of_today(name: str) -> None:
+    study, result = load_study(name), _kept(name)
+    row = _chosen(result)
+    design = design_of(study, {key: row[key] for key in study.variables})
+    kept = {check["name"]: check["margin"] for check in result["confirmation"]["best"]["checks"]}
+    assert design.feasible
+    for check in design.checks:
+        assert check.margin == pytest.approx(kept[check.name], abs=1e-9), check.name
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_kept_times_are_simulated_again(name: str) -> None:
+    """Where single angles matter least, so that no machine's rounding does."""
+    study, result = load_study(name), _kept(name)
+    row, points = _chosen(result), result["confirmation"]["best"]["points"]
+    place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
+    assert _mean_at(study, row, place) == pytest.approx(points[place]["mean_s"], rel=1e-4)
+
+
+def _chosen(result: dict[str, Any]) -> dict[str, Any]:
+    chosen = result["confirmation"]["chosen"]
+    row: dict[str, Any] = next(row for row in result["trials"] if row["trial"] == chosen)
+    return row
+
+
+def _mean_at(study: Study, row: dict[str, Any], place: int) -> float:
+    plan = [0] * len(study.points)
+    plan[place] = study.file.search.confirm_angles
+    dog = study.dog_with({key: row[key] for key in study.variables})
+    seed = study.file.expectation.seed + FRESH
+    (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed)
+    return found.expectation.points[0].mean
