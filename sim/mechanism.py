@@ -46,7 +46,7 @@ Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
 SLIP = 1e-3  #: m/s below which friction along the shaft is smooth
 TURN = 0.05  #: rad/s below which the drag torque is smooth
 FORK = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
-DAMPING_RATIO = 0.3  #: of a linkage: a stop then gives back 0.37 of the speed of a blow
+DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of a slow blow
 STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
 DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
 

@@ -230,11 +230,11 @@ def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
 def _release(clutch: Clutch, profile: ForceProfile) -> float:
     """Return until when friction alone holds the sliding ring, s, and nothing else can happen.
 
-    A ring that is never let go is looked at for the last twentieth before the time-out.
+    A ring that is never let go is looked at for the last hundredth before the time-out.
     """
     if clutch.rings.initial_speed and clutch.mechanism.drag_torque:
         return 0.0  # its turning slows meanwhile
-    low, high = 0.0, 0.95 * clutch.timeout
+    low, high = 0.0, 0.99 * clutch.timeout
     if not clutch.mechanism.holds(0.0) or clutch.mechanism.holds(profile.at(high)):
         return high if clutch.mechanism.holds(0.0) else 0.0
     while high - low > 1e-6:
