@@ -17,7 +17,7 @@ from sim.units import to_si
 
 def _change(setting: Setting, values: Values) -> Setting:
     nominal = setting.point.mismatch
-    offset = math.copysign(to_si("offset_rpm", values["offset_rpm"]), nominal)
+    offset = to_si("offset_rpm", values["offset_rpm"]) * math.copysign(1.0, nominal)
     return setting.with_point(mismatch=nominal + offset)
 
 

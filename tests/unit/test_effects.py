@@ -15,6 +15,7 @@ from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
 from pipeline.rows import dataset_of
 from sim.actuation import ForceProfile, LaggedProfile
+from sim.batch import run_block
 from sim.blocks import Block
 from sim.clutch import Clutch, OperatingPoint
 from sim.effect import Effect, Parameter
@@ -218,14 +219,12 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
     assert again.run([rubbing.block(angles)]) == rows[2:]
 
 
-def test_shifts_with_a_mechanism_teach_a_study_nothing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("extra", [{"mechanism_friction_N": 20.0}, {"force_lag_s": 0.01}])
+def test_shifts_with_effects_teach_a_study_nothing(extra: dict[str, float]) -> None:
     study = load_study("mq200")
-    point = replace(study.points[0], mismatch=20.0)
-    plain = Setting(study.clutch, point)
-    rubbing = EFFECTS["sleeve_friction"].apply(plain, {"friction_N": 20.0})
-    runner = Executor(ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1)
     angles = tuple((np.arange(3) / 3 * study.clutch.dog.pitch_angle).tolist())
-    runner.run([one.block(angles) for one in (plain, rubbing)])
-    both, first = list(runner.journal.rows.values()), list(runner.journal.rows.values())[:3]
-    assert len(both) == 6
-    assert dataset_of(study, both).rows == pytest.approx(dataset_of(study, first).rows)
+    plain = list(run_block(Block(study.clutch, study.points[-1], angles)))
+    other = [{**row, **extra, "shift_time_s": 0.5} for row in plain]
+    rows = dataset_of(study, plain).rows
+    assert len(rows) == 1
+    assert dataset_of(study, [*plain, *other]).rows == pytest.approx(rows)
