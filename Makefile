@@ -29,7 +29,7 @@ lint: $(VENV)/complete
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
-  load_height workers
+  load_height workers effects
 SURROGATE := learning_curve active_learning asking
 
 evidence: $(VENV)/complete

@@ -60,6 +60,7 @@ class _Record:
         self.travel = clutch.shift_travel
         #: Places in the state of what has not made its travel: ring, actuator.
         self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+        self._size = 8 if clutch.mechanism.has_linkage else 6
         self.timeout = clutch.timeout
         self.clutch = clutch
         self.force = point.profile.force
@@ -74,12 +75,14 @@ class _Record:
         self._last: Series | None = None
 
     def begin(self, angle: float) -> None:
-        """Take up the start, which the run may leave out, and where the run begins."""
-        if self.plant.context.get_time() > 0.0:
-            speed = self.clutch.rings.initial_speed
-            rates = [speed + self.point.mismatch, 0.0, speed]
-            self.times.append(0.0)
-            self.states.append(np.array([angle, 0.0, 0.0, *rates]))
+        """Take up the time in which the ring was held, and where the run begins."""
+        held, speed = self.plant.held, self.clutch.rings.initial_speed
+        rates = [speed + self.point.mismatch, 0.0, speed]
+        for now, *actuator in zip(held.time, held.displacement, held.speed, strict=True):
+            if now < self.plant.context.get_time():
+                turned = [angle + rates[0] * now, 0.0, speed * now]
+                self.times.append(float(now))
+                self.states.append(np.array([*turned, *rates, *actuator][: self._size]))
         self(self.plant.context)
 
     def __call__(self, context: Context) -> EventStatus | None:

@@ -139,11 +139,6 @@ class Mechanism:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
         return self.drag_torque * smooth_sign(speed, TURN)
 
-    def holds(self, force: float) -> bool:
-        """Tell whether friction alone keeps a ring at rest against ``force`` in N, at its start."""
-        detent = self.resistance(0.0, 0.0, 0.0)
-        return not self.has_linkage and detent == 0.0 and force < self.friction
-
     def spline_share(self, mass: float, radius: float, inertia: float) -> float:
         """Return the share of the contact's torque that goes through the spline."""
         return 1.0 - min(1.0, mass * radius**2 / inertia)

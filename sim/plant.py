@@ -52,6 +52,7 @@ from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint
 from sim.linkage import SHIFT, SLIDING, add_actuator, add_forces
 from sim.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
+from sim.release import release
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -94,7 +95,7 @@ class ClutchPlant:
         ``relative_angle`` (rad) is the output ring's lead over the position in
         which dogs face dogs; it grows with the mismatch. The integrator is
         configured afresh, or its step size would carry over. Where friction alone holds the
-        sliding ring at first, the time is set to when it lets go and the rings have turned.
+        sliding ring at first, the run begins when it lets go; ``held`` has what was before.
         """
         solver = self.clutch.solver
         config = SimulatorConfig(
@@ -107,12 +108,16 @@ class ClutchPlant:
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
         sliding = self.clutch.rings.initial_speed
         output = sliding + point.mismatch
-        begin = _release(self.clutch, point.profile)
-        turned = [relative_angle + output * begin, 0.0, sliding * begin]
-        actuator = [0.0] * self.clutch.mechanism.has_linkage
+        self.held = release(self.clutch, point.profile)
+        begin, way, speed = (
+            float(series[-1])
+            for series in (self.held.time, self.held.displacement, self.held.speed)
+        )
+        places = [relative_angle + output * begin, 0.0, sliding * begin, way]
+        count = self.plant.num_positions()
         self.context.SetTime(begin)
-        self.plant.SetPositions(self.plant_context, [*turned, *actuator])
-        self.plant.SetVelocities(self.plant_context, [output, 0.0, sliding, *actuator])
+        self.plant.SetPositions(self.plant_context, places[:count])
+        self.plant.SetVelocities(self.plant_context, [output, 0.0, sliding, speed][:count])
         self.simulator.Initialize()
         return self.simulator
 
@@ -225,22 +230,6 @@ def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
     """Return the inertia of a thin ring; only mass and polar inertia act here."""
     unit = polar / mass
     return SpatialInertia(mass, np.zeros(3), UnitInertia(0.5 * unit, 0.5 * unit, unit))
-
-
-def _release(clutch: Clutch, profile: ForceProfile) -> float:
-    """Return until when friction alone holds the sliding ring, s, and nothing else can happen.
-
-    A ring that is never let go is looked at for the last hundredth before the time-out.
-    """
-    if clutch.rings.initial_speed and clutch.mechanism.drag_torque:
-        return 0.0  # its turning slows meanwhile
-    low, high = 0.0, 0.99 * clutch.timeout
-    if not clutch.mechanism.holds(0.0) or clutch.mechanism.holds(profile.at(high)):
-        return high if clutch.mechanism.holds(0.0) else 0.0
-    while high - low > 1e-6:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if clutch.mechanism.holds(profile.at(middle)) else (low, middle)
-    return low
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
