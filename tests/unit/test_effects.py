@@ -89,6 +89,14 @@ def test_every_effect_says_what_it_is(effect: Effect) -> None:
         assert suffix_of(parameter.name) or parameter.name.endswith(whole)
 
 
+def test_the_notes_list_every_effect_with_its_range() -> None:
+    notes = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    for effect in EFFECTS.values():
+        row = next(line for line in notes.splitlines() if line.startswith(f"| `{effect.name}` |"))
+        for p in effect.parameters:
+            assert f"`{p.name}` {p.low:g} to {p.high:g}, {p.scale}" in row
+
+
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None:
     same = effect.apply(setting, effect.neutral(setting))
