@@ -4,7 +4,7 @@
 
 Each parameter at nine tenths of its prior, alone and in some pairs; six shifts (two
 angles at three operating points). CPU time over that without effect; a shift that does
-not engage counts with its run. Takes about two minutes.
+not engage counts with its run. Takes some minutes.
 """
 
 from __future__ import annotations
