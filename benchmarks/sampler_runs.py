@@ -37,7 +37,7 @@ from pipeline.search import front, open_search, run
 START = 10  #: designs that every sampler begins with, the prototype among them
 POINTS = 3  #: operating points of six that this project's sampler simulates of a design
 MOST_ASKED = 4000  #: proposals after which a sampler of Optuna's gives up: most may be forbidden
-MOST_CPU = 600.0  #: s of a processor after which it gives up too
+MOST_CPU = 400.0  #: s of a processor after which it gives up too
 PROBLEM = (
     "operating.mismatch_rpm=[10, 50, 149]",
     "operating.force_N=[235.2, 641.5]",

@@ -7,7 +7,7 @@ The default study's objectives and constraints at six of its operating points, f
 may spend the same number of shifts, and none knows what the package brings. Each run has a
 processor to itself, so that the time is that of one worker.
 
-A run of Optuna's also ends after ten minutes of a processor or 4000 proposals: it then keeps the
+A run of Optuna's also ends after 400 s of a processor or 4000 proposals: it then keeps the
 front that it had.
 
 A front is what a search declares at a number of shifts: designs that pass every check and that no
