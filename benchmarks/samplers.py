@@ -52,7 +52,7 @@ from surrogate.over import Over
 
 SHIFTS = 24  #: of a whole design
 DENSE = 8  #: fresh angles at each operating point of a declared design
-PARTS = 5  #: numbers of shifts at which fronts are compared
+SHARES = (0.2, 0.5, 1.0)  #: of all shifts, at which fronts are compared
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
 WIDE, NEAR, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
 KEPT = 24  #: designs of its front that are simulated
@@ -100,7 +100,7 @@ def front_at(run: Run, shifts: int) -> list[Values]:
 
 def shifts_compared(most: int) -> list[int]:
     """Return the numbers of shifts at which fronts are compared."""
-    return [most * (k + 1) // PARTS for k in range(PARTS)]
+    return [round(most * share) for share in SHARES]
 
 
 def emulated_front(study: Study) -> list[Values]:
