@@ -196,6 +196,8 @@ def flight(clutch: Clutch, point: OperatingPoint, hold: float, flank: float) -> 
         zero,
         zero,
         zero,
+        way,
+        np.gradient(way, time),
     )
     return Trace(*(one[keep] for one in whole))
 
@@ -245,7 +247,7 @@ def as_simulated(cell: Cell) -> list[Trace]:
     for t in cell.traces:
         zero = np.zeros_like(t.time)
         series = (t.sliding_speed, t.output_speed, zero, t.force, zero, zero)
-        found.append(Trace(t.time, t.displacement, zero, *series))
+        found.append(Trace(t.time, t.displacement, zero, *series, t.displacement, zero))
     return found
 
 
