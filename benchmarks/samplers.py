@@ -188,11 +188,11 @@ def print_shares(runs: Sequence[Run], shares: Mapping[tuple[str, int], Array], m
     """Print the share of the reference's hypervolume by sampler and shifts."""
     counts = shifts_compared(most)
     print("share of the reference front's hypervolume, median of the seeds (least, largest)")
-    print(f"{'shifts':<20}" + "".join(f"{count:>18}" for count in counts))
+    print(f"{'shifts':<20}" + "".join(f"{count:>24}" for count in counts))
     for name in dict.fromkeys(run["sampler"] for run in runs):
         rows = np.array([share for (other, _), share in shares.items() if other == name])
         cells = [f"{np.median(c):.3f} ({c.min():.3f}, {c.max():.3f})" for c in rows.T]
-        print(f"{name:<20}" + "".join(f"{cell:>18}" for cell in cells))
+        print(f"{name:<20}" + "".join(f"{cell:>24}" for cell in cells))
 
 
 def print_costs(runs: Sequence[Run], most: int) -> None:
