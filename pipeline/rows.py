@@ -10,7 +10,7 @@ from pipeline.config import Study, physics_of, rise_table
 from pipeline.records import number_or_none
 from sim.actuation import ForceProfile
 from sim.clutch import OperatingPoint
-from sim.records import UNCERTAIN, Record, clutch_record, content_key
+from sim.records import OPTIONAL, UNCERTAIN, Record, clutch_record, content_key
 from sim.versions import engine
 from surrogate.covariance import Array
 from surrogate.dataset import Dataset, rows_of
@@ -23,7 +23,7 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
     programs, physics = engine(), study.physics_hash
-    keys = {*clutch_record(study.clutch), "max_steps", *UNCERTAIN}
+    keys = {*clutch_record(study.clutch), *OPTIONAL, *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from sim.errors import InputError, refusal
 
+Series = NDArray[np.float64]
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
 
 
@@ -46,6 +47,18 @@ class ForceProfile:
         """Return the force in N at ``time`` in s after the start."""
         return cubic_step(time / self.rise, self.force)
 
+    def knots(self) -> tuple[Series, Series, Series]:
+        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
+
+        The force keeps its last value.
+        """
+        return np.array([0.0, self.rise]), np.array([0.0, self.force]), np.zeros(2)
+
+    @property
+    def record(self) -> dict[str, float]:
+        """The profile as a flat record in the edge's units."""
+        return {"force_N": self.force, "force_rise_s": self.rise}
+
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
         s = np.clip(time / self.rise, 0.0, 1.0)
@@ -75,6 +88,80 @@ class ForceProfile:
             step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
             time -= step
         return float(time)
+
+
+@dataclass(frozen=True)
+class LaggedProfile(ForceProfile):
+    r"""A cubic step that comes through a lag of first order, :math:`\tau y' = u - y`.
+
+    With :math:`\theta = \tau/T` and :math:`y(0) = 0` the force is, while the step rises,
+
+    .. math:: y/F = 3 (s^2 - 2 \theta s + 2 \theta^2) - 2 (s^3 - 3 \theta s^2 + 6 \theta^2 s
+       - 6 \theta^3) - 6 \theta^2 (1 + 2 \theta) e^{-s/\theta},
+
+    and nears *F* as :math:`e^{-(t - T)/\tau}` afterwards. Momentum and way of a free mass
+    follow from those of the step: :math:`\int y = \int u - \tau y`, and so once more.
+    ``lag`` in s.
+    """
+
+    lag: float = 0.01
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1e-5 <= self.lag <= 10.0:
+            rule = "it must lie between 0.00001 and 10 s"
+            raise InputError(refusal("lag of the force", self.lag, "s", rule, "give it in seconds"))
+
+    def at(self, time: Times) -> Times:
+        """Return the force in N at ``time`` in s after the start."""
+        lag = self.lag / self.rise
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        square = s * s - 2.0 * lag * s + 2.0 * lag**2
+        cube = s**3 - 3.0 * lag * square
+        free = 6.0 * lag**2 * (1.0 + 2.0 * lag) * np.exp(-s / lag)
+        rising = self.force * (3.0 * square - 2.0 * cube - free)
+        beyond = np.maximum(0.0, time - self.rise) / self.lag
+        whole: Times = self.force - (self.force - rising) * np.exp(-beyond)
+        return whole
+
+    def knots(self) -> tuple[Series, Series, Series]:
+        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
+
+        The force keeps its last value, 30 lags after the rise.
+        """
+        early = self.lag * np.linspace(0.0, 12.0, 49)
+        late = self.rise + self.lag * np.linspace(0.0, 30.0, 121)
+        times = np.concatenate([early[early < self.rise], np.linspace(0.0, self.rise, 65), late])
+        times = np.unique(np.round(times, 12))
+        forces = self.at(times)
+        return times, forces, (cubic_step(times / self.rise, self.force) - forces) / self.lag
+
+    @property
+    def record(self) -> dict[str, float]:
+        """The profile as a flat record in the edge's units."""
+        return {**super().record, "force_lag_s": self.lag}
+
+    def free_speed(self, time: Times, mass: float) -> Times:
+        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
+        whole: Times = super().free_speed(time, mass) - self.lag / mass * self.at(time)
+        return whole
+
+    def free_flight(self, time: Times, mass: float) -> Times:
+        """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
+        whole: Times = super().free_flight(time, mass) - self.lag * self.free_speed(time, mass)
+        return whole
+
+    def free_flight_time(self, way: float, mass: float) -> float:
+        """Return the time in s after which a free ``mass`` has made ``way`` in m."""
+        # The way is a mean over delays whose own mean is the lag, and it is convex in time, so
+        # it comes no later than after one lag.
+        early = super().free_flight_time(way, mass)
+        late = early + self.lag
+        while late - early > 1e-12 * late:
+            middle = 0.5 * (early + late)
+            short = self.free_flight(middle, mass) < way
+            early, late = (middle, late) if short else (early, middle)
+        return late
 
 
 @dataclass(frozen=True)

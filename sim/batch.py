@@ -49,11 +49,13 @@ def loads_record(result: Engagement) -> Record:
 
 def shift_record(result: Engagement, given: Record) -> Record:
     """Return one shift as a flat record: key, the inputs ``given``, result and versions."""
+    linked = result.clutch.mechanism.has_linkage
     return {
         "key": content_key(given),
         **given,
         "outcome": result.outcome.value,
         "shift_time_s": result.shift_time,
+        **({"actuator_time_s": result.actuator_time} if linked else {}),
         **events_record(result),
         **loads_record(result),
         "steps": result.steps,

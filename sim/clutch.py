@@ -13,6 +13,7 @@ from sim.actuation import ForceProfile
 from sim.contact import ContactSet
 from sim.errors import InputError, did_you_mean, refusal, require_between
 from sim.geometry import Dog
+from sim.mechanism import NOTHING, Mechanism
 from sim.units import RPM
 
 
@@ -104,7 +105,8 @@ class Clutch:
     ``timeout`` in s; ``seated_tolerance`` is how far from full travel a shift
     counts as done, and ``rebound`` how far behind its start the sliding ring can
     be thrown before it meets a stop, both in m. The default stop stands as far
-    behind the ring as the dogs stand ahead: there the neighbouring gear begins.
+    behind the ring as the dogs stand ahead: there the neighbouring gear begins. The default
+    ``mechanism`` is none: the shift force acts on the ring, which nothing else holds.
     """
 
     dog: Dog
@@ -114,6 +116,7 @@ class Clutch:
     timeout: float = 1.0
     seated_tolerance: float = 5e-5
     rebound: float = 1e-3
+    mechanism: Mechanism = NOTHING
 
     @property
     def shift_travel(self) -> float:

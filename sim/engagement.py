@@ -31,6 +31,8 @@ class Engagement:
 
     ``shift_time`` is in s, None unless engaged; ``evaluations`` counts the
     derivatives that the integrator asked for, the measure of what a shift costs.
+    ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
+    unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
     """
 
     clutch: Clutch
@@ -38,6 +40,7 @@ class Engagement:
     relative_angle: float
     outcome: Outcome
     shift_time: float | None
+    actuator_time: float | None
     phases: tuple[Phase, ...]
     events: Events
     loads: Loads
@@ -55,6 +58,8 @@ class _Record:
         self.plant = plant
         self.point = point
         self.travel = clutch.shift_travel
+        #: Places in the state of what has not made its travel: ring, actuator.
+        self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
         self.timeout = clutch.timeout
         self.clutch = clutch
         self.force = point.profile.force
@@ -68,12 +73,22 @@ class _Record:
         self._check_at = STILL_WINDOW
         self._last: Series | None = None
 
+    def begin(self, angle: float) -> None:
+        """Take up the start, which the run may leave out, and where the run begins."""
+        if self.plant.context.get_time() > 0.0:
+            speed = self.clutch.rings.initial_speed
+            rates = [speed + self.point.mismatch, 0.0, speed]
+            self.times.append(0.0)
+            self.states.append(np.array([angle, 0.0, 0.0, *rates]))
+        self(self.plant.context)
+
     def __call__(self, context: Context) -> EventStatus | None:
         now = context.get_time()
         state = self.plant.state()
         self.times.append(now)
         self.states.append(state)
-        if state[1] >= self.travel:
+        self.under_way -= {i for i in self.under_way if state[i] >= self.travel}
+        if not self.under_way:
             return self._stop("engaged")
         self._require_within_limits(now, state)
         if now >= self._check_at and self._stands_still(now, state):
@@ -125,7 +140,7 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
     try:
-        record(plant.context)
+        record.begin(relative_angle)
         simulator.AdvanceTo(plant.clutch.timeout)
     except RuntimeError as error:
         if len(record.times) < 2:
@@ -141,15 +156,18 @@ def _conclude(record: _Record, angle: float) -> Engagement:
     clutch, point = record.clutch, record.point
     trace = trace_of(clutch, point, record.times, record.states)
     outcome = _outcome(record, trace)
-    reached = trace.displacement[-1] >= clutch.shift_travel
-    end = crossing(trace, clutch.shift_travel) if reached else float(trace.time[-1])
+    way = clutch.shift_travel
+    done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
+    far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
+    end = float(trace.time[-1]) if done is None else done
     phases = phases_of(clutch, trace, end)
     return Engagement(
         clutch=clutch,
         point=point,
         relative_angle=angle,
         outcome=outcome,
-        shift_time=end if outcome is Outcome.ENGAGED else None,
+        shift_time=done if outcome is Outcome.ENGAGED else None,
+        actuator_time=None if outcome is Outcome.DIVERGED else far,
         phases=phases,
         events=events_of(clutch, trace),
         loads=loads_of(clutch, trace, phases),
@@ -163,6 +181,6 @@ def _conclude(record: _Record, angle: float) -> Engagement:
 def _outcome(record: _Record, trace: Trace) -> Outcome:
     if record.failure:
         return Outcome.DIVERGED
-    if trace.displacement[-1] >= record.clutch.shift_travel:
+    if (trace.displacement >= record.clutch.shift_travel).any():
         return Outcome.ENGAGED
     return Outcome.BLOCKED if record.blocked else Outcome.TIMED_OUT

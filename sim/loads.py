@@ -53,7 +53,7 @@ class Loads:
     impact_impulse : largest impulse (axial and tangential as a vector) within any
         millisecond that the contact gives beyond holding the shift force, N s.
     energy_dissipated : energy that the contact took, by balance, J: what is left
-        in the compressed dogs at the end included.
+        in the compressed dogs at the end included, and what a mechanism took.
     residual_mismatch : relative speed with which the flanks close for good, at the
         start of seating, rad/s, signed; None where none closed. Flanks that struck and
         flew off before show in the impulse.
@@ -106,15 +106,19 @@ def _hardest(trace: Trace) -> float:
 
 
 def energy_lost(clutch: Clutch, trace: Trace) -> Series:
-    """Return initial energy and work of the shift force less kinetic energy, J, (n,)."""
-    rings = clutch.rings
+    """Return initial energy and work of the shift force less kinetic energy, J, (n,).
+
+    What a mechanism took is in it.
+    """
+    rings, mechanism = clutch.rings, clutch.mechanism
     kinetic = 0.5 * (
-        rings.mass * trace.axial_speed**2
+        mechanism.sleeve_mass(rings.mass) * trace.axial_speed**2
+        + mechanism.actuator_mass(rings.mass) * trace.actuator_speed**2
         + rings.sliding_inertia * trace.sliding_speed**2
         + rings.output_inertia * trace.output_speed**2
     )
     mean_force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
-    work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.displacement))])
+    work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.actuator_displacement))])
     lost: Series = kinetic[0] + work - kinetic
     return lost
 

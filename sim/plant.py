@@ -50,6 +50,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint
+from sim.linkage import SHIFT, SLIDING, add_actuator, add_forces
 from sim.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 _AXIS = np.array([0.0, 0.0, 1.0])
@@ -70,13 +71,18 @@ class ClutchPlant:
         self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
         self._add_stop(self._add_sliding_ring())
+        if clutch.mechanism.has_linkage:
+            add_actuator(self.plant, clutch, self.share, -_AXIS)
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
-        port = self.plant.get_actuation_input_port()
-        builder.Connect(self._force.get_output_port(), port)
+        if clutch.mechanism.has_forces:
+            add_forces(builder, self.plant, clutch, self.share, self._force)
+        else:
+            port = self.plant.get_actuation_input_port()
+            builder.Connect(self._force.get_output_port(), port)
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
         self.context = self.simulator.get_mutable_context()
@@ -87,7 +93,8 @@ class ClutchPlant:
 
         ``relative_angle`` (rad) is the output ring's lead over the position in
         which dogs face dogs; it grows with the mismatch. The integrator is
-        configured afresh, or its step size would carry over.
+        configured afresh, or its step size would carry over. Where friction alone holds the
+        sliding ring at first, the time is set to when it lets go and the rings have turned.
         """
         solver = self.clutch.solver
         config = SimulatorConfig(
@@ -98,19 +105,24 @@ class ClutchPlant:
         )
         ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
-        slide_speed = self.clutch.rings.initial_speed
-        self.context.SetTime(0.0)
-        self.plant.SetPositions(self.plant_context, [relative_angle, 0.0, 0.0])
-        self.plant.SetVelocities(
-            self.plant_context, [slide_speed + point.mismatch, 0.0, slide_speed]
-        )
+        sliding = self.clutch.rings.initial_speed
+        output = sliding + point.mismatch
+        begin = _release(self.clutch, point.profile)
+        turned = [relative_angle + output * begin, 0.0, sliding * begin]
+        actuator = [0.0] * self.clutch.mechanism.has_linkage
+        self.context.SetTime(begin)
+        self.plant.SetPositions(self.plant_context, [*turned, *actuator])
+        self.plant.SetVelocities(self.plant_context, [output, 0.0, sliding, *actuator])
         self.simulator.Initialize()
         return self.simulator
 
     def state(self) -> NDArray[np.float64]:
-        """Return (output angle, displacement, sliding angle) and their rates, (6,), SI."""
+        """Return (output angle, displacement, sliding angle) and their rates, (6,), SI.
+
+        With a linkage displacement and speed of the actuator follow, (8,).
+        """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state
+        return state if state.size == 6 else state[[0, 1, 2, 4, 5, 6, 3, 7]]
 
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
@@ -169,18 +181,20 @@ class ClutchPlant:
         """
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
-        mass = 0.5 * clutch.rings.mass / self.share
+        mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
         inertia = clutch.rings.sliding_inertia / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])
-        joint = plant.AddJoint(
-            PrismaticJoint("shift", plant.world_frame(), carriage.body_frame(), -_AXIS, damping=0.0)
-        )
-        plant.AddJoint(
-            RevoluteJoint("sliding", carriage.body_frame(), body.body_frame(), _AXIS, damping=0.0)
+        damping = clutch.mechanism.damping / self.share
+        world, frame = plant.world_frame(), carriage.body_frame()
+        joint = plant.AddJoint(PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
+        turning = plant.AddJoint(
+            RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
+        if clutch.mechanism.has_forces:
+            plant.AddJointActuator("drag_torque", turning)
         one = compliant_dog(clutch.dog)
         properties = ProximityProperties()
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
@@ -213,7 +227,23 @@ def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
     return SpatialInertia(mass, np.zeros(3), UnitInertia(0.5 * unit, 0.5 * unit, unit))
 
 
+def _release(clutch: Clutch, profile: ForceProfile) -> float:
+    """Return until when friction alone holds the sliding ring, s, and nothing else can happen.
+
+    A ring that is never let go is looked at for the last hundredth before the time-out.
+    """
+    if clutch.rings.initial_speed and clutch.mechanism.drag_torque:
+        return 0.0  # its turning slows meanwhile
+    low, high = 0.0, 0.99 * clutch.timeout
+    if not clutch.mechanism.holds(0.0) or clutch.mechanism.holds(profile.at(high)):
+        return high if clutch.mechanism.holds(0.0) else 0.0
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if clutch.mechanism.holds(profile.at(middle)) else (low, middle)
+    return low
+
+
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
     """Return the shift force of one modelled dog; Drake holds the last value beyond."""
-    values = np.array([[0.0, profile.force / share]])
-    return PiecewisePolynomial.CubicHermite([0.0, profile.rise], values, np.zeros((1, 2)))
+    times, values, slopes = profile.knots()
+    return PiecewisePolynomial.CubicHermite(times, values[None] / share, slopes[None] / share)

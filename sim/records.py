@@ -13,6 +13,7 @@ from typing import Any
 from sim.clutch import MAX_STEPS, Clutch, OperatingPoint
 from sim.expectation import ShiftResult
 from sim.loads import Landing
+from sim.mechanism import MECHANISM_KEYS
 from sim.outcome import Outcome
 from sim.uncertainty import FACTORS, Variant
 from sim.units import DEG, MM, RPM
@@ -25,7 +26,8 @@ def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
     The limit of steps is named only where it is not the usual one, which then is no part of a
-    key; the limit of time never is, since what a shift gives does not depend on it.
+    key; the limit of time never is, since what a shift gives does not depend on it. A mechanism
+    is named where there is one.
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
@@ -55,6 +57,7 @@ def clutch_record(clutch: Clutch) -> Record:
         "max_step_s": solver.max_step,
         "all_dogs": solver.all_dogs,
         **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
+        **clutch.mechanism.record,
     }
 
 
@@ -70,12 +73,14 @@ def inputs(
     return {
         **clutch_record(clutch),
         "mismatch_rpm": point.mismatch / RPM,
-        "force_N": point.profile.force,
-        "force_rise_s": point.profile.rise,
+        **point.profile.record,
         "relative_angle_deg": angle / DEG,
         **drawn,
     }
 
+
+#: Keys that a record may have and need not.
+OPTIONAL = ("max_steps", "force_lag_s", *MECHANISM_KEYS)
 
 #: Keys of a record that say how its factors are distributed; a certain shift has none.
 UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)

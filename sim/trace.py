@@ -2,7 +2,8 @@
 
 Contact forces follow from what the sliding ring does: along the shaft the shift
 force lost to the contact, about it the torque that its speed shows. Each is the
-mean over the step that ends at its time.
+mean over the step that ends at its time. What a mechanism takes is balanced out
+(``sim.balance``).
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.balance import contact_means
 from sim.clutch import Clutch, OperatingPoint
 
 Series = NDArray[np.float64]
@@ -24,7 +26,8 @@ class Trace:
 
     ``contact_force`` is the axial one, positive against the shift.
     ``tangential_force`` acts on the sliding ring at the mean radius, positive
-    where the output ring drives it. Both are of the whole ring.
+    where the output ring drives it. Both are of the whole ring. ``actuator_displacement``
+    and its rate are those of the ring unless there is a linkage.
     """
 
     time: Series
@@ -36,6 +39,8 @@ class Trace:
     shift_force: Series
     contact_force: Series
     tangential_force: Series
+    actuator_displacement: Series
+    actuator_speed: Series
 
     @property
     def relative_speed(self) -> Series:
@@ -51,14 +56,14 @@ def trace_of(
     Parameters
     ----------
     times : s, (n,); a time that does not grow is left out.
-    states : output angle, displacement, sliding angle and their rates, each (6,).
+    states : output angle, displacement, sliding angle and their rates, each (6,); with a
+        linkage also displacement and speed of the actuator, (8,).
     """
     time, state = np.array(times), np.array(states)
     keep = np.concatenate([[True], np.diff(time) > 0.0])
     time, state = time[keep], state[keep]
-    steps = np.diff(time)
-    lost = np.diff(point.profile.free_speed(time, clutch.rings.mass)) - np.diff(state[:, 4])
-    torque = clutch.rings.sliding_inertia * np.diff(state[:, 5]) / steps
+    mean_force, torque = contact_means(clutch, point.profile, time, state)
+    far = state[:, 6:] if clutch.mechanism.has_linkage else state[:, [1, 4]]
     return Trace(
         time=time,
         displacement=state[:, 1],
@@ -67,18 +72,24 @@ def trace_of(
         output_speed=state[:, 3],
         relative_angle=state[:, 0] - state[:, 2],
         shift_force=point.profile.at(time),
-        contact_force=np.concatenate([[0.0], clutch.rings.mass * lost / steps]),
+        contact_force=np.concatenate([[0.0], mean_force]),
         tangential_force=np.concatenate([[0.0], torque / clutch.dog.mean_radius]),
+        actuator_displacement=far[:, 0],
+        actuator_speed=far[:, 1],
     )
 
 
-def crossing(trace: Trace, way: float) -> float:
-    """Return when the displacement reaches ``way`` within the last step, s.
+def crossing(time: Series, displacement: Series, speed: Series, way: float) -> float | None:
+    """Return when a displacement first reaches ``way``, s; None where it does not.
 
-    Cubic between the two states (Hermite), solved by bisection.
+    Cubic between the two states (Hermite), solved by bisection. Series (n,).
     """
-    (t0, t1), (x0, x1) = trace.time[-2:], trace.displacement[-2:]
-    v0, v1 = trace.axial_speed[-2:]
+    reached = displacement >= way
+    last = int(np.argmax(reached))
+    if not reached[last]:
+        return None
+    pair = slice(last - 1, last + 1)
+    (t0, t1), (x0, x1), (v0, v1) = time[pair], displacement[pair], speed[pair]
     step = t1 - t0
     low, high = 0.0, 1.0
     for _ in range(50):

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.actuation import ForceProfile, RiseTable
+from sim.actuation import RiseTable
 from sim.clutch import Clutch, OperatingPoint
 from sim.distribution import Distribution, Values
 from sim.errors import InputError
@@ -65,7 +65,8 @@ class Variant:
 
     def point(self, point: OperatingPoint) -> OperatingPoint:
         """Return the operating point as drawn."""
-        return replace(point, profile=ForceProfile(point.profile.force * self.force, self.rise))
+        profile = replace(point.profile, force=point.profile.force * self.force, rise=self.rise)
+        return replace(point, profile=profile)
 
 
 @dataclass(frozen=True)

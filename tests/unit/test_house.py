@@ -20,7 +20,7 @@ ALLOWED = {
 }
 #: Outside packages that only some modules may import.
 GUARDED = {
-    "pydrake": {"sim/plant.py", "sim/engagement.py", "pipeline/scene.py"},
+    "pydrake": {"sim/plant.py", "sim/linkage.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {
         "pipeline/rounds.py",
         "pipeline/search.py",

@@ -1,0 +1,125 @@
+"""What an effect is: physics that the simulation lacks, as a change of a setting.
+
+Parameters have neutral values, with which the setting stays what it was. Their priors are
+uniform in the value or in its logarithm. ``sim.effects`` has one file for each effect.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from sim.errors import DogshapeError, InputError, did_you_mean, refusal
+from sim.setting import Setting
+from sim.units import unit_of
+
+Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect, in the unit that its name ends in.
+
+    Parameters
+    ----------
+    name : as files have it.
+    neutral : value that changes nothing, or what says it of a setting.
+    low, high : range of the prior.
+    scale : what the prior is uniform in.
+    source : of the range, in words.
+    """
+
+    name: str
+    neutral: float | Callable[[Setting], float]
+    low: float
+    high: float
+    scale: Literal["uniform", "log-uniform"]
+    source: str
+
+    def __post_init__(self) -> None:
+        least = 0.0 if self.scale == "log-uniform" else -math.inf
+        if not least < self.low < self.high < math.inf:
+            raise InputError(
+                f"the range of {self.name} is {self.low:.6g} to {self.high:.6g}, but its prior is "
+                f"{self.scale}; give finite ends in this order, positive ones for a logarithm"
+            )
+
+    def neutral_of(self, setting: Setting) -> float:
+        """Return the value that changes nothing of a setting."""
+        return self.neutral(setting) if callable(self.neutral) else self.neutral
+
+    def at(self, share: float) -> float:
+        """Return the value below which a ``share`` in [0, 1] of the prior lies."""
+        if self.scale == "uniform":
+            return self.low + share * (self.high - self.low)
+        return float(self.low * (self.high / self.low) ** share)
+
+    def share(self, value: float) -> float:
+        """Return the share of the prior below a value, in [0, 1]; the inverse of ``at``."""
+        inside = min(max(value, self.low), self.high)
+        if self.scale == "uniform":
+            return (inside - self.low) / (self.high - self.low)
+        return math.log(inside / self.low) / math.log(self.high / self.low)
+
+
+@dataclass(frozen=True)
+class BenchTest:
+    """The measurement that would show an effect directly: short name and one sentence."""
+
+    name: str
+    how: str
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One physical mechanism that the simulation lacks or has wrong.
+
+    Parameters
+    ----------
+    name : as files have it; that of its file.
+    meaning : in one line.
+    parameters : one or two.
+    change : makes a setting with it of one without, given a value for each parameter.
+    test : what would measure it directly.
+    aliases : what no data of shifts can tell from it, in words.
+    """
+
+    name: str
+    meaning: str
+    parameters: tuple[Parameter, ...]
+    change: Callable[[Setting, Values], Setting]
+    test: BenchTest
+    aliases: tuple[str, ...] = ()
+
+    def apply(self, setting: Setting, values: Values) -> Setting:
+        """Return the setting with the effect.
+
+        Raises InputError where a value is missing, unknown, not finite or gives no such bench,
+        GeometryError where it gives no such dog. The prior's range is no limit.
+        """
+        names = [parameter.name for parameter in self.parameters]
+        for name, value in values.items():
+            if name not in names:
+                hint = did_you_mean(name, names)
+                raise InputError(f"'{name}' is not a parameter of {self.name}; {hint}")
+            if not math.isfinite(value):
+                rule, remedy = "it must be finite", "correct the value"
+                raise InputError(refusal(f"{self.name}.{name}", value, unit_of(name), rule, remedy))
+        for name in names:
+            if name not in values:
+                raise InputError(f"{self.name} needs a value of '{name}'; give it")
+        return self.change(setting, values)
+
+    def neutral(self, setting: Setting) -> dict[str, float]:
+        """Return the values that change nothing of a setting."""
+        return {p.name: p.neutral_of(setting) for p in self.parameters}
+
+    def possible(self, setting: Setting, values: Values) -> bool:
+        """Tell whether there is such a bench; dynamic above static friction, say, is none."""
+        try:
+            self.apply(setting, values)
+        except DogshapeError:
+            return False
+        return True

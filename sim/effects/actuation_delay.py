@@ -1,0 +1,39 @@
+"""The force starts later than the record: dead time of valve and pipe, or a shifted time zero.
+
+Nothing else moves meanwhile, so every time grows by the same; no simulation is needed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    return replace(setting, delay=setting.delay + values["delay_s"])
+
+
+EFFECT = Effect(
+    name="actuation_delay",
+    meaning="the force starts some time after time zero",
+    parameters=(
+        Parameter(
+            "delay_s",
+            neutral=0.0,
+            low=0.0,
+            high=0.25,
+            scale="uniform",
+            source="valve, pipe and filling of a pneumatic cylinder take 10 to 150 "
+            "ms; the published gap of 0.1 s lies in the middle",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "force at the sleeve over time",
+        "Record the trigger and the force at the shift fork on one clock: the "
+        "force must begin to rise at time zero.",
+    ),
+    aliases=("a shifted time zero of the record",),
+)

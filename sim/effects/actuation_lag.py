@@ -1,0 +1,37 @@
+"""The pressure follows its command by a lag of first order, on top of the nominal rise."""
+
+from __future__ import annotations
+
+from sim.actuation import LaggedProfile
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    lag, profile = values["lag_s"], setting.point.profile
+    if lag == 0.0:
+        return setting
+    return setting.with_point(profile=LaggedProfile(profile.force, profile.rise, lag))
+
+
+EFFECT = Effect(
+    name="actuation_lag",
+    meaning="the force nears its nominal course with a lag of first order",
+    parameters=(
+        Parameter(
+            "lag_s",
+            neutral=0.0,
+            low=0.003,
+            high=0.3,
+            scale="log-uniform",
+            source="a cylinder of 0.1 to 1 litre behind a valve of some hundred "
+            "litres a minute fills with time constants of this range",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "force at the sleeve over time",
+        "Record the force at the shift fork while the ring is blocked: its "
+        "course after the nominal rise shows the lag.",
+    ),
+)

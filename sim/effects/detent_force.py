@@ -1,0 +1,45 @@
+"""A detent that the ring has to pass: a hump of force over a millimetre of its way."""
+
+from __future__ import annotations
+
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+from sim.units import to_si
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    if values["detent_N"] == 0.0:
+        return setting
+    place = to_si("position_mm", values["position_mm"])
+    return setting.with_mechanism(detent=values["detent_N"], detent_position=place)
+
+
+EFFECT = Effect(
+    name="detent_force",
+    meaning="a detent holds the ring over a short part of its way",
+    parameters=(
+        Parameter(
+            "detent_N",
+            neutral=0.0,
+            low=10.0,
+            high=200.0,
+            scale="log-uniform",
+            source="ball detents of passenger cars take 10 to 100 N at the rod; above "
+            "the least shift force nothing would move",
+        ),
+        Parameter(
+            "position_mm",
+            neutral=0.5,
+            low=0.5,
+            high=4.5,
+            scale="uniform",
+            source="anywhere on the travel; most likely where it leaves neutral",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "slow push of the free ring",
+        "Push the free ring slowly over its travel and record force over "
+        "displacement: the hump shows.",
+    ),
+)

@@ -1,0 +1,45 @@
+"""The true mismatch differs from the nominal one by the same amount at every operating point.
+
+Counting teeth and turns leaves no error of proportion worth naming. What remains is an amount: a
+flywheel that runs down by dry friction loses the same speed between reading and touch, a ring
+at rest is dragged along by its bearing, and a speed set by hand errs by what can be set. The
+offset counts along the nominal mismatch: a negative one makes it smaller.
+"""
+
+from __future__ import annotations
+
+import math
+
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+from sim.units import to_si
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    nominal = setting.point.mismatch
+    offset = to_si("offset_rpm", values["offset_rpm"]) * math.copysign(1.0, nominal)
+    return setting.with_point(mismatch=nominal + offset)
+
+
+EFFECT = Effect(
+    name="mismatch_speed",
+    meaning="the true mismatch is the nominal one and an offset",
+    parameters=(
+        Parameter(
+            "offset_rpm",
+            neutral=0.0,
+            low=-4.0,
+            high=4.0,
+            scale="uniform",
+            source="a flywheel with 5 to 20 N m of friction loses 0.5 to 3 1/min "
+            "within a shift; speeds are set to a few 1/min, below the least "
+            "nominal one",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "both speeds at the first touch",
+        "Record the speeds of both rings with encoders on the clock of the "
+        "displacement and read them at the first touch.",
+    ),
+)

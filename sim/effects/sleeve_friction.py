@@ -1,0 +1,33 @@
+"""Coulomb friction of the sliding ring on its shaft, the same at every load."""
+
+from __future__ import annotations
+
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    return setting.with_mechanism(friction=values["friction_N"])
+
+
+EFFECT = Effect(
+    name="sleeve_friction",
+    meaning="dry friction of the sliding ring on its shaft",
+    parameters=(
+        Parameter(
+            "friction_N",
+            neutral=0.0,
+            low=3.0,
+            high=200.0,
+            scale="log-uniform",
+            source="a ring of 3 N on an oiled spline drags with newtons; seals, a "
+            "tilted fork or dirt with some ten; above the least shift force "
+            "nothing would move",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "slow push of the free ring",
+        "Pull the free ring along its shaft slowly with a spring balance, both ways.",
+    ),
+)

@@ -1,0 +1,33 @@
+"""Axial damping of the ring and its fork in oil."""
+
+from __future__ import annotations
+
+from sim.effect import BenchTest, Effect, Parameter, Values
+from sim.setting import Setting
+
+
+def _change(setting: Setting, values: Values) -> Setting:
+    return setting.with_mechanism(damping=values["damping_Ns_m"])
+
+
+EFFECT = Effect(
+    name="viscous_damping",
+    meaning="oil damps the ring along its shaft",
+    parameters=(
+        Parameter(
+            "damping_Ns_m",
+            neutral=0.0,
+            low=5.0,
+            high=1000.0,
+            scale="log-uniform",
+            source="shear in a spline of 10 cm2 with gaps of 20 um at 0.1 Pa s gives "
+            "5 N s/m; oil that must leave a closed pocket some hundred",
+        ),
+    ),
+    change=_change,
+    test=BenchTest(
+        "free flight at two forces",
+        "Shift with the output ring taken out at two forces and two oil "
+        "temperatures and record the displacement.",
+    ),
+)

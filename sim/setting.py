@@ -1,0 +1,106 @@
+r"""What a bench does at one operating point: what is simulated, and how it is read.
+
+What is read of a shift needs no simulation of its own:
+
+- a *delay* of the force behind the time zero of the record adds to every time;
+- the *sensor* stands at the sleeve or at the actuator, and a time is when the displacement
+  there makes the shift's travel; a simulated shift has both;
+- *relative angles* that are not uniform are weights on the simulated ones: von Mises'
+  distribution over the pitch, :math:`w \propto \exp(\kappa \cos 2\pi(\varphi - \varphi_0))` with
+  :math:`\varphi` in pitches, concentration :math:`\kappa` and centre :math:`\varphi_0`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.blocks import Block
+from sim.clutch import Clutch, OperatingPoint
+from sim.errors import require_between
+from sim.records import Record
+
+Sensor = Literal["sleeve", "actuator"]
+Weights = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One operating point on a bench.
+
+    Parameters
+    ----------
+    clutch, point : what is simulated.
+    delay : of the start of the force behind the time zero of the record, s.
+    sensor : where the displacement is read.
+    concentration, centre : of the relative angles; 0 is uniform, the centre is in pitches from
+        dogs facing dogs.
+
+    Raises
+    ------
+    InputError
+        A value is not finite or out of its range.
+    """
+
+    clutch: Clutch
+    point: OperatingPoint
+    delay: float = 0.0
+    sensor: Sensor = "sleeve"
+    concentration: float = 0.0
+    centre: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_between("delay_s", self.delay, -10.0, 10.0, "give the delay in seconds")
+        require_between("concentration", self.concentration, 0.0, 100.0, "correct the value")
+        require_between("centre", self.centre, -1.0, 1.0, "give the centre in pitches")
+
+    def block(self, angles: Sequence[float], seed: int | None = None) -> Block:
+        """Return the shifts at relative ``angles`` in rad at the start of the force.
+
+        Equal shifts have equal keys, so settings that differ only in how they are read share
+        theirs. ``seed`` is that of the angles' draw, None where they were given.
+        """
+        return Block(self.clutch, self.point, tuple(angles), seed)
+
+    def angles_at_force(self, angles: Sequence[float]) -> tuple[float, ...]:
+        """Return relative angles at the start of the force from those at time zero, rad."""
+        return tuple(angle + self.point.mismatch * self.delay for angle in angles)
+
+    def time_of(self, row: Record) -> float | None:
+        """Return the time that the bench reads of a shift, s; None where it reads none."""
+        at_ring = row["shift_time_s"]
+        time = row.get("actuator_time_s", at_ring) if self.sensor == "actuator" else at_ring
+        return None if time is None else float(time) + self.delay
+
+    def weights(self, angles: Sequence[float]) -> Weights:
+        """Return the weight of each relative angle in rad, (n,), 1 on average."""
+        turns = np.asarray(angles) / self.clutch.dog.pitch_angle - self.centre
+        raw = np.exp(self.concentration * (np.cos(2.0 * np.pi * turns) - 1.0))
+        weights: Weights = raw / raw.mean()
+        return weights
+
+    def with_mechanism(self, **fields: float) -> Setting:
+        """Return the same setting with other fields of its mechanism."""
+        return self._with(mechanism=replace(self.clutch.mechanism, **fields))
+
+    def with_contact(self, **fields: float) -> Setting:
+        """Return the same setting with other fields of its contact set.
+
+        The solver stays, so that a change of numbers is taken for none of the scheme.
+        """
+        return self._with(contact=replace(self.clutch.contact, **fields))  # type: ignore[arg-type]
+
+    def with_dog(self, **fields: float) -> Setting:
+        """Return the same setting with other fields of its dog."""
+        return self._with(dog=replace(self.clutch.dog, **fields))  # type: ignore[arg-type]
+
+    def with_point(self, **fields: Any) -> Setting:
+        """Return the same setting with other fields of its operating point."""
+        return replace(self, point=replace(self.point, **fields))
+
+    def _with(self, **fields: Any) -> Setting:
+        return replace(self, clutch=replace(self.clutch, **fields))

@@ -1,0 +1,230 @@
+"""Effects as values: neutral, composed, found by file, stored by key."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.config import load_study
+from pipeline.executor import Executor
+from pipeline.journal import ShiftJournal
+from pipeline.rows import dataset_of
+from sim.actuation import ForceProfile, LaggedProfile
+from sim.batch import run_block
+from sim.blocks import Block
+from sim.clutch import Clutch, OperatingPoint
+from sim.effect import Effect, Parameter
+from sim.effects import load
+from sim.errors import GeometryError, InputError
+from sim.mechanism import MECHANISM_KEYS, Mechanism
+from sim.records import clutch_record
+from sim.setting import Setting
+from sim.units import suffix_of
+
+Point = Callable[[float, float], OperatingPoint]
+
+EFFECTS = load()
+
+#: The names that stored diagnoses use.
+NAMES = [
+    "actuation_delay",
+    "actuation_lag",
+    "force_scale",
+    "sleeve_friction",
+    "viscous_damping",
+    "moving_mass",
+    "linkage_compliance",
+    "free_play",
+    "detent_force",
+    "contact_friction",
+    "contact_dissipation",
+    "contact_stiffness",
+    "spline_friction",
+    "drag_torque",
+    "mismatch_speed",
+    "axial_gap",
+    "chamfer_angle",
+    "relative_angle",
+]
+#: Of the default study at its first operating point, without any mechanism.
+PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
+
+
+@pytest.fixture
+def setting(clutch: Clutch, point: Point) -> Setting:
+    return Setting(clutch, point(50, 469.0))
+
+
+def _values(effect: Effect) -> dict[str, float]:
+    return {p.name: p.at(0.4 if p.name == "dynamic_friction" else 0.6) for p in effect.parameters}
+
+
+def test_effects_are_those_of_the_contract() -> None:
+    assert sorted(EFFECTS) == sorted(NAMES)
+    own = [
+        ("actuation_delay", "delay_s"),
+        ("sleeve_friction", "friction_N"),
+        ("moving_mass", "added_mass_kg"),
+        ("contact_friction", "static_friction"),
+    ]
+    for name, parameter in own:
+        assert EFFECTS[name].parameters[0].name == parameter
+    assert EFFECTS["contact_friction"].parameters[1].name == "dynamic_friction"
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_every_effect_says_what_it_is(effect: Effect) -> None:
+    assert 1 <= len(effect.parameters) <= 2
+    assert len(effect.meaning) > 20
+    assert effect.test.how.endswith(".")
+    assert effect.test.name
+    for parameter in effect.parameters:
+        assert len(parameter.source) > 20
+        whole = ("_friction", "_factor", "concentration", "_pitch")
+        assert suffix_of(parameter.name) or parameter.name.endswith(whole)
+
+
+@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None:
+    same = effect.apply(setting, effect.neutral(setting))
+    assert same == setting
+    assert same.block((0.1,)).keys == setting.block((0.1,)).keys
+    assert effect.apply(setting, _values(effect)) != setting
+
+
+@pytest.mark.parametrize(("one", "two"), list(combinations(NAMES, 2)))
+def test_effects_compose_in_either_order(setting: Setting, one: str, two: str) -> None:
+    first, second = EFFECTS[one], EFFECTS[two]
+    there = second.apply(first.apply(setting, _values(first)), _values(second))
+    back = first.apply(second.apply(setting, _values(second)), _values(first))
+    assert there == back
+    assert there not in (setting, first.apply(setting, _values(first)))
+
+
+def test_priors_run_from_end_to_end() -> None:
+    for effect in EFFECTS.values():
+        for parameter in effect.parameters:
+            assert parameter.at(0.0) == pytest.approx(parameter.low)
+            assert parameter.at(1.0) == pytest.approx(parameter.high)
+            assert parameter.share(parameter.at(0.3)) == pytest.approx(0.3)
+    middle = Parameter("x_N", 0.0, 1.0, 100.0, "log-uniform", "made up").at(0.5)
+    assert middle == pytest.approx(10.0)
+    with pytest.raises(InputError, match=r"the range of x_N is 0 to 1, but its prior"):
+        Parameter("x_N", 0.0, 0.0, 1.0, "log-uniform", "made up")
+
+
+def test_keys_of_shifts_without_mechanism_stay(setting: Setting) -> None:
+    study = load_study("mq200")
+    assert study.physics_hash == PHYSICS
+    assert Block(study.clutch, study.points[0], (0.1,)).keys == [FIRST]
+    assert not set(MECHANISM_KEYS) & set(clutch_record(setting.clutch))
+
+
+def test_every_part_of_a_mechanism_is_in_the_key(clutch: Clutch) -> None:
+    point = OperatingPoint(5.0, ForceProfile(300.0, 0.2))
+    keys = {Block(clutch, point, (0.1,)).keys[0]}
+    for name, value in vars(Mechanism()).items():
+        other = replace(clutch, mechanism=Mechanism(**{name: value + 1e-6}))
+        keys.add(Block(other, point, (0.1,)).keys[0])
+    lagged = replace(point, profile=LaggedProfile(300.0, 0.2, 0.01))
+    keys.add(Block(clutch, lagged, (0.1,)).keys[0])
+    assert len(keys) == 2 + len(MECHANISM_KEYS)
+
+
+def test_mistakes_are_sentences(setting: Setting) -> None:
+    friction, gap = EFFECTS["sleeve_friction"], EFFECTS["axial_gap"]
+    for values, words in (
+        ({"friction": 1.0}, "'friction' is not a parameter of sleeve_friction; did you mean"),
+        ({}, "sleeve_friction needs a value of 'friction_N'"),
+        ({"friction_N": float("nan")}, "sleeve_friction.friction_N is nan N"),
+        ({"friction_N": -1.0}, "mechanism.friction_N is -1 N, but it must lie between 0 and"),
+    ):
+        with pytest.raises(InputError, match=words):
+            friction.apply(setting, values)
+    with pytest.raises(InputError, match=r"axial_gap_mm is -1 mm"):
+        gap.apply(setting, {"gap_offset_mm": -2.0})
+    steep = {"chamfer_offset_deg": 40.0}
+    with pytest.raises(GeometryError):
+        EFFECTS["chamfer_angle"].apply(setting, steep)
+    assert not EFFECTS["chamfer_angle"].possible(setting, steep)
+    crossed = {"static_friction": 0.1, "dynamic_friction": 0.2}
+    assert not EFFECTS["contact_friction"].possible(setting, crossed)
+    assert friction.possible(setting, {"friction_N": 20.0})
+
+
+OWN = """
+from sim.effect import BenchTest, Effect, Parameter
+
+def _change(setting, values):
+    return setting.with_mechanism(damping=values["damping_Ns_m"])
+
+EFFECT = Effect(
+    name="{name}",
+    meaning="thick oil",
+    parameters=(Parameter("damping_Ns_m", 0.0, 1.0, 9.0, "uniform", "a guess"),),
+    change=_change,
+    test=BenchTest("flight", "Let it fly."),
+)
+"""
+
+
+def test_a_users_file_is_an_effect(tmp_path: Path, setting: Setting) -> None:
+    (tmp_path / "thick_oil.py").write_text(OWN.format(name="thick_oil"))
+    (tmp_path / "_notes.py").write_text("not python at all")
+    found = load(tmp_path)
+    assert set(found) == {*EFFECTS, "thick_oil"}
+    changed = found["thick_oil"].apply(setting, {"damping_Ns_m": 3.0})
+    assert changed.clutch.mechanism.damping == 3.0
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "words"),
+    [
+        ("mine.py", "EFFECT = 3", "mine.py defines no EFFECT; define one"),
+        ("mine.py", "x = 1", "mine.py defines no EFFECT; define one"),
+        ("mine.py", OWN.format(name="yours"), "defines the effect 'yours', but an effect has"),
+        ("free_play.py", OWN.format(name="free_play"), "'free_play', but there is one of that"),
+        ("mine.py", "import nothing_of_this_name", r"cannot be run \(ModuleNotFoundError"),
+        ("mine.py", "def (", r"cannot be run \(SyntaxError"),
+    ],
+)
+def test_mistakes_in_a_users_file(tmp_path: Path, file: str, text: str, words: str) -> None:
+    (tmp_path / file).write_text(text)
+    with pytest.raises(InputError, match=words):
+        load(tmp_path)
+
+
+def test_a_missing_folder_of_effects(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is no folder"):
+        load(tmp_path / "nowhere")
+
+
+def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
+    """Settings that differ in reading alone share their shifts; others of a journal stay apart."""
+    late = EFFECTS["actuation_delay"].apply(setting, {"delay_s": 0.1})
+    rubbing = EFFECTS["sleeve_friction"].apply(setting, {"friction_N": 20.0})
+    angles = (0.2094395102393195,)
+    done: list[int] = []
+    runner = Executor(ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1, progress=done.append)
+    rows = runner.run([one.block(angles) for one in (setting, late, rubbing)])
+    assert len(runner.journal.rows) == 2
+    assert late.time_of(rows[1][0]) == pytest.approx(rows[0][0]["shift_time_s"] + 0.1)
+    assert rows[2][0]["mechanism_friction_N"] == 20.0
+    again = Executor(ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1)
+    assert again.run([rubbing.block(angles)]) == rows[2:]
+
+
+@pytest.mark.parametrize("extra", [{"mechanism_friction_N": 20.0}, {"force_lag_s": 0.01}])
+def test_shifts_with_effects_teach_a_study_nothing(extra: dict[str, float]) -> None:
+    study = load_study("mq200")
+    angles = tuple((np.arange(3) / 3 * study.clutch.dog.pitch_angle).tolist())
+    plain = list(run_block(Block(study.clutch, study.points[-1], angles)))
+    other = [{**row, **extra, "shift_time_s": 0.5} for row in plain]
+    rows = dataset_of(study, plain).rows
+    assert len(rows) == 1
+    assert dataset_of(study, [*plain, *other]).rows == pytest.approx(rows)

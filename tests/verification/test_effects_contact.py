@@ -1,0 +1,199 @@
+"""Effects that act through the contact of the dogs, and what the balance says of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint
+from sim.effects import load
+from sim.engagement import engage
+from sim.mechanism import Mechanism, smooth_sign
+from sim.mesh import rigid_dog
+from sim.outcome import Outcome
+from sim.plant import ClutchPlant
+from sim.setting import Setting
+from sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+
+EFFECTS = load()
+PUSH = ForceProfile(469.0, 0.1766)
+
+
+def _pressed(clutch: Clutch, depth: float, speed: float) -> tuple[float, float]:
+    """Press face on face, sliding at 50 1/min and closing at ``speed``; return forces, N.
+
+    Rectangular dogs that face each other: axial force against the shift and force along the
+    circumference, both of one dog.
+    """
+    dog = replace(clutch.dog, chamfer=0.0, traction=15 * DEG, braking=15 * DEG)
+    plant = ClutchPlant(clutch.with_dog(dog))
+    plant.start(OperatingPoint(50 * RPM, PUSH), 0.0)
+    plant.plant.SetPositions(plant.plant_context, [0.0, dog.axial_gap + depth, 0.0])
+    plant.plant.SetVelocities(plant.plant_context, [50 * RPM, speed, 0.0])
+    body = plant.plant.GetBodyByName("carriage")
+    port = plant.plant.get_generalized_contact_forces_output_port(body.model_instance())
+    forces = port.Eval(plant.plant_context)
+    return float(-forces[1]), float(forces[2]) / dog.mean_radius
+
+
+def _area(clutch: Clutch) -> float:
+    dog = replace(clutch.dog, chamfer=0.0, traction=15 * DEG, braking=15 * DEG)
+    mesh = rigid_dog(dog)
+    a, b, c = np.moveaxis(mesh.vertices[mesh.cells[2:4]], 1, 0)
+    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+
+@pytest.fixture
+def setting(clutch: Clutch, point: Point) -> Setting:
+    """The prototype at 50 1/min and 469 N."""
+    return Setting(clutch, point(50, 469.0))
+
+
+@pytest.mark.parametrize(("static", "dynamic"), [(0.12, 0.10), (0.30, 0.25)])
+def test_the_plant_sees_the_coefficient_of_friction(
+    setting: Setting, static: float, dynamic: float
+) -> None:
+    values = {"static_friction": static, "dynamic_friction": dynamic}
+    changed = EFFECTS["contact_friction"].apply(setting, values)
+    axial, along = _pressed(changed.clutch, 5e-6, 0.0)
+    # The law falls short of its coefficient by (2/pi) v_s/v; the centre of force lies off the
+    # mean radius by w2/12 r2.
+    assert along / axial == pytest.approx(dynamic, rel=5e-3)
+
+
+def test_the_plant_sees_stiffness_and_dissipation(setting: Setting) -> None:
+    """F = k A x (1 + d v)."""
+    depth, speed, area = 5e-6, 0.01, _area(setting.clutch)
+    stiff = EFFECTS["contact_stiffness"].apply(setting, {"stiffness_Pa_m": 2e12})
+    assert _pressed(stiff.clutch, depth, 0.0)[0] == pytest.approx(2e12 * area * depth, rel=1e-3)
+    dead = EFFECTS["contact_dissipation"].apply(stiff, {"dissipation_s_m": 60.0})
+    exact = 2e12 * area * depth * (1.0 + 60.0 * speed)
+    assert _pressed(dead.clutch, depth, speed)[0] == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize(("offset", "outcome"), [(-3.5, "blocked"), (-1.0, "engaged")])
+def test_a_flatter_chamfer_holds_below_the_friction_angle(
+    clutch: Clutch, point: Point, offset: float, outcome: str
+) -> None:
+    """Dog on dog at rest, 8 deg nominal: dynamic friction 0.10 is 5.7 deg."""
+    at_rest = Setting(clutch, OperatingPoint(0.0, point(5, 641.5).profile))
+    changed = EFFECTS["chamfer_angle"].apply(at_rest, {"chamfer_offset_deg": offset})
+    result = engage(ClutchPlant(changed.clutch), changed.point, 0.0)
+    assert result.outcome is Outcome(outcome)
+
+
+@pytest.mark.parametrize("offset", [-0.3, 0.4])
+def test_another_gap_is_another_free_flight(clutch: Clutch, point: Point, offset: float) -> None:
+    """Dogs facing slots, hardly turning: the ring flies the whole travel."""
+    still = Setting(clutch, OperatingPoint(0.1 * RPM, point(5, 469.0).profile))
+    changed = EFFECTS["axial_gap"].apply(still, {"gap_offset_mm": offset})
+    result = engage(ClutchPlant(changed.clutch), changed.point, 12.0 * DEG)
+    way = clutch.shift_travel + offset * 1e-3
+    floor = changed.point.profile.free_flight_time(way, 0.3)
+    assert result.shift_time == pytest.approx(floor, rel=0.02)
+    assert result.shift_time >= floor * (1.0 - 1e-4)
+
+
+def test_spline_friction_is_what_the_torque_behind_the_ring_presses(clutch: Clutch) -> None:
+    """m dv/dt falls by mu |T| / r, T = (J1 - m r2) dw/dt, while everything else is the same."""
+    rates, coefficient, radius, speed = {}, 0.15, 0.0176, 0.2
+    for mu in (0.0, coefficient):
+        mechanism = Mechanism(spline_friction=mu, spline_radius=radius)
+        plant = ClutchPlant(replace(clutch, mechanism=mechanism))
+        plant.start(OperatingPoint(50 * RPM, PUSH), 0.0)
+        plant.plant.SetPositions(plant.plant_context, [0.0, 1.605e-3, 0.0])
+        plant.plant.SetVelocities(plant.plant_context, [50 * RPM, speed, 0.0])
+        derivatives = plant.plant.EvalTimeDerivatives(plant.plant_context)
+        rates[mu] = derivatives.CopyToVector()[3:]
+    assert abs(rates[0.0][2]) > 10.0
+    assert rates[coefficient][2] == pytest.approx(rates[0.0][2], rel=1e-12)
+    torque = (0.01 - 0.3 * clutch.dog.mean_radius**2) * abs(rates[0.0][2])
+    friction = 0.3 * (rates[0.0][1] - rates[coefficient][1])
+    expected = coefficient * torque / radius * smooth_sign(speed, 1e-3)
+    assert friction == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "mechanism",
+    [
+        Mechanism(spline_friction=0.15, friction=20.0),
+        Mechanism(compliance=4e-6, added_mass=0.3, damping=20.0),
+        Mechanism(detent=60.0, detent_position=3e-3, drag_torque=1.0),
+    ],
+    ids=["spline", "linkage", "detent"],
+)
+def test_the_balance_finds_the_force_of_the_contact(
+    clutch: Clutch, point: Point, mechanism: Mechanism
+) -> None:
+    """Contact forces from the momentum of all parts against Drake's own, while faces slide."""
+    plant = ClutchPlant(replace(clutch, mechanism=mechanism))
+    result = engage(plant, point(10, 469.0), 0.0)
+    trace, count = result.trace, clutch.dog.count
+    body = plant.plant.GetBodyByName("carriage")
+    port = plant.plant.get_generalized_contact_forces_output_port(body.model_instance())
+    places = np.transpose([trace.relative_angle, trace.displacement, 0.0 * trace.time])
+    rates = np.transpose([trace.output_speed, trace.axial_speed, trace.sliding_speed])
+    if mechanism.has_linkage:
+        places = np.column_stack([places, trace.actuator_displacement])
+        rates = np.column_stack([rates, trace.actuator_speed])
+    said = []
+    for place, rate in zip(places, rates, strict=True):
+        plant.plant.SetPositions(plant.plant_context, place)
+        plant.plant.SetVelocities(plant.plant_context, rate)
+        said.append(count * port.Eval(plant.plant_context)[[1, 2]])
+    axial, torque = np.array(said).T
+    slides = (trace.time > result.phases[1].start + 0.01) & (trace.time < result.phases[1].end)
+    assert slides.sum() > 50
+    steps = np.diff(trace.time, prepend=0.0)[slides]
+    for mean, force in (
+        (trace.contact_force, -axial),
+        (trace.tangential_force * clutch.dog.mean_radius, torque),
+    ):
+        impulse = float((mean[slides] * steps).sum())
+        assert impulse == pytest.approx(float((force[slides] * steps).sum()), rel=0.01)
+
+
+@pytest.mark.parametrize("drag", [0.0, 1.0])
+def test_only_drag_takes_angular_momentum(clutch: Clutch, point: Point, drag: float) -> None:
+    """J1 w1 + J2 w2 falls by the impulse of the drag, and friction in the spline takes none."""
+    mechanism = Mechanism(spline_friction=0.2, friction=20.0, drag_torque=drag)
+    rings = clutch.rings
+    trace = engage(
+        ClutchPlant(replace(clutch, mechanism=mechanism)), point(100, 469.0), 3 * DEG
+    ).trace
+    momentum = (
+        rings.sliding_inertia * trace.sliding_speed + rings.output_inertia * trace.output_speed
+    )
+    held = drag * smooth_sign(trace.sliding_speed, 0.05)
+    taken = np.concatenate([[0.0], np.cumsum(0.5 * (held[1:] + held[:-1]) * np.diff(trace.time))])
+    assert momentum[0] - momentum == pytest.approx(
+        taken, abs=1e-6 * momentum[0] + 0.01 * abs(taken[-1])
+    )
+    assert math.isclose(momentum[0], 0.6048 * 100 * RPM)
+
+
+def test_a_vanishing_mechanism_leaves_the_shift(clutch: Clutch, point: Point) -> None:
+    """Every part at a millionth of what matters, against the plant that has none of them."""
+    faint = Mechanism(
+        added_mass=1e-7,
+        friction=1e-6,
+        damping=1e-5,
+        detent=1e-6,
+        detent_position=1e-3,
+        spline_friction=1e-8,
+        drag_torque=1e-8,
+    )
+    times = [
+        engage(
+            ClutchPlant(replace(clutch, mechanism=one)), point(100, 469.0), 16.0 * DEG
+        ).shift_time
+        for one in (Mechanism(), faint)
+    ]
+    assert times[0] == pytest.approx(times[1], rel=1e-3)

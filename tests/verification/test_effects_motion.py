@@ -1,0 +1,237 @@
+"""Mechanisms around the sliding ring against closed forms of its motion without contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from sim.actuation import ForceProfile, LaggedProfile
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import engage
+from sim.mechanism import DAMPING_RATIO, FORK, Mechanism
+from sim.outcome import Outcome
+from sim.plant import ClutchPlant
+from sim.trace import Trace
+from sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+Flight = Callable[..., Trace]
+
+STEP = 1e-4  #: s, rise of a force that is as good as constant from half of it on
+
+
+@pytest.fixture
+def flight(clutch: Clutch) -> Flight:
+    """Let the ring fly with a mechanism, dogs far apart, for ``time`` s."""
+
+    def fly(profile: ForceProfile, time: float, **mechanism: float) -> Trace:
+        far = clutch.with_dog(replace(clutch.dog, axial_gap=90e-3))
+        far = replace(far, timeout=time, mechanism=Mechanism(**mechanism))
+        result = engage(ClutchPlant(far), OperatingPoint(50 * RPM, profile), 0.0)
+        assert result.outcome is Outcome.TIMED_OUT
+        assert result.trace.displacement.max() < 90e-3
+        assert np.abs(result.trace.contact_force).max() < 0.01 * profile.force
+        return result.trace
+
+    return fly
+
+
+def test_added_mass_flies_with_the_ring(flight: Flight, point: Point) -> None:
+    profile = point(50, 235.2).profile
+    trace = flight(profile, 0.06, added_mass=1.7)
+    assert trace.displacement[-1] == pytest.approx(profile.free_flight(0.06, 2.0), rel=1e-3)
+
+
+def test_dry_friction_takes_its_part_of_a_constant_force(flight: Flight) -> None:
+    """x = (F - R) t2 / 2 m."""
+    trace = flight(ForceProfile(100.0, STEP), 0.02, friction=40.0)
+    exact = 0.5 * 60.0 / 0.3 * (trace.time - 0.5 * STEP) ** 2
+    late = trace.time > 0.007
+    assert late.sum() > 10
+    assert trace.displacement[late] == pytest.approx(exact[late], rel=3e-3)
+
+
+def test_friction_holds_the_ring_until_the_force_exceeds_it(flight: Flight, point: Point) -> None:
+    """From the time t0 at which F = R on, m v is what F - R gave since."""
+    profile, mass, friction = point(50, 235.2).profile, 0.3, 60.0
+    trace = flight(profile, 0.13, friction=friction)
+    times = np.linspace(0.0, 0.13, 200_001)
+    over = np.maximum(profile.at(times) - friction, 0.0)
+    speed = np.cumsum(over) * (times[1] - times[0]) / mass
+    way = np.cumsum(speed) * (times[1] - times[0])
+    begin = float(times[np.argmax(over > 0.0)])
+    assert np.interp(begin, trace.time, trace.displacement) < 1e-4
+    assert trace.displacement[-1] == pytest.approx(way[-1], rel=0.02)
+    assert trace.time[0] == 0.0
+    turned = trace.relative_angle / (50 * RPM)
+    assert turned == pytest.approx(trace.time, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("regularised", [2e-3, 5e-4])
+def test_the_velocity_that_smooths_friction_does_not_matter(
+    clutch: Clutch, point: Point, monkeypatch: pytest.MonkeyPatch, regularised: float
+) -> None:
+    """Twice and half of it move a slow shift, dog on dog, by less than 1 %."""
+    slow = ClutchPlant(replace(clutch, mechanism=Mechanism(friction=50.0)))
+    usual = engage(slow, point(10, 235.2), 0.0).shift_time
+    monkeypatch.setattr("sim.mechanism.SLIP", regularised)
+    assert engage(slow, point(10, 235.2), 0.0).shift_time == pytest.approx(usual, rel=0.01)
+
+
+def test_a_ring_that_friction_holds_for_good_never_moves(clutch: Clutch, point: Point) -> None:
+    held = replace(clutch, mechanism=Mechanism(friction=300.0))
+    result = engage(ClutchPlant(held), point(50, 235.2), 0.0)
+    assert result.outcome is not Outcome.ENGAGED
+    assert result.trace.displacement.max() < 1e-3
+    assert result.steps < 50_000
+
+
+def test_oil_damps_as_its_equation_says(flight: Flight) -> None:
+    """v = F/c (1 - exp(-c t/m))."""
+    force, damping = 100.0, 60.0
+    trace = flight(ForceProfile(force, STEP), 0.04, damping=damping)
+    exact = force / damping * (1.0 - np.exp(-damping / 0.3 * (trace.time - 0.5 * STEP)))
+    late = trace.time > 0.002
+    assert trace.axial_speed[late] == pytest.approx(exact[late], rel=1e-3)
+
+
+@pytest.mark.parametrize("lag", [0.002, 0.05, 0.4])
+def test_lagged_force_is_the_convolution_of_the_step(lag: float) -> None:
+    """y = int u(t - z) exp(-z/tau) dz / tau; the quadrature errs by (step/tau)^2/12."""
+    profile, plain = LaggedProfile(300.0, 0.2, lag), ForceProfile(300.0, 0.2)
+    fine = np.linspace(0.0, 0.6, 3001)
+    kernel = np.exp(-fine / lag) / lag * fine[1]
+    kernel[0] *= 0.5
+    exact = np.convolve(plain.at(fine), kernel)[: len(fine)]
+    assert profile.at(fine) == pytest.approx(exact, rel=(fine[1] / lag) ** 2 / 6, abs=1e-3)
+    speed = cumulative_trapezoid(profile.at(fine), fine, initial=0.0) / 0.3
+    assert profile.free_speed(fine, 0.3) == pytest.approx(speed, rel=1e-3, abs=1e-5)
+    way = cumulative_trapezoid(speed, fine, initial=0.0)
+    assert profile.free_flight(fine, 0.3) == pytest.approx(way, rel=1e-3, abs=1e-6)
+    assert profile.free_flight_time(way[500], 0.3) == pytest.approx(fine[500], rel=1e-3)
+
+
+def test_lagged_force_moves_the_ring_as_its_closed_form(flight: Flight) -> None:
+    profile = LaggedProfile(400.0, 0.15, 0.03)
+    trace = flight(profile, 0.06)
+    exact = profile.free_flight(trace.time, 0.3)
+    flown = exact > 1e-4
+    assert trace.displacement[flown] == pytest.approx(exact[flown], rel=1e-3)
+    assert trace.shift_force == pytest.approx(profile.at(trace.time))
+
+
+def test_a_lag_that_vanishes_leaves_the_step() -> None:
+    times = np.linspace(0.0, 0.4, 101)
+    quick = LaggedProfile(300.0, 0.2, 1e-5)
+    assert quick.at(times) == pytest.approx(ForceProfile(300.0, 0.2).at(times), abs=0.05)
+
+
+def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
+    """m v2/2 = F x - (8/15) D w beyond it, F x before."""
+    detent, width, place = 80.0, 1e-3, 3e-3
+    trace = flight(ForceProfile(120.0, STEP), 0.01, detent=detent, detent_position=place)
+    work = np.cumsum(
+        np.diff(trace.displacement) * 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
+    )
+    lost = work - 0.5 * 0.3 * trace.axial_speed[1:] ** 2
+    beyond = trace.displacement[1:] > place + 0.5 * width
+    before = trace.displacement[1:] < place - 0.5 * width
+    assert beyond.sum() > 2
+    assert before.sum() > 2
+    assert lost[beyond] == pytest.approx(8.0 / 15.0 * detent * width, rel=0.01)
+    assert np.abs(lost[before]).max() < 1e-4
+
+
+def test_a_linkage_swings_as_two_masses_on_a_spring(flight: Flight) -> None:
+    """Response of u = y - x to a step of force, damped frequency included."""
+    force, stiffness, added = 100.0, 1.0 / 20e-6, 0.2
+    trace = flight(ForceProfile(force, STEP), 0.03, compliance=20e-6, added_mass=added)
+    far, near = FORK * 0.3 + added, (1.0 - FORK) * 0.3
+    rate = math.sqrt(stiffness * (far + near) / (far * near))
+    damped = rate * math.sqrt(1.0 - DAMPING_RATIO**2)
+    t = np.maximum(trace.time - 0.5 * STEP, 0.0)
+    swing = np.cos(damped * t) + DAMPING_RATIO * rate / damped * np.sin(damped * t)
+    exact = force / far / rate**2 * (1.0 - np.exp(-DAMPING_RATIO * rate * t) * swing)
+    stretch = trace.actuator_displacement - trace.displacement
+    assert stretch == pytest.approx(exact, abs=0.005 * exact.max())
+    middle = (far * trace.actuator_displacement + near * trace.displacement) / (far + near)
+    assert middle == pytest.approx(0.5 * force / (far + near) * t**2, rel=1e-3, abs=1e-6)
+
+
+def test_a_stiff_linkage_is_an_added_mass(flight: Flight, point: Point) -> None:
+    profile = point(50, 469.0).profile
+    trace = flight(profile, 0.03, compliance=2e-7, added_mass=0.5)
+    assert trace.displacement[-1] == pytest.approx(profile.free_flight(0.03, 0.8), rel=2e-3)
+    assert trace.actuator_displacement[-1] == pytest.approx(trace.displacement[-1], rel=5e-3)
+
+
+def test_the_actuator_runs_ahead_by_force_over_stiffness(clutch: Clutch, point: Point) -> None:
+    """Dog on dog, held by friction: the ring stands, and the sensor at the actuator does not."""
+    low = clutch.with_dog(replace(clutch.dog, chamfer=4.5 * DEG))
+    held = replace(low, mechanism=Mechanism(compliance=4e-6))
+    result = engage(ClutchPlant(held), OperatingPoint(0.0, point(5, 641.5).profile), 0.0)
+    assert result.outcome is Outcome.BLOCKED
+    trace = result.trace
+    ahead = trace.actuator_displacement[-1] - trace.displacement[-1]
+    assert ahead == pytest.approx(4e-6 * trace.shift_force[-1], rel=0.01)
+    assert trace.contact_force[-1] == pytest.approx(trace.shift_force[-1], rel=0.01)
+
+
+def test_play_is_closed_in_free_flight_and_hands_on_the_momentum(
+    flight: Flight, point: Point
+) -> None:
+    """The actuator alone flies through the play; then both masses share what the force gave."""
+    profile, play, added = point(50, 235.2).profile, 0.5e-3, 0.27
+    trace = flight(profile, 0.05, free_play=play, added_mass=added)
+    far, near = FORK * 0.3 + added, (1.0 - FORK) * 0.3
+    closing = profile.free_flight_time(play, far)
+    alone = trace.time < closing
+    exact = profile.free_flight(trace.time[alone], far)
+    assert trace.actuator_displacement[alone] == pytest.approx(exact, abs=2e-6)
+    assert np.abs(trace.displacement[alone]).max() < 1e-12
+    momentum = far * trace.actuator_speed + near * trace.axial_speed
+    assert momentum == pytest.approx(profile.free_speed(trace.time, 1.0), rel=1e-3, abs=1e-4)
+    assert trace.displacement[-1] > 2e-3
+    closing_speed = trace.actuator_speed - trace.axial_speed
+    first = int(np.argmax(trace.displacement > 1e-9))
+    back = -closing_speed[first : first + 15].min() / closing_speed[first - 1]
+    assert math.exp(-math.pi * DAMPING_RATIO / math.sqrt(1 - DAMPING_RATIO**2)) < back < 0.7
+
+
+def test_drag_slows_a_turning_ring_and_holds_a_standing_one(clutch: Clutch) -> None:
+    """w = w0 - M t / J; a ring at rest stays there, whatever the output ring does."""
+    far = clutch.with_dog(replace(clutch.dog, axial_gap=90e-3))
+    far = replace(far, timeout=0.02, mechanism=Mechanism(drag_torque=2.0))
+    point = OperatingPoint(50 * RPM, ForceProfile(100.0, 0.1))
+    turning = replace(far, rings=replace(far.rings, initial_speed=40.0))
+    trace = engage(ClutchPlant(turning), point, 0.0).trace
+    assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.01 * trace.time, rel=1e-4)
+    assert not trace.tangential_force.any()
+    assert not engage(ClutchPlant(far), point, 0.0).trace.sliding_speed.any()
+
+
+MECHANISMS: dict[str, dict[str, Any]] = {
+    "linkage": {"compliance": 4e-6, "added_mass": 0.3},
+    "play": {"free_play": 2e-4, "damping": 30.0},
+    "friction": {"friction": 40.0, "detent": 60.0, "detent_position": 2e-3},
+    "spline": {"spline_friction": 0.2, "drag_torque": 1.0},
+}
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+def test_two_schemes_agree(clutch: Clutch, point: Point, name: str) -> None:
+    """The explicit scheme against the implicit one, which takes these forces another way."""
+    contact = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
+    explicit = replace(clutch, contact=contact, mechanism=Mechanism(**MECHANISMS[name]))
+    solver = replace(clutch.solver, scheme="cenic", accuracy=1e-7)
+    implicit = replace(explicit, solver=solver)
+    times = [
+        engage(ClutchPlant(one), point(10, 469.0), 0.0).shift_time for one in (explicit, implicit)
+    ]
+    assert times[0] == pytest.approx(times[1], rel=0.01)

@@ -1,0 +1,105 @@
+"""Effects that change how a shift is driven or read, against what follows without a simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ive
+
+from sim.batch import run_block
+from sim.clutch import Clutch, OperatingPoint
+from sim.effects import load
+from sim.engagement import engage
+from sim.plant import ClutchPlant
+from sim.setting import Setting
+from sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+
+EFFECTS = load()
+
+
+@pytest.fixture
+def setting(clutch: Clutch, point: Point) -> Setting:
+    """The prototype at 50 1/min and 469 N."""
+    return Setting(clutch, point(50, 469.0))
+
+
+def test_a_delay_moves_the_time_zero_alone(setting: Setting) -> None:
+    late = EFFECTS["actuation_delay"].apply(setting, {"delay_s": 0.116})
+    angles = (0.1, 0.3)
+    assert late.block(angles).keys == setting.block(angles).keys
+    rows = list(run_block(setting.block(angles)))
+    for row in rows:
+        assert late.time_of(row) == pytest.approx(setting.time_of(row) + 0.116, rel=1e-12)
+    turned = np.subtract(late.angles_at_force(angles), angles)
+    assert turned == pytest.approx(50 * RPM * 0.116)
+
+
+@pytest.mark.parametrize("factor", [0.7, 1.3])
+def test_scaled_force_scales_the_free_flight(setting: Setting, factor: float) -> None:
+    """An untouched shift takes the free flight of mass over factor; the rise keeps its time."""
+    slow = setting.with_point(mismatch=0.1 * RPM)
+    changed = EFFECTS["force_scale"].apply(slow, {"force_factor": factor})
+    time = engage(ClutchPlant(changed.clutch), changed.point, 12.0 * DEG).shift_time
+    nominal = setting.point.profile
+    exact = nominal.free_flight_time(setting.clutch.shift_travel, 0.3 / factor)
+    assert time == pytest.approx(exact, rel=0.02)
+    assert changed.point.profile.rise == nominal.rise
+
+
+def test_mass_and_force_are_one_while_nothing_touches(setting: Setting) -> None:
+    heavy = EFFECTS["moving_mass"].apply(setting, {"added_mass_kg": 0.1})
+    weak = EFFECTS["force_scale"].apply(setting, {"force_factor": 0.75})
+    first, second = (
+        engage(ClutchPlant(one.clutch), one.point, 12 * DEG).trace for one in (heavy, weak)
+    )
+    flown = first.time < 0.015
+    other = [weak.point.profile.free_flight(time, 0.3) for time in first.time[flown]]
+    assert flown.sum() > 5
+    assert first.displacement[flown] == pytest.approx(other, rel=1e-3, abs=1e-9)
+    assert np.interp(first.time[flown][-1], second.time, second.displacement) == pytest.approx(
+        other[-1], rel=0.02
+    )
+
+
+@pytest.mark.parametrize(("nominal", "true"), [(10.0, 7.0), (-10.0, -7.0)])
+def test_an_offset_takes_from_the_mismatch_either_way(
+    setting: Setting, nominal: float, true: float
+) -> None:
+    asked = setting.with_point(mismatch=nominal * RPM)
+    changed = EFFECTS["mismatch_speed"].apply(asked, {"offset_rpm": -3.0})
+    assert changed.point.mismatch == pytest.approx(true * RPM)
+    trace = engage(ClutchPlant(changed.clutch), changed.point, 0.1).trace
+    assert trace.relative_speed[0] == pytest.approx(true * RPM)
+
+
+@pytest.mark.parametrize("concentration", [0.0, 0.5, 4.0])
+def test_weights_of_angles_are_von_mises(setting: Setting, concentration: float) -> None:
+    """Mean of cos about the centre is I1(k)/I0(k)."""
+    values = {"concentration": concentration, "centre_pitch": 0.3}
+    changed = EFFECTS["relative_angle"].apply(setting, values)
+    turns = (np.arange(64) + 0.37) / 64
+    weights = changed.weights((turns * setting.clutch.dog.pitch_angle).tolist())
+    assert weights.mean() == pytest.approx(1.0)
+    mean = float((weights * np.cos(2 * np.pi * (turns - 0.3))).mean())
+    assert mean == pytest.approx(ive(1, concentration) / ive(0, concentration), abs=1e-9)
+    assert changed.block((0.1,)).keys == setting.block((0.1,)).keys
+
+
+def test_a_sensor_at_the_actuator_reads_its_time(setting: Setting) -> None:
+    """Ahead of the ring by force over stiffness, and equal to the ring's without a linkage."""
+    springy = EFFECTS["linkage_compliance"].apply(setting, {"compliance_mm_kN": 4.0})
+    row = next(run_block(springy.block((12 * DEG,))))
+    at_actuator = replace(springy, sensor="actuator")
+    assert springy.time_of(row) == row["shift_time_s"]
+    assert at_actuator.time_of(row) == row["actuator_time_s"]
+    trace = engage(ClutchPlant(springy.clutch), springy.point, 12 * DEG).trace
+    when = int(np.argmax(trace.actuator_displacement >= setting.clutch.shift_travel))
+    assert trace.time[when - 1] <= row["actuator_time_s"] <= trace.time[when]
+    assert row["actuator_time_s"] < row["shift_time_s"]
+    rigid = next(run_block(setting.block((12 * DEG,))))
+    assert replace(setting, sensor="actuator").time_of(rigid) == rigid["shift_time_s"]
