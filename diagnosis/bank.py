@@ -184,7 +184,8 @@ def collect(plan: Plan, bench: Bench, run: Runner) -> Bank:
 
 def _common(angles: Array, fewer: Array) -> NDArray[np.int64]:
     """Return the places of fewer angles (C, n) among angles (C, dense n)."""
-    return np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
+    places: NDArray[np.int64] = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
+    return places
 
 
 def _numerics(

@@ -71,14 +71,15 @@ class Curves:
 
         Lengths are the same or ``longest``; variances are not judged.
         """
-        lengths = np.minimum(self.lengths, longest)
+        lengths: Array = np.minimum(self.lengths, longest)
         shape = _kernel(self.sites[:, :, None] - self.sites[:, None], lengths, self.step)
-        inverse = np.linalg.inv(size[:, None, None] ** 2 * shape + errors)
+        inverse: Array = np.linalg.inv(size[:, None, None] ** 2 * shape + errors)
         return Curves(self.sites, lengths, self.step, size, inverse, 1.0)
 
     def _covariance(self, cell: int, places: Array) -> Array:
         apart = places[:, None] - self.sites[cell]
-        return self.size[cell] ** 2 * _kernel(apart, self.lengths, self.step)
+        known: Array = self.size[cell] ** 2 * _kernel(apart, self.lengths, self.step)
+        return known
 
     def _solve(
         self, cell: int, known: Array, total: float, own: float | Array
@@ -134,7 +135,7 @@ def _matern(distance: Array) -> Array:
 
 def _likelihoods(covariance: Array, means: Array) -> tuple[Array, Array]:
     """Return log-likelihoods (C,) without the constant, and inverse covariances (C, N, N)."""
-    inverse = np.linalg.inv(covariance)
+    inverse: Array = np.linalg.inv(covariance)
     ones = inverse.sum(axis=2)
     total = ones.sum(axis=1)
     solved = (inverse * means[:, None]).sum(axis=2)

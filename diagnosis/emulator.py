@@ -2,8 +2,9 @@ r"""The emulator: from a bank's levels to the spread of times at any values of a
 
 One effect alone: the mean :math:`M(x)` follows from the levels' means by the weights *w* of
 ``diagnosis.curves``, :math:`\ln M = \sum_l w_l \ln M_l`, and the shape, times over their mean at
-equal shares, by the same weights. The share engaged has weights of its own, since its errors are
-binomial.
+equal shares, by the same weights; its last one is at least as far out as at all levels on average,
+since a rare tail that few angles meet is common to them. The share engaged has weights of its own,
+since its errors are binomial.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
 those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. What
@@ -68,7 +69,9 @@ class Fit:
 
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
-    ``least`` (C,): equal angles at all levels tell less than as many different ones.
+    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``tails``
+    (C,) are by how much the last of a shape exceeds the one before it, on average over all angles:
+    a rare tail of fast shifts that only some levels met.
     """
 
     effect: Effect
@@ -79,6 +82,7 @@ class Fit:
     shapes: Array
     shares: Array
     least: Array
+    tails: Array
 
     def at(self, values: Array, cell: int) -> Reach:
         """Return what this effect alone makes at values (m, p)."""
@@ -86,6 +90,7 @@ class Fit:
         weights, variance = self.curves.weights(cell, places)
         mean = np.exp(weights @ self.means[cell])
         shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
+        shape[:, -1] = np.maximum(shape[:, -1], shape[:, -2] + self.tails[cell])
         shape *= (mean / shape.mean(axis=1))[:, None]
         part, uncertain = self.share_curves.weights(cell, places)
         engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
@@ -110,7 +115,8 @@ def fit_effect(bank: Bank, effect: Effect) -> Fit:
     shapes = np.array([[_shape(one) for one in mine] for mine in every])
     shares, doubts = _shares(every)
     likely = _share_curves(curves, shares, doubts)
-    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1))
+    tails = _tails(bank, shapes)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), tails)
 
 
 def _speeds(bank: Bank, places: list[int]) -> Array:
@@ -139,6 +145,14 @@ def _shape(times: Array) -> Array:
     """Return the times that engaged over their mean at ``SHARES`` shares; 1 where none did."""
     shape = binned(times, SHARES)[0]
     return np.ones(SHARES) if np.isnan(shape).any() else shape / shape.mean()
+
+
+def _tails(bank: Bank, shapes: Array) -> Array:
+    """Return the mean excess of the last of shapes (C, N, q), by numbers of angles, (C,)."""
+    counts = np.ones(shapes.shape[1])
+    counts[:2] = bank.baseline.shape[1] / bank.common.shape[1], 0.0
+    tails: Array = (shapes[..., -1] - shapes[..., -2]) @ counts / counts.sum()
+    return tails
 
 
 def _shares(every: list[list[Array]]) -> tuple[Array, Array]:
@@ -289,7 +303,8 @@ class BankEmulator:
         tail = unseen_tail(setting.clutch, setting.point, ended.tolist())
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
-        return tail**2 / count + spread**2 * (mean**2 + scatter**2 / count)
+        variance: float = tail**2 / count + spread**2 * (mean**2 + scatter**2 / count)
+        return variance
 
 
 def _log_mean(reach: Reach) -> Array:

@@ -153,7 +153,8 @@ class Axes:
     @property
     def neutral(self) -> Array:
         """Coordinates of the neutral values, (p,)."""
-        return self.at(self.neutral_values[None])[0]
+        places: Array = self.at(self.neutral_values[None])[0]
+        return places
 
     def _shares(self, values: Array) -> Array:
         low, high = self.low, self.high

@@ -1,8 +1,8 @@
 r"""Means over simulated angles: their covariance between levels, and spreads at even shares.
 
 Times are (..., n) in the order of n even angles; ``inf`` for a shift that did not engage and NaN
-for one whose integration failed. With mean *M* of the share *p* that engages, the error of M is that
-of the mean of :math:`r_k = (t_k - M)/p`, 0 where the shift did not engage. The variance
+for one whose integration failed. With mean *M* of the share *p* that engages, the error of M is
+that of the mean of :math:`r_k = (t_k - M)/p`, 0 where the shift did not engage. The variance
 *v* of such a mean is that of ``sim.expectation``. All levels share their angles, hence
 
 .. math:: cov(M_i, M_j) = [v(r_i) + v(r_j) - v(r_i - r_j)]/2.
