@@ -73,7 +73,7 @@ class Curves:
         """
         lengths: Array = np.minimum(self.lengths, longest)
         shape = _kernel(self.sites[:, :, None] - self.sites[:, None], lengths, self.step)
-        inverse: Array = np.linalg.inv(size[:, None, None] ** 2 * shape + errors)
+        inverse = _inverse(size[:, None, None] ** 2 * shape + errors)
         return Curves(self.sites, lengths, self.step, size, inverse, 1.0)
 
     def _covariance(self, cell: int, places: Array) -> Array:
@@ -133,9 +133,13 @@ def _matern(distance: Array) -> Array:
     return value
 
 
+def _inverse(covariance: Array) -> Array:
+    return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+
+
 def _likelihoods(covariance: Array, means: Array) -> tuple[Array, Array]:
     """Return log-likelihoods (C,) without the constant, and inverse covariances (C, N, N)."""
-    inverse: Array = np.linalg.inv(covariance)
+    inverse = _inverse(covariance)
     ones = inverse.sum(axis=2)
     total = ones.sum(axis=1)
     solved = (inverse * means[:, None]).sum(axis=2)

@@ -94,7 +94,14 @@ class Fit:
         shape *= (mean / shape.mean(axis=1))[:, None]
         part, uncertain = self.share_curves.weights(cell, places)
         engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
-        return Reach(shape, engaged, variance, np.maximum(uncertain, self.least[cell]))
+        uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
+        return Reach(shape, engaged, variance, uncertain)
+
+    def _step(self, weights: Array, engaged: Array, cell: int) -> Array:
+        """Return the variance of a share that may fall anywhere between levels that differ."""
+        part = abs(weights) / abs(weights).sum(axis=1, keepdims=True)
+        variance: Array = (part * (self.shares[cell] - engaged[:, None]) ** 2).sum(axis=1)
+        return variance
 
     def change_variance(self, values: Array, cell: int) -> Array:
         """Return the variance of the change of the mean's logarithm from the baseline, (m,)."""
