@@ -44,7 +44,8 @@ from sim.errors import InputError, did_you_mean
 Array = NDArray[np.float64]
 
 SHARES = 24  #: at which times are given
-INTERACTION = 0.3  #: of the smaller change, where no pair was simulated
+INTERACTION = 0.5  #: missed of the smaller change, where no pair was simulated
+LEAST_INTERACTION = 0.2  #: the least, since a few pairs may agree by luck
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
 NONE = 10.0  #: relative error of a mean that no shift tells
@@ -350,7 +351,9 @@ def _interaction(bank: Bank, places: list[int]) -> float:
         known = np.isfinite(left)
         missed += float((left**2 - noise)[known].sum())
         small += float((np.sort(abs(changes), axis=0)[-2] ** 2)[known].sum())
-    return float(np.sqrt(max(missed, 0.0) / small)) if small > 0.0 else INTERACTION
+    if small == 0.0:
+        return INTERACTION
+    return max(LEAST_INTERACTION, float(np.sqrt(max(missed, 0.0) / small)))
 
 
 def _same(bank: Bank, level: Level, place: int) -> int:
