@@ -234,15 +234,18 @@ def gap_map(
     """
     blocks = even_blocks(bench.clutch, [cell.point for cell in bench.cells], angles, seed)
     rows = run(blocks)
-    apart = _numerics(blocks, rows, run) if checked else (0.0, 0.0)
+    apart = numerical_ratio(blocks, rows, run) if checked else (0.0, 0.0)
     pairs = zip(bench.cells, rows, strict=True)
     return GapMap(bench, tuple(cell_gap(cell, r, bench.clutch, apart) for cell, r in pairs))
 
 
-def _numerics(
+def numerical_ratio(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> tuple[float, float]:
-    """Return mean and standard deviation of a shift's numerical error in spreads of its cell."""
+    """Return mean and standard deviation of a shift's numerical error in spreads of its cell.
+
+    ``blocks`` and their ``rows`` are those of whole cells.
+    """
     apart, which = numerical_differences(blocks, rows, run)
     spreads = np.array([_spread(rows[k]) for k in which])
     ratios = apart / np.maximum(spreads, LEAST_SPREAD)

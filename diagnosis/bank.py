@@ -1,0 +1,213 @@
+"""The bank: shifts of one clutch with each effect at a few levels, at the bench's operating points.
+
+A plan says which levels. All of them are simulated at the same even relative angles of each
+operating point, so that levels differ by their physics; the baseline besides at some between, since
+every hypothesis rests on it. Effects that only change how a shift is read need no shift. Pairs of
+effects are foretold from both alone (``diagnosis.emulator``); a few are simulated to see how far
+off that is.
+
+With 28 operating points and the effects that come with the project the default plan has about
+41 000 shifts. One takes 0.1 to 0.2 s of processor time, so two cores need 35 to 70 minutes;
+fewer angles or levels take less in proportion (``Plan.shifts``, ``Plan.hours``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.bench import Bench
+from diagnosis.gap import numerical_ratio
+from diagnosis.levels import Level, check_level, levels_of, only_read
+from diagnosis.spread import Hypothesis
+from sim.blocks import Block, even_block
+from sim.effect import Effect
+from sim.errors import InputError
+from sim.numerical import Runner
+from sim.outcome import Outcome
+from sim.records import Record
+from sim.setting import Sensor, Setting
+
+Array = NDArray[np.float64]
+
+ANGLES = 16  #: at each level, those of the gap map
+SHIFT = 0.15  #: s of processor time that a shift takes, about
+
+#: Pairs that are simulated to see how effects combine, as far as their effects are asked for.
+CHECKS: tuple[Hypothesis, ...] = (
+    ("actuation_lag", "moving_mass"),
+    ("contact_friction", "mismatch_speed"),
+    ("contact_friction", "sleeve_friction"),
+    ("force_scale", "moving_mass"),
+    ("linkage_compliance", "moving_mass"),
+    ("moving_mass", "sleeve_friction"),
+)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a bank holds.
+
+    Parameters
+    ----------
+    effects : to reckon with.
+    angles : even relative angles of each level.
+    dense : how many times as many the baseline has.
+    levels, plane : numbers of levels of effects with one parameter and with two.
+    checks : pairs to simulate.
+    seed : of where the angles begin.
+    """
+
+    effects: tuple[Effect, ...]
+    angles: int = ANGLES
+    dense: int = 3
+    levels: int = 5
+    plane: int = 9
+    checks: tuple[Hypothesis, ...] = CHECKS
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        for name, least in (("angles", 4), ("dense", 1), ("levels", 2), ("plane", 3)):
+            value = getattr(self, name)
+            if value < least:
+                raise InputError(
+                    f"{name} of the bank is {value}, but must be at least {least}; give more"
+                )
+
+    @property
+    def named(self) -> dict[str, Effect]:
+        """The effects by name."""
+        return {effect.name: effect for effect in self.effects}
+
+    def levels_for(self, bench: Bench) -> tuple[Level, ...]:
+        """Return all levels besides the baseline, pairs last."""
+        setting = settings_of(bench)[0]
+        own = {
+            effect.name: levels_of(effect, setting, self.levels, self.plane)
+            for effect in self.effects
+            if not only_read(effect, setting)
+        }
+        pairs = [check_level(pair, own) for pair in self.checks if set(pair) <= set(own)]
+        return (*(level for levels in own.values() for level in levels), *pairs)
+
+    def shifts(self, bench: Bench) -> int:
+        """Return how many shifts the bank of a bench takes, without those for the numerics."""
+        each = self.dense + len(self.levels_for(bench))
+        return len(bench.cells) * self.angles * each
+
+    def hours(self, bench: Bench, cores: int = 2, shift: float = SHIFT) -> float:
+        """Return how long they take at so many s of processor time each."""
+        return self.shifts(bench) * shift / cores / 3600.0
+
+
+@dataclass(frozen=True)
+class Bank:
+    """Simulated times at C operating points, s; ``inf`` did not engage, NaN failed to integrate.
+
+    ``angles`` (C, dense n) in rad and ``baseline`` alike; ``common`` (C, n) are the places of the
+    levels' angles in them. ``times`` (L, C, n) belongs to ``levels``. ``numerics`` are mean and
+    standard deviation of the numerical error of a shift, in spreads of its operating point.
+    """
+
+    effects: tuple[Effect, ...]
+    settings: tuple[Setting, ...]
+    angles: Array
+    common: NDArray[np.int64]
+    baseline: Array
+    levels: tuple[Level, ...]
+    times: Array
+    numerics: tuple[float, float]
+
+    def of(self, hypothesis: Hypothesis) -> list[int]:
+        """Return the places of a hypothesis' levels."""
+        return [k for k, level in enumerate(self.levels) if level.hypothesis == hypothesis]
+
+    @property
+    def base(self) -> Array:
+        """Times of the baseline at the angles of the levels, (C, n)."""
+        return np.take_along_axis(self.baseline, self.common, axis=1)
+
+
+def settings_of(bench: Bench) -> tuple[Setting, ...]:
+    """Return the operating points of a bench without any effect."""
+    sensor = cast(Sensor, bench.sensor.displacement_at)
+    return tuple(Setting(bench.clutch, cell.point, sensor=sensor) for cell in bench.cells)
+
+
+def blocks_of(plan: Plan, bench: Bench) -> Iterable[Block]:
+    """Yield the shifts of a bank: the baseline at all operating points, then level by level."""
+    settings, named = settings_of(bench), plan.named
+    for cell, setting in enumerate(settings):
+        yield _block(setting, plan, cell, plan.dense)
+    for level in plan.levels_for(bench):
+        for cell, setting in enumerate(settings):
+            yield _block(level.setting(named, setting), plan, cell, 1)
+
+
+def _block(setting: Setting, plan: Plan, cell: int, dense: int) -> Block:
+    draw = (plan.seed, cell)
+    return even_block(setting.clutch, setting.point, dense * plan.angles, draw, plan.angles)
+
+
+def collect(plan: Plan, bench: Bench, run: Runner) -> Bank:
+    """Simulate a bank, or what is missing of it, and gather its times.
+
+    ``run`` simulates blocks of shifts; with an executor's journal behind it finished ones are not
+    simulated again, for whichever bench they were.
+    """
+    blocks = list(blocks_of(plan, bench))
+    settings, levels, named = settings_of(bench), plan.levels_for(bench), plan.named
+    rows = run(blocks)
+    cells = len(settings)
+    angles = np.array([block.angles for block in blocks[:cells]])
+    common = _common(angles, np.array([b.angles for b in blocks[cells : 2 * cells]] or angles))
+    left = iter(rows)
+    base = [times_of(s, r) for s, r in zip(settings, islice(left, cells), strict=True)]
+    times = [[times_of(level.setting(named, s), next(left)) for s in settings] for level in levels]
+    return Bank(
+        effects=plan.effects,
+        settings=settings,
+        angles=angles,
+        common=common,
+        baseline=np.array(base),
+        levels=levels,
+        times=np.array(times).reshape(len(levels), cells, common.shape[1]),
+        numerics=_numerics(blocks[:cells], rows[:cells], common, run),
+    )
+
+
+def _common(angles: Array, fewer: Array) -> NDArray[np.int64]:
+    """Return the places of fewer angles (C, n) among angles (C, dense n)."""
+    places: NDArray[np.int64] = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
+    return places
+
+
+def _numerics(
+    blocks: Sequence[Block],
+    rows: Sequence[Sequence[Record]],
+    common: NDArray[np.int64],
+    run: Runner,
+) -> tuple[float, float]:
+    """Return the numerical error of the baseline's shifts at the levels' angles."""
+    places = [mine.tolist() for mine in common]
+    fewer = [block.only(mine) for block, mine in zip(blocks, places, strict=True)]
+    known = [[row[k] for k in mine] for row, mine in zip(rows, places, strict=True)]
+    return numerical_ratio(fewer, known, run)
+
+
+def times_of(setting: Setting, rows: Sequence[Record]) -> Array:
+    """Return what a bench reads of shifts, s, (n,)."""
+    return np.array([_time(setting, row) for row in rows])
+
+
+def _time(setting: Setting, row: Record) -> float:
+    if row["outcome"] == Outcome.DIVERGED.value:
+        return math.nan
+    time = setting.time_of(row)
+    return math.inf if time is None else time

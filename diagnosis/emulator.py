@@ -1,0 +1,376 @@
+r"""The emulator: from a bank's levels to the spread of times at any values of a hypothesis.
+
+One effect alone: the mean :math:`M(x)` follows from the levels' means by the weights *w* of
+``diagnosis.curves``, :math:`\ln M = \sum_l w_l \ln M_l`, and the shape, times over their mean at
+equal shares, by the same weights; its last one is at least as far out as at all levels on average,
+since a rare tail that few angles meet is common to them. The share engaged has weights of its own,
+since its errors are binomial.
+
+Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
+those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. What
+that misses is measured on pairs that were simulated: ``INTERACTION`` or their own ratio, of the
+smaller of both changes. Delays add to all times, exactly. Angles that are not uniform are weights
+on the baseline's angles.
+
+The error of a mean has four parts: the curve's own (angles and interpolation), a tail that no angle
+met (``diagnosis.gap``), numerics, and the combination.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.bank import Bank
+from diagnosis.curves import Curves, fit_curves
+from diagnosis.gap import unseen_tail
+from diagnosis.levels import Axes, Level
+from diagnosis.sampling import (
+    binned,
+    engaged_count,
+    engaged_mean,
+    even_variance,
+    mean_covariance,
+    residuals,
+    with_dense,
+)
+from diagnosis.spread import Hypothesis, Spread
+from sim.effect import Effect
+from sim.errors import InputError, did_you_mean
+
+Array = NDArray[np.float64]
+
+SHARES = 24  #: at which times are given
+INTERACTION = 0.5  #: missed of the smaller change, where no pair was simulated
+LEAST_INTERACTION = 0.2  #: the least, since a few pairs may agree by luck
+LEAST = 0.02  #: relative to its mean, the least time of a shape
+SUDDEN = 0.3  #: length at most of curves of the share engaged
+NONE = 10.0  #: relative error of a mean that no shift tells
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
+
+    ``variance`` is that of the logarithm of the mean.
+    """
+
+    times: Array
+    engaged: Array
+    variance: Array
+    engaged_variance: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One effect at C operating points through N levels, the first of which is the baseline.
+
+    ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
+    engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
+    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``tails``
+    (C,) are by how much the last of a shape exceeds the one before it, on average over all angles:
+    a rare tail of fast shifts that only some levels met.
+    """
+
+    effect: Effect
+    axes: tuple[Axes, ...]
+    curves: Curves
+    share_curves: Curves
+    means: Array
+    shapes: Array
+    shares: Array
+    least: Array
+    tails: Array
+
+    def at(self, values: Array, cell: int) -> Reach:
+        """Return what this effect alone makes at values (m, p)."""
+        places = self.axes[cell].at(values)
+        weights, variance = self.curves.weights(cell, places)
+        mean = np.exp(weights @ self.means[cell])
+        shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
+        shape[:, -1] = np.maximum(shape[:, -1], shape[:, -2] + self.tails[cell])
+        shape *= (mean / shape.mean(axis=1))[:, None]
+        part, uncertain = self.share_curves.weights(cell, places)
+        engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
+        uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
+        return Reach(shape, engaged, variance, uncertain)
+
+    def _step(self, weights: Array, engaged: Array, cell: int) -> Array:
+        """Return the variance of a share that may fall anywhere between levels that differ."""
+        part = abs(weights) / abs(weights).sum(axis=1, keepdims=True)
+        variance: Array = (part * (self.shares[cell] - engaged[:, None]) ** 2).sum(axis=1)
+        return variance
+
+    def change_variance(self, values: Array, cell: int) -> Array:
+        """Return the variance of the change of the mean's logarithm from the baseline, (m,)."""
+        axes = self.axes[cell]
+        return self.curves.change_variance(cell, axes.at(values), axes.neutral)
+
+
+def fit_effect(bank: Bank, effect: Effect) -> Fit:
+    """Fit what an effect alone does at all operating points."""
+    places = bank.of((effect.name,))
+    axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
+    values = np.array([bank.levels[k].values for k in places])
+    times = np.concatenate([bank.base[None], bank.times[places]]).transpose(1, 0, 2)
+    sites = np.array([[a.neutral, a.neutral, *a.at(values)] for a in axes])
+    every = [[dense, *levels] for dense, levels in zip(bank.baseline, times, strict=True)]
+    means, errors = _means(bank, times, _speeds(bank, places))
+    curves = fit_curves(sites, means, errors, slice(2, None))
+    shapes = np.array([[_shape(one) for one in mine] for mine in every])
+    shares, doubts = _shares(every)
+    likely = _share_curves(curves, shares, doubts)
+    tails = _tails(bank, shapes)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), tails)
+
+
+def _speeds(bank: Bank, places: list[int]) -> Array:
+    """Return at which speeds the rings pass at the baseline and at levels, pitches a second."""
+    named = {effect.name: effect for effect in bank.effects}
+    rows = []
+    for setting in bank.settings:
+        settings = [setting, *(bank.levels[k].setting(named, setting) for k in places)]
+        rows.append([abs(s.point.mismatch) / s.clutch.dog.pitch_angle for s in settings])
+    return np.array(rows)
+
+
+def _means(bank: Bank, times: Array, speeds: Array) -> tuple[Array, Array]:
+    """Return logarithms of means (C, N) and their covariance, baseline at all angles first."""
+    dense = even_variance(residuals(bank.baseline))
+    share = bank.common.shape[1] / bank.baseline.shape[1]
+    errors = with_dense(mean_covariance(times, speeds), dense, share)
+    found = np.concatenate([engaged_mean(bank.baseline)[:, None], engaged_mean(times)], axis=1)
+    late = np.array([[setting.clutch.timeout] for setting in bank.settings])
+    unknown = np.isnan(found)
+    errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
+    return np.log(np.where(unknown, late, found)), errors
+
+
+def _shape(times: Array) -> Array:
+    """Return the times that engaged over their mean at ``SHARES`` shares; 1 where none did."""
+    shape = binned(times, SHARES)[0]
+    return np.ones(SHARES) if np.isnan(shape).any() else shape / shape.mean()
+
+
+def _tails(bank: Bank, shapes: Array) -> Array:
+    """Return the mean excess of the last of shapes (C, N, q), by numbers of angles, (C,)."""
+    counts = np.ones(shapes.shape[1])
+    counts[:2] = bank.baseline.shape[1] / bank.common.shape[1], 0.0
+    tails: Array = (shapes[..., -1] - shapes[..., -2]) @ counts / counts.sum()
+    return tails
+
+
+def _shares(every: list[list[Array]]) -> tuple[Array, Array]:
+    """Return shares engaged (C, N) and their variances by Jeffreys' rule."""
+    counted = np.array([[engaged_count(one) for one in mine] for mine in every])
+    engaged, asked = counted[..., 0], counted[..., 1]
+    likely = (engaged + 0.5) / (asked + 1.0)
+    return engaged / np.maximum(asked, 1.0), likely * (1.0 - likely) / (asked + 2.0)
+
+
+def _share_curves(curves: Curves, shares: Array, doubts: Array) -> Curves:
+    """Return curves of the share engaged, which may fall from level to level at once.
+
+    The baseline's second row is part of its first and hardly counts.
+    """
+    once = np.where(np.arange(shares.shape[1]) == 1, 100.0, 1.0)
+    noise = np.eye(shares.shape[1]) * (once * doubts)[:, None, :]
+    size = np.maximum(shares.std(axis=1), np.sqrt(doubts.min(axis=1)))
+    return curves.like(size, noise, SUDDEN)
+
+
+class BankEmulator:
+    """Says the spread at each operating point for any values of a hypothesis (``Emulator``)."""
+
+    def __init__(self, bank: Bank) -> None:
+        self.bank = bank
+        self.effects = {effect.name: effect for effect in bank.effects}
+        simulated = {level.hypothesis[0] for level in bank.levels}
+        self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return what a hypothesis with ``values`` (m, p) says of an operating point.
+
+        Raises InputError for an effect that the bank does not have.
+        """
+        parts = self._parts(hypothesis, values)
+        base = self._baseline(cell)
+        alone = {n: self.fits[n].at(mine, cell) for n, mine in parts.items() if n in self.fits}
+        read = {name: mine for name, mine in parts.items() if name not in self.fits}
+        weighted, delay = self._read(read, len(values), cell)
+        reaches = [*alone.values(), *([weighted] if weighted else [])]
+        if len(reaches) == 1:
+            whole = reaches[0]
+        else:
+            whole = _together(base, reaches, self._change_variances(parts, weighted, cell))
+            whole = self._doubted(whole, base, reaches)
+        return self._spread(whole, delay, len(values), cell)
+
+    def _parts(self, hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
+        """Return the values of each effect, (m, p) each."""
+        parts, start = {}, 0
+        for name in hypothesis:
+            if name not in self.effects:
+                raise InputError(
+                    f"the bank does not have the effect '{name}'; "
+                    f"{did_you_mean(name, self.effects)}"
+                )
+            count = len(self.effects[name].parameters)
+            parts[name] = values[:, start : start + count]
+            start += count
+        return parts
+
+    def _baseline(self, cell: int) -> Reach:
+        return self._baselines[cell]
+
+    @cached_property
+    def _baselines(self) -> list[Reach]:
+        return [self._weighted(cell, None) for cell in range(len(self.bank.settings))]
+
+    def _weighted(self, cell: int, weights: Array | None) -> Reach:
+        """Return the baseline with weights (m, n) on its angles."""
+        times = self.bank.baseline[cell]
+        given = np.ones((1, times.size)) if weights is None else weights
+        ended, known = np.isfinite(times), ~np.isnan(times)
+        total = np.maximum((given * known).sum(axis=1), 1e-12)
+        share = (given * ended).sum(axis=1) / total
+        found = binned(times, SHARES, given) if ended.any() else None
+        if found is None:
+            late = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
+            return Reach(late, share, np.full(len(given), NONE**2), np.full(len(given), 0.25))
+        mean = found.mean(axis=1)
+        apart = np.where(ended, times, 0.0) - ended * mean[:, None]
+        series = given * apart / (mean * np.maximum(share, 1e-12))[:, None]
+        count = total**2 / (given**2 * known).sum(axis=1)
+        likely = (share * count + 0.5) / (count + 1.0)
+        return Reach(found, share, even_variance(series), likely * (1.0 - likely) / (count + 2.0))
+
+    def _read(self, parts: dict[str, Array], count: int, cell: int) -> tuple[Reach | None, Array]:
+        """Return what weights on angles make of the baseline, None without, and delays (m,)."""
+        setting, angles = self.bank.settings[cell], self.bank.angles[cell]
+        if not parts:
+            return None, np.zeros(count)
+        rows = np.concatenate(list(parts.values()), axis=1)
+        level = [Level(tuple(parts), tuple(row.tolist())) for row in rows]
+        read = [one.setting(self.effects, setting) for one in level]
+        delay = np.array([one.delay - setting.delay for one in read])
+        if all(one.concentration == setting.concentration for one in read):
+            return None, delay
+        return self._weighted(cell, np.array([one.weights(angles) for one in read])), delay
+
+    def _change_variances(
+        self, parts: dict[str, Array], weighted: Reach | None, cell: int
+    ) -> list[Array]:
+        simulated = [
+            self.fits[name].change_variance(mine, cell)
+            for name, mine in parts.items()
+            if name in self.fits
+        ]
+        return [*simulated, *([weighted.variance] if weighted else [])]
+
+    def _doubted(self, whole: Reach, base: Reach, reaches: list[Reach]) -> Reach:
+        """Return the same with what the combination may miss."""
+        if len(reaches) < 2:
+            return whole
+        changes = np.sort([abs(_log_mean(one) - _log_mean(base)) for one in reaches], axis=0)
+        missed = (self.interaction * changes[-2]) ** 2
+        return Reach(whole.times, whole.engaged, whole.variance + missed, whole.engaged_variance)
+
+    @cached_property
+    def interaction(self) -> float:
+        """What the combination misses over the smaller change, from pairs that were simulated."""
+        places = [k for k, level in enumerate(self.bank.levels) if len(level.hypothesis) > 1]
+        return _interaction(self.bank, places) if places else INTERACTION
+
+    def _spread(self, whole: Reach, delay: Array, count: int, cell: int) -> Spread:
+        base = self._baseline(cell)
+        mean = whole.times.mean(axis=1)
+        variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
+        n = self.bank.baseline.shape[1]
+        engaged = (whole.engaged * n + 0.5) / (n + 1.0)
+        spread = Spread(
+            times=whole.times + delay[:, None],
+            engaged=engaged,
+            error=np.sqrt(variance),
+            engaged_error=np.sqrt(whole.engaged_variance),
+        )
+        return _repeated(spread, count)
+
+    @cached_property
+    def _other(self) -> list[float]:
+        """Variance from tails that no angle met and from numerics, by operating point, s2."""
+        return [self._other_of(cell) for cell in range(len(self.bank.settings))]
+
+    def _other_of(self, cell: int) -> float:
+        setting, times = self.bank.settings[cell], self.bank.baseline[cell]
+        ended = times[np.isfinite(times)]
+        count = max(1, ended.size)
+        tail = unseen_tail(setting.clutch, setting.point, ended.tolist())
+        mean, scatter = self.bank.numerics
+        spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
+        variance: float = tail**2 / count + spread**2 * (mean**2 + scatter**2 / count)
+        return variance
+
+
+def _log_mean(reach: Reach) -> Array:
+    mean: Array = np.log(reach.times.mean(axis=1))
+    return mean
+
+
+def _together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
+    """Return effects together: changes of times and odds multiply; none leaves the baseline."""
+    times, odds = np.log(base.times), _logit(base.engaged)
+    doubt, variance = base.engaged_variance, base.variance
+    for one, own in zip(reaches, variances, strict=True):
+        times = times + np.log(one.times) - np.log(base.times)
+        odds = odds + _logit(one.engaged) - _logit(base.engaged)
+        doubt, variance = doubt + one.engaged_variance, variance + own
+    return Reach(np.sort(np.exp(times), axis=1), 1.0 / (1.0 + np.exp(-odds)), variance, doubt)
+
+
+def _logit(share: Array) -> Array:
+    inside = np.clip(share, 1e-3, 1.0 - 1e-3)
+    odds: Array = np.log(inside / (1.0 - inside))
+    return odds
+
+
+def _interaction(bank: Bank, places: list[int]) -> float:
+    """Return the root mean square of what pairs differ by over their smaller change."""
+    missed = small = 0.0
+    for k in places:
+        level = bank.levels[k]
+        alone = [_same(bank, level, place) for place in range(len(level.hypothesis))]
+        four = np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)])
+        mean, series = np.log(engaged_mean(four)), residuals(four)
+        changes = mean[2:] - mean[0]
+        left = mean[1] - mean[0] - changes.sum(axis=0)
+        noise = even_variance(series[1] - series[0] - (series[2:] - series[0]).sum(axis=0))
+        known = np.isfinite(left)
+        missed += float((left**2 - noise)[known].sum())
+        small += float((np.sort(abs(changes), axis=0)[-2] ** 2)[known].sum())
+    if small == 0.0:
+        return INTERACTION
+    return max(LEAST_INTERACTION, float(np.sqrt(max(missed, 0.0) / small)))
+
+
+def _same(bank: Bank, level: Level, place: int) -> int:
+    """Return the place of the level that has one effect of a pair alone."""
+    counts = [len(e.parameters) for n in level.hypothesis for e in bank.effects if e.name == n]
+    start = sum(counts[:place])
+    values = level.values[start : start + counts[place]]
+    return bank.levels.index(Level((level.hypothesis[place],), values))
+
+
+def _repeated(spread: Spread, count: int) -> Spread:
+    """Return a spread of one value for as many as were asked for."""
+    if len(spread.times) == count and len(spread.engaged) == count:
+        return spread
+    return Spread(
+        times=np.broadcast_to(spread.times, (count, spread.times.shape[1])),
+        engaged=np.broadcast_to(spread.engaged, count),
+        error=np.broadcast_to(spread.error, count),
+        engaged_error=np.broadcast_to(spread.engaged_error, count),
+    )

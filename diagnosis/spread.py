@@ -1,0 +1,44 @@
+"""What a hypothesis says of one operating point: the distribution of the time that is read there.
+
+The bank of simulations gives it (an emulator), the likelihood asks for it. A *hypothesis* is a set
+of effects by name, in alphabetical order; its *values* are those of all parameters of these
+effects, effect by effect, in the units that the parameters' names end in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Hypothesis = tuple[str, ...]  #: effects by name, () for none
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Times that a bench reads at one operating point, for m values of a hypothesis.
+
+    Parameters
+    ----------
+    times : of shifts that engage, at the shares (k + 1/2)/q of them, ascending, s, (m, q).
+    engaged : share of shifts that engage before the time-out, (m,).
+    error : standard error of the mean of ``times``: too few simulated angles, emulation and
+        numerics together, s, (m,).
+    engaged_error : standard error of ``engaged``, (m,).
+    """
+
+    times: Array
+    engaged: Array
+    error: Array
+    engaged_error: Array
+
+
+class Emulator(Protocol):
+    """Says the spread at each operating point of a data set, by its place, quickly."""
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
+        ...

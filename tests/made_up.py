@@ -1,0 +1,67 @@
+r"""A clutch of closed form, for what must be known exactly and simulated fast.
+
+Free flight takes :math:`\tau = T_l + T ((m + m_a) x/((F - R) T^2))^{1/4}` with lag, added mass and
+friction of the mechanism; then the dogs wait until the next slot comes, if they meet a face: a
+share :math:`1 - b` of the pitch. The relative angle at the touch is uniform, so the mean wait
+is :math:`b^2/2` of the time in which a pitch passes, whatever the flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.bench import Bench
+from sim.blocks import Block
+from sim.clutch import Clutch, OperatingPoint
+from sim.records import Record
+from sim.units import RPM
+
+FACE = 0.4  #: share of the pitch in which the dogs meet a face
+WAY = 0.01  #: m
+
+
+def flight(clutch: Clutch, point: OperatingPoint) -> float:
+    """Return the time of the free flight, s."""
+    profile, mechanism = point.profile, clutch.mechanism
+    force = profile.force - mechanism.friction
+    mass = clutch.rings.mass + mechanism.added_mass
+    lag = getattr(profile, "lag", 0.0)
+    return lag + profile.rise * float((mass * WAY / (force * profile.rise**2)) ** 0.25)
+
+
+def mean_time(clutch: Clutch, point: OperatingPoint) -> float:
+    """Return the mean shift time over all relative angles, s."""
+    return flight(clutch, point) + 0.5 * FACE**2 * _pass(clutch, point)
+
+
+def _pass(clutch: Clutch, point: OperatingPoint) -> float:
+    return clutch.dog.pitch_angle / abs(point.mismatch)
+
+
+def made_up(blocks: Sequence[Block]) -> list[list[Record]]:
+    """Simulate blocks (a ``Runner``)."""
+    return [[_shift(block, angle) for angle in block.angles] for block in blocks]
+
+
+def _shift(block: Block, angle: float) -> Record:
+    clutch, point = block.clutch, block.point
+    free, whole = flight(clutch, point), _pass(clutch, point)
+    turned = (angle / clutch.dog.pitch_angle + free / whole) % 1.0
+    time = free + max(0.0, FACE - turned) * whole
+    if time > clutch.timeout:
+        return {"outcome": "timed_out", "shift_time_s": None}
+    return {"outcome": "engaged", "shift_time_s": time}
+
+
+def few_cells(bench: Bench, wanted: Sequence[tuple[float, float]]) -> Bench:
+    """Return a bench with the operating points of some mismatches in 1/min and forces in N."""
+    known = {(round(c.point.mismatch / RPM, 6), c.point.profile.force): c for c in bench.cells}
+    return replace(bench, cells=tuple(known[key] for key in wanted))
+
+
+def pitches(count: int) -> np.ndarray:
+    """Return even places in the pitch, (count,)."""
+    return (np.arange(count) + 0.5) / count

@@ -1,0 +1,165 @@
+"""The bank of simulations: what is planned, simulated once, kept and read back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.bank import Bank, Plan, blocks_of, collect, settings_of
+from diagnosis.bank_store import bank_for, key_of
+from diagnosis.bench import Bench, load_bench
+from diagnosis.emulator import BankEmulator
+from diagnosis.levels import Axes, levels_of, only_read
+from pipeline.executor import Executor
+from pipeline.journal import ShiftJournal
+from sim.blocks import Block
+from sim.clutch import Clutch
+from sim.effects import load
+from sim.errors import InputError, StorageError
+from sim.numerical import Runner
+from sim.records import Record
+from tests.made_up import few_cells, made_up
+
+EFFECTS = load()
+BENCH = load_bench("mq200_adams")
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return few_cells(BENCH, [(10, 235.2), (249, 641.5)])
+
+
+def _plan(*names: str, angles: int = 8, checks: bool = False) -> Plan:
+    effects = tuple(EFFECTS[name] for name in names)
+    return Plan(effects, angles) if checks else Plan(effects, angles, checks=())
+
+
+def test_the_default_plan_fits_a_bench_of_28_points_into_an_hour() -> None:
+    plan = Plan(tuple(EFFECTS.values()))
+    assert len(BENCH.cells) == 28
+    assert 30_000 < plan.shifts(BENCH) < 60_000
+    assert plan.hours(BENCH, cores=2, shift=0.1) < 1.0
+    fewer = replace(plan, angles=8)
+    assert fewer.shifts(BENCH) == plan.shifts(BENCH) / 2
+
+
+def test_the_plan_counts_the_shifts_of_its_blocks(bench: Bench) -> None:
+    plan = _plan("moving_mass", "contact_friction", "sleeve_friction", checks=True)
+    blocks = list(blocks_of(plan, bench))
+    assert sum(len(block.angles) for block in blocks) == plan.shifts(bench)
+    pairs = [level for level in plan.levels_for(bench) if len(level.hypothesis) == 2]
+    assert [p.hypothesis for p in pairs] == [
+        ("contact_friction", "sleeve_friction"),
+        ("moving_mass", "sleeve_friction"),
+    ]
+
+
+def test_levels_span_the_prior_and_leave_the_baseline_its_place(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    friction = [level.values[0] for level in levels_of(EFFECTS["sleeve_friction"], setting, 5, 9)]
+    assert friction == pytest.approx(np.geomspace(3.0, 200.0, 5).tolist())
+    scale = [level.values[0] for level in levels_of(EFFECTS["force_scale"], setting, 5, 9)]
+    assert scale == pytest.approx([0.6, 0.8, 1.2, 1.4])
+    pairs = [level.values for level in levels_of(EFFECTS["contact_friction"], setting, 5, 9)]
+    assert len(set(pairs)) == 9
+    assert all(dynamic <= static for static, dynamic in pairs)
+    assert (0.45, 0.03) in pairs
+
+
+def test_levels_that_no_bench_has_are_left_out(bench: Bench) -> None:
+    setting = settings_of(bench)[0].with_dog(axial_gap=0.3e-3)
+    gaps = [level.values[0] for level in levels_of(EFFECTS["axial_gap"], setting, 5, 9)]
+    assert gaps == pytest.approx([-0.25, 0.25, 0.5])
+
+
+def test_what_is_only_read_needs_no_shift(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    read = [name for name, effect in EFFECTS.items() if only_read(effect, setting)]
+    assert read == ["actuation_delay", "relative_angle"]
+    plan = _plan("actuation_delay", "relative_angle")
+    assert plan.shifts(bench) == 2 * 3 * 8
+
+
+def test_coordinates_meet_in_the_baseline(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    friction = Axes.of(EFFECTS["sleeve_friction"], setting)
+    assert friction.neutral == pytest.approx([0.0])
+    assert friction.at(np.array([[0.0], [200.0]])).ravel() == pytest.approx([0.0, 1.0])
+    stiffness = Axes.of(EFFECTS["contact_stiffness"], setting)
+    assert stiffness.at(np.array([[1e11], [2e13]])).ravel() == pytest.approx([0.0, 1.0])
+    # A detent of no force is the baseline wherever it stands; a strong one is not.
+    detent = Axes.of(EFFECTS["detent_force"], setting)
+    none = detent.at(np.array([[0.0, 0.5], [0.0, 4.5]]))
+    assert none[1] == pytest.approx(none[0])
+    strong = detent.at(np.array([[200.0, 0.5], [200.0, 4.5]]))
+    assert np.linalg.norm(strong[1] - strong[0]) == pytest.approx(1.0)
+
+
+def test_all_levels_share_the_angles_of_their_point(bench: Bench) -> None:
+    plan = _plan("moving_mass")
+    bank = collect(plan, bench, made_up)
+    levels = [b.angles for b in blocks_of(plan, bench)][2:]
+    taken = np.take_along_axis(bank.angles, bank.common, axis=1)
+    assert np.array(levels) == pytest.approx(np.tile(taken, (5, 1)))
+    assert bank.times.shape == (5, 2, 8)
+    assert bank.baseline.shape == (2, 24)
+
+
+def test_too_small_a_plan_is_refused() -> None:
+    with pytest.raises(InputError, match="angles of the bank is 2, but must be at least 4"):
+        Plan((), angles=2)
+
+
+def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(
+    tmp_path: Path, bench: Bench
+) -> None:
+    path, plan = tmp_path / "bank.json", _plan("moving_mass", "sleeve_friction")
+    late = replace(bench, clutch=replace(bench.clutch, timeout=0.15))
+    first = bank_for(plan, late, made_up, path)
+    assert np.isinf(first.times).any()
+    again = bank_for(plan, late, _never, path)
+    for name in ("angles", "common", "baseline", "times"):
+        assert np.array_equal(getattr(first, name), getattr(again, name))
+    assert (first.levels, first.numerics) == (again.levels, again.numerics)
+    assert key_of(plan, bench) != key_of(plan, late)
+    with pytest.raises(AssertionError):
+        bank_for(plan, bench, _never, path)
+
+
+def test_a_broken_bank_is_named(tmp_path: Path, bench: Bench) -> None:
+    path, plan = tmp_path / "bank.json", _plan("moving_mass")
+    path.write_text("{")
+    with pytest.raises(StorageError, match=r"bank\.json cannot be read"):
+        bank_for(plan, bench, made_up, path)
+    path.write_text(json.dumps({"key": key_of(plan, bench)}))
+    with pytest.raises(StorageError, match=r"bank\.json is not a bank"):
+        bank_for(plan, bench, made_up, path)
+    with pytest.raises(StorageError, match="cannot be written"):
+        bank_for(plan, bench, made_up, tmp_path / "missing" / "bank.json")
+
+
+def _never(blocks: Sequence[Block]) -> list[list[Record]]:
+    raise AssertionError(f"{len(blocks)} blocks are simulated again")
+
+
+def test_shifts_in_drake_are_simulated_once(tmp_path: Path, clutch: Clutch) -> None:
+    """A heavier ring at one point: the journal serves the second bank."""
+    bench = replace(few_cells(BENCH, [(50, 469.0)]), clutch=clutch)
+    plan = Plan((EFFECTS["moving_mass"],), angles=4, dense=1, levels=2, checks=())
+    journal = tmp_path / "shifts.jsonl"
+    bank = collect(plan, bench, Executor(ShiftJournal(journal), 1).run)
+    lines = journal.read_text().splitlines()
+    assert len(lines) == 12 + 4  # and those that are refined
+    run: Runner = Executor(ShiftJournal(journal), 1).run
+    again: Bank = collect(plan, bench, run)
+    assert journal.read_text().splitlines() == lines
+    assert np.array_equal(bank.times, again.times)
+    light, heavy = bank.times.mean(axis=(1, 2))
+    assert heavy > 1.2 * light
+    spread = BankEmulator(bank).at(("moving_mass",), np.array([[10.0]]), 0)
+    assert abs(spread.times.mean() - heavy) < 2.0 * spread.error[0]
