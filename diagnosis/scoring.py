@@ -1,0 +1,180 @@
+"""Scores of one hypothesis at many values of its parameters, cell by cell.
+
+Everything that follows (evidence, refits on some of the cells, other priors, what a test would
+show) is a weighted sum over these rows, so the emulator is asked once for each value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from diagnosis.hypotheses import Space
+from diagnosis.likelihood import (
+    Observed,
+    Rules,
+    error_of,
+    log_as_failed,
+    log_likelihood,
+    mean_of,
+    sd_of,
+)
+from diagnosis.spread import Array, Emulator, Hypothesis, Spread
+
+IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What is said of each cell, each (m, cells); times in s.
+
+    ``bulk`` is the logarithm of the distance of the quartiles, ``error`` that of the mean.
+    """
+
+    mean: Array
+    sd: Array
+    error: Array
+    bulk: Array
+    engaged: Array
+    engaged_error: Array
+
+    def rows(self, which: np.ndarray) -> Predicted:
+        """Return some of the values."""
+        return Predicted(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+
+    def averaged(self, weights: Array) -> Predicted:
+        """Return the weighted mean over the values, (1, cells); weights (m,) add to one."""
+        fields = self.__dataclass_fields__
+        return Predicted(*((weights @ getattr(self, name))[None] for name in fields))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells)."""
+
+    shares: Array
+    log_likelihood: Array
+    as_failed: Array
+    predicted: Predicted
+
+    def joined(self, other: Rows) -> Rows:
+        """Return these rows and others below them."""
+        names = Predicted.__dataclass_fields__
+        mine, theirs = self.predicted, other.predicted
+        both = [np.vstack([getattr(mine, n), getattr(theirs, n)]) for n in names]
+        return Rows(
+            np.vstack([self.shares, other.shares]),
+            np.vstack([self.log_likelihood, other.log_likelihood]),
+            np.vstack([self.as_failed, other.as_failed]),
+            Predicted(*both),
+        )
+
+    def only(self, which: np.ndarray) -> Rows:
+        """Return some of the rows."""
+        return Rows(
+            self.shares[which],
+            self.log_likelihood[which],
+            self.as_failed[which],
+            self.predicted.rows(which),
+        )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What the bench shows and what says how hypotheses would have it."""
+
+    seen: tuple[Observed, ...]
+    emulator: Emulator
+    rules: Rules
+
+    @property
+    def cells(self) -> range:
+        """Places of the cells."""
+        return range(len(self.seen))
+
+    def spreads(self, hypothesis: Hypothesis, values: Array) -> list[Spread]:
+        """Return the spread at each cell."""
+        return [self.emulator.at(hypothesis, values, cell) for cell in self.cells]
+
+
+def score(problem: Problem, space: Space, shares: Array) -> Rows:
+    """Score a hypothesis at shares (m, p) of its priors."""
+    values = space.values(shares)
+    spreads = problem.spreads(space.hypothesis, values)
+    likely = [
+        log_likelihood(o, s, problem.rules) for o, s in zip(problem.seen, spreads, strict=True)
+    ]
+    failed = [log_as_failed(o, s) for o, s in zip(problem.seen, spreads, strict=True)]
+    table = np.stack(likely, axis=1)
+    table[~space.possible(values)] = IMPOSSIBLE
+    return Rows(shares, table, np.stack(failed, axis=1), predict(spreads, problem.rules))
+
+
+def predict(spreads: Sequence[Spread], rules: Rules) -> Predicted:
+    """Return what spreads, one a cell, say in short."""
+    low, high = (
+        np.stack([s.times[:, int(share * s.times.shape[1])] for s in spreads], axis=1)
+        for share in (0.25, 0.75)
+    )
+    return Predicted(
+        mean=np.stack([mean_of(s) for s in spreads], axis=1),
+        sd=np.stack([sd_of(s) for s in spreads], axis=1),
+        error=np.stack([error_of(s, rules) for s in spreads], axis=1),
+        bulk=np.log(np.maximum(high - low, 1e-3)),
+        engaged=np.stack([s.engaged for s in spreads], axis=1),
+        engaged_error=np.stack([s.engaged_error for s in spreads], axis=1),
+    )
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A hypothesis with its evidence.
+
+    Parameters
+    ----------
+    log_prior : logarithm of the share of the prior that each row stands for, (m,).
+    log_evidence, error : logarithm of the evidence, and its standard error.
+    ends : likelihood rows at the ends of the prior, for wider ones.
+    """
+
+    space: Space
+    rows: Rows
+    log_prior: Array
+    log_evidence: float
+    error: float
+    ends: Rows | None = None
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Names of its effects."""
+        return self.space.hypothesis
+
+    def weights(self, cells: np.ndarray | None = None) -> Array:
+        """Return posterior weights of the rows, (m,), given the data of some cells, or all."""
+        log = self.log_prior + self.log_sum(cells)
+        result: Array = np.exp(log - logsumexp(log))
+        return result
+
+    def log_sum(self, cells: np.ndarray | None = None) -> Array:
+        """Return the log likelihood of some cells, or all, (m,)."""
+        table = self.rows.log_likelihood
+        total: Array = (table if cells is None else table[:, cells]).sum(axis=1)
+        return total
+
+    def read_as_failed(self) -> Scored:
+        """Return the same with the unknown shifts read as failed."""
+        table = self.rows.log_likelihood + self.rows.as_failed
+        return self.with_table(table)
+
+    def with_table(self, table: Array) -> Scored:
+        """Return the same with another log likelihood (m, cells) of its rows."""
+        rows = replace(self.rows, log_likelihood=table)
+        total = float(logsumexp(self.log_prior + table.sum(axis=1)))
+        return replace(self, rows=rows, log_evidence=total)
+
+    def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:
+        """Return places of rows, drawn by their posterior weights, (count,)."""
+        return generator.choice(len(self.log_prior), size=count, p=self.weights())
