@@ -94,7 +94,7 @@ def _pair(
 
 def _alone(problem: Problem, both: Space, one: Space, shares: Array, name: str) -> Predicted:
     part = one.values(shares[:, both.columns(name)])
-    return predict(problem.spreads((name,), part), problem.rules)
+    return predict(problem.said((name,), part))
 
 
 def inclusion(folded: Probabilities) -> dict[str, float]:

@@ -219,7 +219,7 @@ def _others(
     for key, factor in (("priors_halved", 0.5), ("priors_doubled", 2.0)):
         changed = {h: with_width(one, factor) for h, one in scored.items()}
         found[key] = fold.fold(_beliefs(changed, free))
-    if any(seen.unknown for seen in problem.seen):
+    if problem.seen.unknown.any():
         failed = {h: one.read_as_failed() for h, one in scored.items()}
         logs = {h: one.log_evidence for h, one in failed.items()}
         logs[UNKNOWN] = free.log_evidence_as_failed

@@ -14,10 +14,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import gammaln, logsumexp
+from scipy.special import gammaln
 from scipy.stats import qmc
 
 from diagnosis.hypotheses import Space
+from diagnosis.likelihood import log_sum
 from diagnosis.scoring import IMPOSSIBLE, Problem, Rows, Scored, score
 from diagnosis.spread import Array
 
@@ -75,7 +76,7 @@ def normalised(found: Sum) -> Sum:
     possible = found.rows.log_likelihood[:, 0] > IMPOSSIBLE
     if possible.all():
         return found
-    whole = logsumexp(found.log_prior[possible]) - logsumexp(found.log_prior)
+    whole = log_sum(found.log_prior[possible], axis=0) - log_sum(found.log_prior, axis=0)
     return Sum(
         found.rows.only(possible),
         found.log_prior[possible] - whole,
@@ -94,7 +95,7 @@ def quadrature(at: Score, size: int) -> Sum:
     error = np.inf
     for _ in range(ROUNDS):
         parts = _box_sums(rows, log, each)
-        whole = logsumexp(parts)
+        whole = log_sum(parts, axis=0)
         share = np.exp(parts - whole)
         split = live & (share > TOLERANCE / 10.0)
         if not split.any() or len(boxes) * each > POINTS[size]:
@@ -102,7 +103,7 @@ def quadrature(at: Score, size: int) -> Sum:
         children = _halved(boxes[split])
         fresh, fresh_log = at(_points(children)), _log_weights(children)
         sums = _box_sums(fresh, fresh_log, each).reshape(-1, 2**size)
-        change = np.abs(np.exp(logsumexp(sums, axis=1) - whole) - share[split])
+        change = np.abs(np.exp(log_sum(sums, axis=1) - whole) - share[split])
         error = float(change.sum()) / np.sqrt(max(1, split.sum()))
         again = np.repeat(change > TOLERANCE / np.sqrt(split.sum()), 2**size)
         keep = np.repeat(~split, each)
@@ -110,7 +111,7 @@ def quadrature(at: Score, size: int) -> Sum:
         log = np.concatenate([log[keep], fresh_log])
         boxes = np.concatenate([boxes[~split], children])
         live = np.concatenate([live[~split], again])
-    return Sum(rows, log, float(logsumexp(_box_sums(rows, log, each))), error)
+    return Sum(rows, log, float(log_sum(_box_sums(rows, log, each), axis=0)), error)
 
 
 def _first_boxes(size: int) -> Array:
@@ -143,7 +144,7 @@ def _log_weights(boxes: Array) -> Array:
 
 
 def _box_sums(rows: Rows, log: Array, each: int) -> Array:
-    total: Array = logsumexp((log + rows.log_likelihood.sum(axis=1)).reshape(-1, each), axis=1)
+    total: Array = log_sum((log + rows.log_likelihood.sum(axis=1)).reshape(-1, each), axis=1)
     return total
 
 
@@ -171,12 +172,12 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     log = -_log_mixture(rows.shares, proposals, counts)
     error = 1.0 / np.sqrt(_effective(log + likely))
     # Draws outside the cube have no likelihood but count in the mixture, which has them.
-    return Sum(rows, log, float(logsumexp(log + likely)), float(error))
+    return Sum(rows, log, float(log_sum(log + likely, axis=0)), float(error))
 
 
 def _effective(log: Array) -> float:
     """Return the effective number of draws with these logarithms of weights."""
-    return float(np.exp(2.0 * logsumexp(log) - logsumexp(2.0 * log)))
+    return float(np.exp(2.0 * log_sum(log, axis=0) - log_sum(2.0 * log, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,7 @@ def _log_mixture(points: Array, proposals: list[_Proposal], counts: list[int]) -
     logs = [np.full(len(points), np.log(counts[0]))]
     pairs = zip(proposals, counts[1:], strict=True)
     logs += [np.log(count) + one.log_density(points) for one, count in pairs]
-    result: Array = logsumexp(logs, axis=0)
+    result: Array = log_sum(np.stack(logs), axis=0)
     return result
 
 
@@ -217,7 +218,7 @@ def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
     power, size = 1.0, points.shape[1]
     while _effective(log + power * likely) < 8.0 * size and power > 1e-3:
         power *= 0.7
-    weights = np.exp(log + power * likely - logsumexp(log + power * likely))
+    weights = np.exp(log + power * likely - log_sum(log + power * likely, axis=0))
     centre = weights @ points
     apart = points - centre
     matrix = 1.2 * (weights[:, None] * apart).T @ apart + 1e-7 * np.eye(size)
@@ -250,9 +251,9 @@ def with_width(found: Scored, factor: float) -> Scored:
     if not inside.any():
         return found
     log = found.log_prior[inside]
-    log = log - logsumexp(log)
+    log = log - log_sum(log, axis=0)
     rows = found.rows.only(inside)
-    total = float(logsumexp(log + rows.log_likelihood.sum(axis=1)))
+    total = float(log_sum(log + rows.log_likelihood.sum(axis=1), axis=0))
     return replace(found, rows=rows, log_prior=log, log_evidence=total)
 
 
@@ -261,6 +262,6 @@ def _doubled(found: Scored, size: int) -> Scored:
     total = np.log(within) + found.log_evidence
     if found.ends is not None:
         ends = found.ends.log_likelihood.sum(axis=1)
-        beyond = np.log1p(-within) + logsumexp(ends) - np.log(len(ends))
+        beyond = np.log1p(-within) + log_sum(ends, axis=0) - np.log(len(ends))
         total = np.logaddexp(total, beyond)
     return replace(found, log_evidence=float(total))

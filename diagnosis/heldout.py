@@ -7,7 +7,7 @@ weighted anew) and predicts those left out. So every cell is predicted twice.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,10 +69,10 @@ def by_unknown(found: Unknown) -> Predict:
 
 
 def held_out(
-    bench: Bench, seen: Sequence[Observed], baseline: Predicted, metric: Metric, predict: Predict
+    bench: Bench, seen: Observed, baseline: Predicted, metric: Metric, predict: Predict
 ) -> HeldOut:
     """Return gaps before and after; predictions from refits without each cell."""
-    times = np.array([o.time for o in seen])
+    times = seen.time
     having = known(times) & known(baseline.mean[0])
     if not having.any():
         return HeldOut(None, None, None)

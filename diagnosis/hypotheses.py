@@ -31,10 +31,12 @@ class Space:
     """The parameters of a hypothesis as a unit cube of shares of their priors.
 
     ``parameters`` are those of its effects in alphabetical order, effect by effect.
+    ``bounded`` are effects of which some values give no bench.
     """
 
     effects: tuple[Effect, ...]
     setting: Setting
+    bounded: frozenset[str] = frozenset()
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -69,7 +71,7 @@ class Space:
         """Tell which values (m, p) give a bench at all, (m,)."""
         result = np.ones(len(values), dtype=bool)
         for effect in self.effects:
-            if _bounded(effect, self.setting):
+            if effect.name in self.bounded:
                 part = values[:, self.columns(effect.name)]
                 result &= np.array([_possible(effect, self.setting, row) for row in part])
         return result
@@ -111,7 +113,8 @@ def spaces_of(
     single = [(name,) for name in sorted(effects)]
     pairs = pairs_of(list(effects)) if pairs is None else pairs
     every: list[Hypothesis] = [NONE, *single, *pairs]
-    return tuple(Space(tuple(effects[name] for name in h), setting) for h in every)
+    bounded = frozenset(name for name, e in effects.items() if _bounded(e, setting))
+    return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in every)
 
 
 def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:

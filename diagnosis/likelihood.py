@@ -22,10 +22,11 @@ failed where one asks.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
-from scipy.special import betaln, gammaln, log_ndtr, logsumexp, ndtr, ndtri
+from scipy.special import betaln, gammaln, log_ndtr, ndtr, ndtri
 
 from diagnosis.bench import Bench
 from diagnosis.reading import Cell
@@ -35,12 +36,13 @@ from sim.clutch import Clutch
 TAIL = 0.02  #: least share of shifts that wait longer than any that was simulated
 ANYTHING = 0.002  #: share of shifts that may take any time until the time-out
 KERNEL = 0.7  #: width of a kernel over the distance of neighbouring quantiles
+KERNELS = 16  #: about how many kernels a density has
 LEAST = 0.5e-3  #: s, the least spread of single shifts
 WAITS = 4  #: most shifts of a mean that may have waited, plus one
 CLIP = 0.01  #: a shift's rank in its distribution counts no more extreme than this
 ROOT = float(np.sqrt(2.0 * np.pi))
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
 _LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum())
 
 
@@ -59,211 +61,268 @@ class Rules:
 
 @dataclass(frozen=True)
 class Observed:
-    """What a bench has at one operating point; times in s.
+    """What a bench has at its operating points, each (cells,); times in s.
 
     Parameters
     ----------
-    singles : times of single shifts, (k,).
+    singles : times of single shifts, cell by cell, (k,) each.
     mean, n : grand mean of the shifts that are only known as means, and their number.
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
     timeout : s.
     """
 
-    singles: Array
-    mean: float
-    n: int
-    engaged: int
-    failed: int
-    unknown: int
-    wait: float
+    singles: tuple[Array, ...]
+    mean: Array
+    n: Array
+    engaged: Array
+    failed: Array
+    unknown: Array
+    wait: Array
     timeout: float
 
     @property
-    def shifts(self) -> int:
-        """Number of shifts with a time, alone or within a mean."""
-        return self.singles.size + self.n
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.singles)
 
     @property
-    def time(self) -> float:
-        """Mean time of all shifts that have one, s; NaN for none."""
-        whole = self.singles.sum() + (self.n * self.mean if self.n else 0.0)
-        return float(whole / self.shifts) if self.shifts else float("nan")
+    def single(self) -> Array:
+        """Number of single shifts with a time, (cells,)."""
+        return np.array([times.size for times in self.singles], dtype=float)
+
+    @property
+    def shifts(self) -> Array:
+        """Number of shifts with a time, alone or within a mean, (cells,)."""
+        whole: Array = self.single + self.n
+        return whole
+
+    @property
+    def tried(self) -> Array:
+        """Number of shifts known to have been tried, (cells,)."""
+        return self.engaged + self.failed
+
+    @property
+    def time(self) -> Array:
+        """Mean time of all shifts that have one, s, (cells,); NaN for none."""
+        whole = np.array([times.sum() for times in self.singles]) + self.n * self.mean
+        return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
 
 
-def observe(bench: Bench) -> tuple[Observed, ...]:
-    """Return what a data set has, cell by cell."""
-    return tuple(observe_cell(cell, bench.clutch) for cell in bench.cells)
+def observe(bench: Bench) -> Observed:
+    """Return what a data set has."""
+    means = [_grand_mean(cell) for cell in bench.cells]
+    waits = [_wait(cell, bench.clutch) for cell in bench.cells]
+    counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
+    mean, n = np.array(means, dtype=float).reshape(-1, 2).T
+    engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
+    singles = tuple(cell.times for cell in bench.cells)
+    counted = engaged, failed, unknown
+    return Observed(singles, mean, n, *counted, np.array(waits), bench.clutch.timeout)
 
 
-def observe_cell(cell: Cell, clutch: Clutch) -> Observed:
-    """Return what one cell has."""
+def _grand_mean(cell: Cell) -> tuple[float, int]:
     means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
     count = sum(n for _, n in means)
-    mean = sum(t * n for t, n in means) / count if count else 0.0
-    slip, timeout = abs(cell.point.mismatch), clutch.timeout
-    wait = min(timeout, clutch.dog.pitch_angle / slip) if slip else timeout
-    tried = cell.engaged, cell.failed, cell.unknown
-    return Observed(cell.times, mean, count, *tried, wait, timeout)
+    return sum(t * n for t, n in means) / max(1, count), count
 
 
-def mean_of(spread: Spread) -> Array:
-    """Return the mean time, s, (m,)."""
-    mean: Array = spread.times.mean(axis=1)
-    return mean
+def _wait(cell: Cell, clutch: Clutch) -> float:
+    slip = abs(cell.point.mismatch)
+    return min(clutch.timeout, clutch.dog.pitch_angle / slip) if slip else clutch.timeout
 
 
-def sd_of(spread: Spread) -> Array:
-    """Return the spread of single shifts, s, (m,)."""
-    sd: Array = np.maximum(LEAST, spread.times.std(axis=1, ddof=1))
-    return sd
+@dataclass(frozen=True)
+class Said:
+    """What a hypothesis says of all cells: the fields of a spread, (cells, m) and (cells, m, q).
+
+    ``sd`` is the spread of single shifts, ``mean`` that of the times; both in s.
+    """
+
+    times: Array
+    engaged: Array
+    error: Array
+    engaged_error: Array
+    mean: Array
+    sd: Array
+
+    @classmethod
+    def of(cls, spreads: list[Spread], rules: Rules) -> Self:
+        """Gather spreads, one a cell; the model's own error joins the emulator's."""
+        times = np.stack([s.times for s in spreads])
+        mean = times.mean(axis=2)
+        sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
+        error = np.hypot(np.stack([s.error for s in spreads]), rules.model_error * mean)
+        engaged, engaged_error = (
+            np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
+        )
+        return cls(times, engaged, np.maximum(error, 1e-5), engaged_error, mean, sd)
+
+    def cell(self, place: int) -> Self:
+        """Return one cell, with (1, m)."""
+        return type(self)(*(getattr(self, f.name)[place : place + 1] for f in fields(self)))
+
+    @property
+    def tail(self) -> float:
+        """Share of shifts that may wait longer than any that was simulated."""
+        return max(TAIL, 1.0 / (self.times.shape[2] + 2))
 
 
-def error_of(spread: Spread, rules: Rules) -> Array:
-    """Return the standard error of the emulated mean with the model's own, s, (m,)."""
-    error: Array = np.hypot(spread.error, rules.model_error * mean_of(spread))
-    return np.maximum(error, 1e-5)
+def log_sum(logs: Array, axis: int) -> Array:
+    """Return the logarithm of a sum of exponentials, quicker than scipy's for small arrays."""
+    top = np.max(logs, axis=axis, keepdims=True)
+    whole: Array = np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
+    return whole
 
 
-def log_likelihood(seen: Observed, spread: Spread, rules: Rules) -> Array:
-    """Return the logarithm of the likelihood of a cell, (m,), unknown shifts left out."""
-    return log_times(seen, spread, rules) + log_engaged(seen, spread, seen.failed)
+def log_likelihood(seen: Observed, said: Said) -> Array:
+    """Return the logarithm of each cell's likelihood, (cells, m), unknown shifts left out."""
+    return log_times(seen, said) + log_engaged(seen, said, seen.failed)
 
 
-def log_as_failed(seen: Observed, spread: Spread) -> Array:
-    """Return what reading the unknown shifts as failed adds to the logarithm, (m,)."""
-    whole = log_engaged(seen, spread, seen.failed + seen.unknown)
-    return whole - log_engaged(seen, spread, seen.failed)
+def log_as_failed(seen: Observed, said: Said) -> Array:
+    """Return what reading the unknown shifts as failed adds to it, (cells, m)."""
+    if not seen.unknown.any():
+        return np.zeros_like(said.engaged)
+    whole = log_engaged(seen, said, seen.failed + seen.unknown)
+    return whole - log_engaged(seen, said, seen.failed)
 
 
-def log_times(seen: Observed, spread: Spread, rules: Rules) -> Array:
-    """Return the logarithm of the density of the times of a cell, (m,)."""
-    if not seen.shifts:
-        return np.zeros(len(spread.times))
+def log_times(seen: Observed, said: Said) -> Array:
+    """Return the logarithm of the density of each cell's times, (cells, m)."""
+    found = np.where(
+        (seen.n > 0)[:, None], log_mean(seen, said, np.zeros_like(said.error), said.error), 0.0
+    )
+    for place in np.flatnonzero(seen.single):
+        found[place] = _log_single_cell(_cell(seen, int(place)), said.cell(int(place)))
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
-    known = np.isfinite(spread.times).all(axis=1)
-    result = np.full(known.shape, seen.shifts * np.log(ANYTHING / seen.timeout))
-    if known.any():
-        part = spread if known.all() else _rows(spread, known)
-        result[known] = _log_known(seen, part, rules)
-    return result
+    anyhow = seen.shifts[:, None] * np.log(ANYTHING / seen.timeout)
+    return np.where(np.isfinite(said.mean), found, anyhow)
 
 
-def _rows(spread: Spread, which: np.ndarray) -> Spread:
-    parts = spread.times, spread.engaged, spread.error, spread.engaged_error
-    return Spread(*(part[which] for part in parts))
+def _cell(seen: Observed, place: int) -> Observed:
+    one = slice(place, place + 1)
+    names = ("mean", "n", "engaged", "failed", "unknown", "wait")
+    return Observed(seen.singles[one], *(getattr(seen, n)[one] for n in names), seen.timeout)
 
 
-def _log_known(seen: Observed, spread: Spread, rules: Rules) -> Array:
-    error = error_of(spread, rules)
-    if not seen.singles.size:
-        return log_mean(seen, spread, np.zeros_like(error), error)
+def _log_single_cell(seen: Observed, said: Said) -> Array:
+    """Return the logarithm for a cell with single shifts, (m,), its common offset integrated out.
+
+    Gauss-Hermite's nodes lie where the offset is likely after a look at the medians.
+    """
+    times, error = seen.singles[0], said.error[0]
+    low, middle, high = np.quantile(said.times[0], (0.25, 0.5, 0.75), axis=1)
+    width = np.clip((high - low) / 1.35, LEAST, said.sd[0])
+    weight = times.size / width**2
+    variance = 1.0 / (1.0 / error**2 + weight)
+    centre = np.clip(variance * weight * (np.median(times) - middle), -3.0 * error, 3.0 * error)
     nodes = []
-    for node, weight in zip(_NODES, _LOG_WEIGHTS, strict=True):
-        single = log_singles(seen, spread, node * error, rules).sum(axis=1)
-        mean = log_mean(seen, spread, node * error, 0.0 * error) if seen.n else 0.0
-        nodes.append(weight + single + mean)
-    result: Array = logsumexp(nodes, axis=0)
-    return result
+    for node, log_weight in zip(_NODES, _LOG_WEIGHTS, strict=True):
+        offset = centre + node * np.sqrt(variance)
+        prior = 0.5 * node**2 - 0.5 * (offset / error) ** 2 + np.log(np.sqrt(variance) / error)
+        each = log_singles(seen, said, offset).sum(axis=1)
+        if seen.n[0]:
+            each = each + log_mean(seen, said, offset[None], 0.0 * said.error)[0]
+        nodes.append(log_weight + prior + each)
+    return log_sum(np.stack(nodes), axis=0)
 
 
-def tail_share(spread: Spread) -> float:
-    """Return the share of shifts that may wait longer than any that was simulated."""
-    return max(TAIL, 1.0 / (spread.times.shape[1] + 2))
+def log_mean(seen: Observed, said: Said, offset: Array, error: Array) -> Array:
+    """Return the log density of means whose cells' common ``offset`` (cells, m) is known."""
+    share, score, width = _waits(seen, said, offset, error)
+    return log_sum(share - 0.5 * score**2 - np.log(width * ROOT), axis=2)
 
 
-def log_mean(seen: Observed, spread: Spread, offset: Array, error: Array) -> Array:
-    """Return the log density of the mean of n shifts whose common ``offset`` is known, (m,)."""
-    share, score, width = _waits(seen, spread, offset, error)
-    result: Array = logsumexp(share - 0.5 * score**2 - np.log(width * ROOT), axis=1)
-    return result
+def _waits(seen: Observed, said: Said, offset: Array, error: Array) -> tuple[Array, Array, Array]:
+    """Return of 0, 1, ... shifts that waited: log probability, score, width, (cells, m, w)."""
+    n, share = np.maximum(1.0, seen.n)[:, None, None], said.tail
+    waits = np.arange(float(WAITS))
+    with np.errstate(divide="ignore"):
+        ways = gammaln(n + 1) - gammaln(waits + 1) - gammaln(np.maximum(n - waits, 0.0) + 1)
+        log_share = ways + waits * np.log(share) + (n - waits) * np.log1p(-share)
+    log_share = np.where(waits <= n, log_share, -1e9)
+    log_share = log_share - log_sum(log_share, axis=2)[..., None]
+    seen_range = said.times[..., -1] - said.times[..., 0]
+    wait = np.maximum(0.0, np.minimum(seen.wait[:, None], said.mean) - seen_range)
+    extra = wait[..., None] / n
+    centre = (said.mean + offset)[..., None] + waits * extra
+    width = np.sqrt((said.sd**2 / n[..., 0] + error**2)[..., None] + waits * extra**2)
+    return log_share, (seen.mean[:, None, None] - centre) / width, width
 
 
-def _waits(
-    seen: Observed, spread: Spread, offset: Array | float, error: Array
-) -> tuple[Array, Array, Array]:
-    """Return of 0, 1, ... shifts that waited: log probability (w,), score and width (m, w)."""
-    n, share = max(1, seen.n), tail_share(spread)
-    waits = np.arange(min(WAITS, n + 1), dtype=float)
-    ways = gammaln(n + 1) - gammaln(waits + 1) - gammaln(n - waits + 1)
-    log_share = ways + waits * np.log(share) + (n - waits) * np.log1p(-share)
-    seen_range = spread.times[:, -1] - spread.times[:, 0]
-    extra = np.maximum(0.0, np.minimum(seen.wait, mean_of(spread)) - seen_range)[:, None] / n
-    centre = (mean_of(spread) + offset)[:, None] + waits * extra
-    width = np.sqrt((sd_of(spread) ** 2 / n + error**2)[:, None] + waits * extra**2)
-    return log_share - logsumexp(log_share), (seen.mean - centre) / width, width
+def _kernels(times: Array) -> tuple[Array, Array]:
+    """Return centres and widths of kernels from quantiles (m, q), s, (m, about KERNELS)."""
+    step = max(1, times.shape[1] // KERNELS)
+    whole = times.shape[1] // step * step
+    centres = times[:, :whole].reshape(len(times), -1, step).mean(axis=2)
+    if centres.shape[1] < 2:
+        return centres, np.full_like(centres, LEAST)
+    return centres, np.maximum(KERNEL * np.gradient(centres, axis=1), LEAST)
 
 
-def kernels(spread: Spread) -> Array:
-    """Return the width of the kernel at each quantile, s, (m, q)."""
-    gaps = np.gradient(spread.times, axis=1)
-    widths: Array = np.maximum(KERNEL * gaps, LEAST)
-    return widths
-
-
-def log_singles(seen: Observed, spread: Spread, offset: Array, rules: Rules) -> Array:
-    """Return the log density of each single shift, (m, k), given the cell's common offset, s."""
-    tail = tail_share(spread)
-    widths = kernels(spread)
-    apart = seen.singles[None, :, None] - (spread.times + offset[:, None])[:, None, :]
-    inside = np.exp(-0.5 * (apart / widths[:, None, :]) ** 2) / widths[:, None, :]
-    bulk = inside.mean(axis=2) / ROOT
-    first = (spread.times[:, 0] + offset)[:, None]
-    scale = np.maximum(seen.wait, spread.times[:, -1] - spread.times[:, 0])[:, None]
-    late = seen.singles[None, :] - first
+def log_singles(seen: Observed, said: Said, offset: Array) -> Array:
+    """Return the log density of each single shift of one cell, (m, k), given its offset (m,)."""
+    times = seen.singles[0]
+    centres, widths = _kernels(said.times[0])
+    apart = times[None, :, None] - (centres + offset[:, None])[:, None, :]
+    score = (apart / widths[:, None, :]).astype(np.float32)
+    bulk = (np.exp(-0.5 * score * score) / widths[:, None, :]).mean(axis=2) / ROOT
+    first = (said.times[0, :, 0] + offset)[:, None]
+    seen_range = said.times[0, :, -1] - said.times[0, :, 0]
+    scale = np.maximum(seen.wait[0], seen_range)[:, None]
+    late = times[None, :] - first
     slow = np.where(late > 0.0, (1.0 + np.maximum(late, 0.0) / scale) ** -2 / scale, 0.0)
-    whole = (1.0 - tail - ANYTHING) * bulk + tail * slow + ANYTHING / seen.timeout
+    whole = (1.0 - said.tail - ANYTHING) * bulk + said.tail * slow + ANYTHING / seen.timeout
     result: Array = np.log(whole)
     return result
 
 
-def log_engaged(seen: Observed, spread: Spread, failed: int) -> Array:
-    """Return the log probability of the number engaged, (m,), beta-binomial."""
-    tried = seen.engaged + failed
-    if not tried:
-        return np.zeros(len(spread.engaged))
-    a, b = beta_of(spread)
-    ways = gammaln(tried + 1) - gammaln(seen.engaged + 1) - gammaln(failed + 1)
-    result: Array = ways + betaln(a + seen.engaged, b + failed) - betaln(a, b)
+def log_engaged(seen: Observed, said: Said, failed: Array) -> Array:
+    """Return the log probability of the numbers engaged, (cells, m), beta-binomial."""
+    a, b = beta_of(said)
+    engaged, missed = seen.engaged[:, None], failed[:, None]
+    tried = engaged + missed
+    ways = gammaln(tried + 1) - gammaln(engaged + 1) - gammaln(missed + 1)
+    result: Array = ways + betaln(a + engaged, b + missed) - betaln(a, b)
     return result
 
 
-def beta_of(spread: Spread) -> tuple[Array, Array]:
-    """Return the parameters of the Beta with the emulated share and its error, (m,) each."""
+def beta_of(said: Said) -> tuple[Array, Array]:
+    """Return the parameters of the Beta with the emulated share and its error, (cells, m) each."""
     # A share of exactly one with no error would make one failure impossible.
-    share = np.clip(spread.engaged, 2e-3, 1.0 - 2e-3)
+    share = np.clip(said.engaged, 2e-3, 1.0 - 2e-3)
     most = share * (1.0 - share)
-    size = most / np.clip(spread.engaged_error**2, 1e-6, 0.9 * most) - 1.0
+    size = most / np.clip(said.engaged_error**2, 1e-6, 0.9 * most) - 1.0
     return share * size, (1.0 - share) * size
 
 
-def time_score(seen: Observed, spread: Spread, rules: Rules) -> Array:
-    """Return how far the times of a cell lie from what is said of them, normal scores, (m,).
+def time_score(seen: Observed, said: Said) -> Array:
+    """Return how far the times lie from what is said of them, normal scores, (cells, m).
 
     Of single shifts the ranks in their distribution count, so that no single one can be more
-    than a few standard errors; of a mean its distribution function.
+    than a few standard errors; of a mean its distribution function. Zero without times.
     """
-    scores, weights = [], []
-    error = error_of(spread, rules)
-    sd = sd_of(spread)
-    if seen.singles.size:
-        k = seen.singles.size
-        apart = seen.singles[None, :, None] - spread.times[:, None, :]
-        rank = ndtr(apart / kernels(spread)[:, None, :]).mean(axis=2)
-        normal = ndtri(np.clip(rank, CLIP, 1.0 - CLIP))
-        scores.append(np.sqrt(k) * normal.mean(axis=1) / np.sqrt(1.0 + k * (error / sd) ** 2))
-        weights.append(np.sqrt(k))
-    if seen.n:
-        scores.append(_mean_score(seen, spread, error))
-        weights.append(np.sqrt(seen.n))
-    total: Array = np.tensordot(weights, scores, 1) / np.linalg.norm(weights)
-    return total
+    one, both = np.sqrt(seen.single)[:, None], np.sqrt(np.maximum(1, seen.shifts))[:, None]
+    scores = np.sqrt(seen.n)[:, None] * _mean_score(seen, said)
+    for place in np.flatnonzero(seen.single):
+        scores[place] += one[place] * _rank_score(seen.singles[place], said.cell(int(place)))
+    whole: Array = np.nan_to_num(scores / both, nan=20.0)
+    return whole
 
 
-def _mean_score(seen: Observed, spread: Spread, error: Array) -> Array:
-    share, apart, _ = _waits(seen, spread, 0.0, error)
-    below, above = (logsumexp(share + log_ndtr(s * apart), axis=1) for s in (1.0, -1.0))
+def _rank_score(times: Array, said: Said) -> Array:
+    centres, widths = _kernels(said.times[0])
+    rank = ndtr((times[None, :, None] - centres[:, None]) / widths[:, None]).mean(axis=2)
+    normal = ndtri(np.clip(rank, CLIP, 1.0 - CLIP)).mean(axis=1)
+    score: Array = normal / np.sqrt(1.0 / times.size + (said.error[0] / said.sd[0]) ** 2)
+    return score
+
+
+def _mean_score(seen: Observed, said: Said) -> Array:
+    share, apart, _ = _waits(seen, said, np.zeros_like(said.error), said.error)
+    below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
     scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
-    return scores
+    return np.where((seen.n > 0)[:, None], scores, 0.0)

@@ -107,7 +107,7 @@ class Standing:
     """What is known when the next test is chosen."""
 
     bench: Bench
-    seen: tuple[Observed, ...]
+    seen: Observed
     scored: Mapping[Hypothesis, Scored]
     unknown: Unknown
     belief: Probabilities
@@ -209,7 +209,7 @@ def _said(standing: Standing, hypothesis: Hypothesis) -> tuple[Array, Array, Arr
     """Return mean, variance of the mean, and of single shifts, at each cell, (cells,) each."""
     if hypothesis == UNKNOWN:
         baseline = standing.scored[()].rows.predicted
-        mean, variance = standing.unknown.predict(np.ones(len(standing.seen), dtype=bool))
+        mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
         return mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2
     found = standing.scored[hypothesis]
     predicted: Predicted = found.rows.predicted

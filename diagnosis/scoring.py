@@ -6,23 +6,13 @@ show) is a weighted sum over these rows, so the emulator is asked once for each 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from diagnosis.hypotheses import Space
-from diagnosis.likelihood import (
-    Observed,
-    Rules,
-    error_of,
-    log_as_failed,
-    log_likelihood,
-    mean_of,
-    sd_of,
-)
-from diagnosis.spread import Array, Emulator, Hypothesis, Spread
+from diagnosis.likelihood import Observed, Rules, Said, log_as_failed, log_likelihood, log_sum
+from diagnosis.spread import Array, Emulator, Hypothesis
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 
@@ -86,47 +76,32 @@ class Rows:
 class Problem:
     """What the bench shows and what says how hypotheses would have it."""
 
-    seen: tuple[Observed, ...]
+    seen: Observed
     emulator: Emulator
     rules: Rules
 
-    @property
-    def cells(self) -> range:
-        """Places of the cells."""
-        return range(len(self.seen))
-
-    def spreads(self, hypothesis: Hypothesis, values: Array) -> list[Spread]:
-        """Return the spread at each cell."""
-        return [self.emulator.at(hypothesis, values, cell) for cell in self.cells]
+    def said(self, hypothesis: Hypothesis, values: Array) -> Said:
+        """Return what a hypothesis with values (m, p) says of all cells."""
+        cells = range(self.seen.cells)
+        return Said.of([self.emulator.at(hypothesis, values, k) for k in cells], self.rules)
 
 
 def score(problem: Problem, space: Space, shares: Array) -> Rows:
     """Score a hypothesis at shares (m, p) of its priors."""
     values = space.values(shares)
-    spreads = problem.spreads(space.hypothesis, values)
-    likely = [
-        log_likelihood(o, s, problem.rules) for o, s in zip(problem.seen, spreads, strict=True)
-    ]
-    failed = [log_as_failed(o, s) for o, s in zip(problem.seen, spreads, strict=True)]
-    table = np.stack(likely, axis=1)
+    said = problem.said(space.hypothesis, values)
+    table = log_likelihood(problem.seen, said).T.copy()
     table[~space.possible(values)] = IMPOSSIBLE
-    return Rows(shares, table, np.stack(failed, axis=1), predict(spreads, problem.rules))
+    return Rows(shares, table, log_as_failed(problem.seen, said).T, predict(said))
 
 
-def predict(spreads: Sequence[Spread], rules: Rules) -> Predicted:
-    """Return what spreads, one a cell, say in short."""
-    low, high = (
-        np.stack([s.times[:, int(share * s.times.shape[1])] for s in spreads], axis=1)
-        for share in (0.25, 0.75)
-    )
-    return Predicted(
-        mean=np.stack([mean_of(s) for s in spreads], axis=1),
-        sd=np.stack([sd_of(s) for s in spreads], axis=1),
-        error=np.stack([error_of(s, rules) for s in spreads], axis=1),
-        bulk=np.log(np.maximum(high - low, 1e-3)),
-        engaged=np.stack([s.engaged for s in spreads], axis=1),
-        engaged_error=np.stack([s.engaged_error for s in spreads], axis=1),
-    )
+def predict(said: Said) -> Predicted:
+    """Return what is said of all cells in short."""
+    size = said.times.shape[2]
+    low, high = (said.times[..., int(share * size)] for share in (0.25, 0.75))
+    bulk = np.log(np.maximum(high - low, 1e-3))
+    parts = said.mean, said.sd, said.error, bulk, said.engaged, said.engaged_error
+    return Predicted(*(part.T for part in parts))
 
 
 @dataclass(frozen=True)
@@ -154,11 +129,11 @@ class Scored:
 
     def weights(self, cells: np.ndarray | None = None) -> Array:
         """Return posterior weights of the rows, (m,), given the data of some cells, or all."""
-        log = self.log_prior + self.log_sum(cells)
-        result: Array = np.exp(log - logsumexp(log))
+        log = self.log_prior + self.log_table(cells)
+        result: Array = np.exp(log - log_sum(log, axis=0))
         return result
 
-    def log_sum(self, cells: np.ndarray | None = None) -> Array:
+    def log_table(self, cells: np.ndarray | None = None) -> Array:
         """Return the log likelihood of some cells, or all, (m,)."""
         table = self.rows.log_likelihood
         total: Array = (table if cells is None else table[:, cells]).sum(axis=1)
@@ -172,7 +147,7 @@ class Scored:
     def with_table(self, table: Array) -> Scored:
         """Return the same with another log likelihood (m, cells) of its rows."""
         rows = replace(self.rows, log_likelihood=table)
-        total = float(logsumexp(self.log_prior + table.sum(axis=1)))
+        total = float(log_sum(self.log_prior + table.sum(axis=1), axis=0))
         return replace(self, rows=rows, log_evidence=total)
 
     def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:

@@ -45,11 +45,9 @@ def known(errors: Array) -> np.ndarray:
     return np.isfinite(errors)
 
 
-def metric_of(seen: tuple[Observed, ...], baseline: Predicted) -> Metric:
+def metric_of(seen: Observed, baseline: Predicted) -> Metric:
     """Return the standard errors, spreads and errors from the baseline (1, cells)."""
-    shifts = np.array([o.shifts for o in seen], dtype=float)
-    singles = np.array([o.singles.size for o in seen], dtype=float)
-    tried = np.array([o.engaged + o.failed for o in seen], dtype=float)
+    shifts, singles, tried = seen.shifts, seen.single, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)
     with np.errstate(divide="ignore"):
         mean = np.sqrt(baseline.sd[0] ** 2 / shifts + baseline.error[0] ** 2)

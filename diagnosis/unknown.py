@@ -19,12 +19,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import logsumexp
 
 from diagnosis.bench import Bench
-from diagnosis.likelihood import Observed, log_engaged, log_times, mean_of, sd_of
+from diagnosis.likelihood import Observed, Said, log_engaged, log_sum, log_times
 from diagnosis.scoring import Problem
-from diagnosis.spread import Array, Spread
+from diagnosis.spread import Array
 from sim.units import RPM
 
 SCALES = np.geomspace(0.005, 0.4, 12)  #: A, s
@@ -106,12 +105,15 @@ class Unknown:
 
     def _total(self) -> float:
         cells = np.ones(self.baseline.size, dtype=bool)
-        return float(logsumexp([m.log_prior + m.log_evidence(cells) for m in self.models]))
+        return float(log_sum(self._logs(cells), axis=0))
+
+    def _logs(self, cells: np.ndarray) -> Array:
+        return np.array([m.log_prior + m.log_evidence(cells) for m in self.models])
 
     def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
         """Return mean time and variance of the offset of every cell given the data of some."""
-        log = np.array([m.log_prior + m.log_evidence(cells) for m in self.models])
-        weights = np.exp(log - logsumexp(log))
+        log = self._logs(cells)
+        weights = np.exp(log - log_sum(log, axis=0))
         kept = [(w, m.predict(cells)) for w, m in zip(weights, self.models, strict=True) if w > 1e-4]
         share = np.array([w for w, _ in kept])[:, None] / sum(w for w, _ in kept)
         means, variances = (np.array([one[k] for _, one in kept]) for k in (0, 1))
@@ -122,23 +124,16 @@ class Unknown:
 
 def unknown(problem: Problem, bench: Bench) -> Unknown:
     """Return the hypothesis for a data set."""
-    spreads = problem.spreads((), np.zeros((1, 0)))
-    means = np.array([float(mean_of(s)[0]) for s in spreads])
+    seen, said = problem.seen, problem.said((), np.zeros((1, 0)))
+    means = said.mean[:, 0]
     places = np.array(
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )
     models = []
     for stretch, weight in STRETCHES.items():
-        offsets = tuple(
-            _offset(problem, seen, _stretched(spread, stretch))
-            for seen, spread in zip(problem.seen, spreads, strict=True)
-        )
+        offsets = _offsets(seen, _stretched(said, stretch))
         models += _grid(places, means, offsets, np.log(weight))
-    shares = [
-        [_free_share(o, s, o.failed + extra * o.unknown) for extra in (0, 1)]
-        for o, s in zip(problem.seen, spreads, strict=True)
-    ]
-    plain, failed = np.array(shares).reshape(-1, 2).T
+    plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
     return Unknown(tuple(models), means, plain, failed)
 
 
@@ -158,23 +153,35 @@ def _grid(
     return found
 
 
-def _stretched(spread: Spread, factor: float) -> Spread:
-    mean = spread.times.mean(axis=1, keepdims=True)
-    return replace(spread, times=mean + factor * (spread.times - mean))
+def _stretched(said: Said, factor: float) -> Said:
+    times = said.mean[..., None] + factor * (said.times - said.mean[..., None])
+    return replace(said, times=times, sd=factor * said.sd)
 
 
-def _offset(problem: Problem, seen: Observed, spread: Spread) -> Offset | None:
-    """Return a cell's likelihood over its offset in the form of a normal density."""
-    if not seen.shifts or not np.isfinite(spread.times).all():
-        return None
-    middle = seen.mean if not seen.singles.size else float(np.median(seen.singles))
-    step = float(np.hypot(sd_of(spread)[0] / np.sqrt(seen.shifts), spread.error[0]))
-    offsets = middle - float(mean_of(spread)[0]) + step * OFFSETS
-    moved = Spread(
-        spread.times + offsets[:, None],
-        *(np.repeat(v, offsets.size) for v in (spread.engaged, spread.error, spread.engaged_error)),
+def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
+    """Return each cell's likelihood over its offset in the form of a normal density."""
+    middle = np.array([np.median(t) if t.size else 0.0 for t in seen.singles])
+    middle = np.where(seen.single > 0, middle, seen.mean)
+    step = np.hypot(said.sd[:, 0] / np.sqrt(np.maximum(1, seen.shifts)), said.error[:, 0])
+    offsets = (middle - said.mean[:, 0])[:, None] + step[:, None] * OFFSETS
+    one = np.ones((1, OFFSETS.size))
+    moved = Said(
+        said.times + offsets[..., None],
+        said.engaged * one,
+        said.error * one,
+        said.engaged_error * one,
+        said.mean + offsets,
+        said.sd * one,
     )
-    log = log_times(seen, moved, problem.rules) + np.log(np.gradient(offsets))
+    log = log_times(seen, moved) + np.log(np.gradient(OFFSETS) * step[:, None])
+    known = (seen.shifts > 0) & np.isfinite(said.mean[:, 0])
+    return tuple(
+        _offset(row, line) if there else None
+        for row, line, there in zip(offsets, log, known, strict=True)
+    )
+
+
+def _offset(offsets: Array, log: Array) -> Offset:
     weights = np.exp(log - log.max())
     whole = weights.sum()
     mean = float(weights @ offsets / whole)
@@ -182,8 +189,12 @@ def _offset(problem: Problem, seen: Observed, spread: Spread) -> Offset | None:
     return Offset(float(log.max() + np.log(whole)), mean, max(variance, 1e-10))
 
 
-def _free_share(seen: Observed, spread: Spread, failed: int) -> float:
-    """Return the log probability of a number engaged by the baseline's share, or by any."""
-    tried = seen.engaged + failed
-    by_baseline = float(log_engaged(seen, spread, failed)[0])
-    return float(np.logaddexp(by_baseline, -np.log(tried + 1.0)) - np.log(2.0)) if tried else 0.0
+def _free_share(seen: Observed, said: Said, extra: float) -> Array:
+    """Return the log probability of numbers engaged by the baseline's share, or by any, (cells,).
+
+    ``extra`` is the share of unknown shifts that count as failed.
+    """
+    failed = seen.failed + extra * seen.unknown
+    by_baseline = log_engaged(seen, said, failed)[:, 0]
+    log: Array = np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)
+    return log

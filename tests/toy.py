@@ -120,7 +120,7 @@ def bench_of(
     given = {name: np.array([[value]]) for name, value in values.items()}
     readings = []
     for place, point in enumerate(points):
-        times = times_of(given, point, generator.random(shifts))[0]
+        times = np.atleast_2d(times_of(given, point, generator.random(shifts)))[0]
         times = times + (0.0 if extra is None else extra[place])
         groups = [(1, t) for t in times] if single else [(shifts, times.mean())]
         for n, time in groups:
