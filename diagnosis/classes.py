@@ -48,9 +48,7 @@ def confusion(scored: Sequence[Scored], metric: Metric, belief: Probabilities) -
     those = [one for one in scored if belief.get(one.hypothesis, 0.0) > PLAUSIBLE]
     generator = np.random.default_rng(1)
     every = [metric.of(one.rows.predicted) for one in those]
-    drawn = [
-        points[one.draw(DRAWN, generator)] for one, points in zip(those, every, strict=True)
-    ]
+    drawn = [points[one.draw(DRAWN, generator)] for one, points in zip(those, every, strict=True)]
     apart = np.array(
         [[0.5 * squared(mine, theirs).min(axis=1).mean() for theirs in every] for mine in drawn]
     ).reshape(len(those), len(those))

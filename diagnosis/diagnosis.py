@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from diagnosis.next_test import NextTest, Standing, choose, setting_of, why
 from diagnosis.parameters import Bound, Interval, bounds, intervals
 from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.signature import Metric, metric_of
-from diagnosis.spread import Array, Emulator, Hypothesis
+from diagnosis.spread import Emulator, Hypothesis
 from diagnosis.unknown import Unknown, unknown
 from diagnosis.verdict import Verdict, decide
 from diagnosis.words import in_words
@@ -169,8 +169,8 @@ def diagnose(
         h: p_value(problem, scored[h]) for h, p in belief.items() if h != UNKNOWN and p > PLAUSIBLE
     }
     verdict = decide(belief, parts, fits)
-    gaps = _gaps(problem, bench, scored, free, belief, baseline, metric)
     standing = Standing(bench, problem.seen, scored, free, belief, effects)
+    gaps = _gaps(standing, metric)
     return Diagnosis(
         bench=bench,
         verdict=verdict,
@@ -227,20 +227,16 @@ def _others(
     return found
 
 
-def _gaps(
-    problem: Problem,
-    bench: Bench,
-    scored: Mapping[Hypothesis, Scored],
-    free: Unknown,
-    belief: Probabilities,
-    baseline: Predicted,
-    metric: Metric,
-) -> list[tuple[Hypothesis, HeldOut]]:
+def _gaps(standing: Standing, metric: Metric) -> list[tuple[Hypothesis, HeldOut]]:
     """Return held-out gaps of the leading hypothesis and its best rival."""
-    leading = list(belief)[0]
-    rivals = [h for h in belief if h not in (leading, UNKNOWN, NONE)][:1]
+    leading = next(iter(standing.belief))
+    rivals = [h for h in standing.belief if h not in (leading, UNKNOWN, NONE)][:1]
+    bench, seen, baseline = standing.bench, standing.seen, standing.scored[NONE].rows.predicted
     found = []
     for hypothesis in [leading, *rivals]:
-        predict = by_unknown(free) if hypothesis == UNKNOWN else by_effects(scored[hypothesis])
-        found.append((hypothesis, held_out(bench, problem.seen, baseline, metric, predict)))
+        if hypothesis == UNKNOWN:
+            predict = by_unknown(standing.unknown)
+        else:
+            predict = by_effects(standing.scored[hypothesis])
+        found.append((hypothesis, held_out(bench, seen, baseline, metric, predict)))
     return found

@@ -126,7 +126,8 @@ def _halved(boxes: Array) -> Array:
     offsets = np.array(list(itertools.product((0.0, 0.5), repeat=size)))
     corners = boxes[:, None, 0] + offsets * boxes[:, None, 1]
     widths = np.broadcast_to(0.5 * boxes[:, None, 1], corners.shape)
-    return np.stack([corners, widths], axis=2).reshape(-1, 2, size)
+    children: Array = np.stack([corners, widths], axis=2).reshape(-1, 2, size)
+    return children
 
 
 def _points(boxes: Array) -> Array:
@@ -221,8 +222,9 @@ def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
     weights = np.exp(log + power * likely - log_sum(log + power * likely, axis=0))
     centre = weights @ points
     apart = points - centre
-    matrix = 1.2 * (weights[:, None] * apart).T @ apart + 1e-7 * np.eye(size)
-    return _Proposal(centre, np.linalg.cholesky(matrix))
+    matrix: Array = 1.2 * (weights[:, None] * apart).T @ apart + 1e-7 * np.eye(size)
+    root: Array = np.asarray(np.linalg.cholesky(matrix), dtype=float)
+    return _Proposal(centre, root)
 
 
 def outside(size: int) -> Array:
@@ -247,7 +249,7 @@ def with_width(found: Scored, factor: float) -> Scored:
     if factor > 1.0:
         return _doubled(found, size)
     centre = np.clip(found.weights() @ found.rows.shares, 0.25, 0.75)
-    inside = (np.abs(found.rows.shares - centre) <= 0.25).all(axis=1)
+    inside = np.all(np.abs(found.rows.shares - centre) <= 0.25, axis=1)
     if not inside.any():
         return found
     log = found.log_prior[inside]

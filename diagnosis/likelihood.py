@@ -165,7 +165,7 @@ class Said:
     @property
     def tail(self) -> float:
         """Share of shifts that may wait longer than any that was simulated."""
-        return max(TAIL, 1.0 / (self.times.shape[2] + 2))
+        return max(TAIL, 1.0 / float(self.times.shape[2] + 2))
 
 
 def log_sum(logs: Array, axis: int) -> Array:
@@ -202,8 +202,8 @@ def log_times(seen: Observed, said: Said) -> Array:
 
 def _cell(seen: Observed, place: int) -> Observed:
     one = slice(place, place + 1)
-    names = ("mean", "n", "engaged", "failed", "unknown", "wait")
-    return Observed(seen.singles[one], *(getattr(seen, n)[one] for n in names), seen.timeout)
+    counts = seen.engaged[one], seen.failed[one], seen.unknown[one], seen.wait[one]
+    return Observed(seen.singles[one], seen.mean[one], seen.n[one], *counts, seen.timeout)
 
 
 def _log_single_cell(seen: Observed, said: Said) -> Array:

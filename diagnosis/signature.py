@@ -59,4 +59,5 @@ def metric_of(seen: Observed, baseline: Predicted) -> Metric:
 def squared(one: Array, other: Array) -> Array:
     """Return squared distances between signatures (m, k) and (n, k), (m, n)."""
     cross = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
-    return np.maximum(cross, 0.0)
+    whole: Array = np.maximum(cross, 0.0)
+    return whole

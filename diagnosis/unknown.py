@@ -55,7 +55,7 @@ class Model:
 
     def log_evidence(self, cells: np.ndarray) -> float:
         """Return the logarithm of the density of the times of some cells."""
-        places = [k for k in np.flatnonzero(cells) if self.offsets[k] is not None]
+        places = self._having(cells)
         if not places:
             return 0.0
         mean, variance, size = self._parts(places)
@@ -67,12 +67,15 @@ class Model:
 
     def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
         """Return mean and variance of every cell's offset given some cells, (cells,) each."""
-        places = [k for k in np.flatnonzero(cells) if self.offsets[k] is not None]
+        places = self._having(cells)
         mean, variance, _ = self._parts(places)
         matrix = self.kernel[np.ix_(places, places)] + np.diag(variance)
         across = self.kernel[:, places]
         gain = np.linalg.solve(matrix, across.T).T
         return gain @ mean, np.diag(self.kernel) - (gain * across).sum(axis=1)
+
+    def _having(self, cells: np.ndarray) -> list[int]:
+        return [k for k in np.flatnonzero(cells).tolist() if self.offsets[k] is not None]
 
     def _parts(self, places: Sequence[int]) -> tuple[Array, Array, float]:
         those = [o for k in places if (o := self.offsets[k]) is not None]
@@ -114,7 +117,9 @@ class Unknown:
         """Return mean time and variance of the offset of every cell given the data of some."""
         log = self._logs(cells)
         weights = np.exp(log - log_sum(log, axis=0))
-        kept = [(w, m.predict(cells)) for w, m in zip(weights, self.models, strict=True) if w > 1e-4]
+        kept = [
+            (w, m.predict(cells)) for w, m in zip(weights, self.models, strict=True) if w > 1e-4
+        ]
         share = np.array([w for w, _ in kept])[:, None] / sum(w for w, _ in kept)
         means, variances = (np.array([one[k] for _, one in kept]) for k in (0, 1))
         mean = (share * means).sum(axis=0)

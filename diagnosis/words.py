@@ -21,11 +21,11 @@ def plain(hypothesis: Hypothesis) -> str:
     return " together with ".join(name.replace("_", " ") for name in hypothesis) or "no effect"
 
 
-def in_words(
-    verdict: Verdict, belief: Probabilities, found: Intervals, gaps: HeldOut
-) -> str:
+def in_words(verdict: Verdict, belief: Probabilities, found: Intervals, gaps: HeldOut) -> str:
     """Return the finding in one paragraph."""
-    return " ".join(part for part in (_size(gaps), _cause(verdict, belief, found), _far(gaps)) if part)
+    return " ".join(
+        part for part in (_size(gaps), _cause(verdict, belief, found), _far(gaps)) if part
+    )
 
 
 def _ms(seconds: float) -> str:
@@ -75,6 +75,5 @@ def _far(gaps: HeldOut) -> str:
     if gaps.held_out is None or gaps.shrink is None or gaps.shrink == 0.0:
         return ""
     return (
-        f"At operating points that the fit never saw the difference becomes "
-        f"{_ms(gaps.held_out)}."
+        f"At operating points that the fit never saw the difference becomes {_ms(gaps.held_out)}."
     )
