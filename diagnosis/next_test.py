@@ -212,8 +212,11 @@ def _said(standing: Standing, hypothesis: Hypothesis) -> tuple[Array, Array, Arr
         mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
         return mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2
     found = standing.scored[hypothesis]
-    predicted: Predicted = found.rows.predicted
-    weights = found.weights()
+    whole = found.weights()
+    # Values with which nothing engages have no mean; where they matter the cell is left out.
+    counting = whole > 1e-6 * whole.max()
+    predicted: Predicted = found.rows.predicted.rows(counting)
+    weights = whole[counting] / whole[counting].sum()
     mean = weights @ predicted.mean
     # Errors of the simulation are common to all hypotheses and part none of them, but they limit
     # what any outcome can say.

@@ -35,11 +35,6 @@ class Predicted:
         """Return some of the values."""
         return Predicted(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
 
-    def averaged(self, weights: Array) -> Predicted:
-        """Return the weighted mean over the values, (1, cells); weights (m,) add to one."""
-        fields = self.__dataclass_fields__
-        return Predicted(*((weights @ getattr(self, name))[None] for name in fields))
-
 
 @dataclass(frozen=True)
 class Rows:
