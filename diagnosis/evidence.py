@@ -141,7 +141,8 @@ def _log_weights(boxes: Array) -> Array:
     size = boxes.shape[2]
     product = np.array([np.prod(w) for w in itertools.product(_GAUSS_WEIGHTS / 2.0, repeat=size)])
     volumes = boxes[:, 1].prod(axis=1)
-    return np.log(volumes[:, None] * product).ravel()
+    logs: Array = np.log(volumes[:, None] * product).ravel()
+    return logs
 
 
 def _box_sums(rows: Rows, log: Array, each: int) -> Array:

@@ -13,11 +13,13 @@ from diagnosis.likelihood import Rules, Said
 from diagnosis.scoring import predict
 from diagnosis.signature import VISIBLE
 from diagnosis.spread import Hypothesis
+from sim.clutch import OperatingPoint
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 
 #: Effects that the toy knows, and two that change nothing in it.
 NAMES = (*sorted(STRENGTHS), "contact_stiffness", "drag_torque")
 ALIASES = frozenset({"actuation_delay", "actuation_lag"})  #: the toy's lag is a delay
+ENDS = (235.2, 641.5)  #: N, of which a case has all speeds
 KINDS = {"none": 0.15, "single": 0.55, "pair": 0.15, "unknown": 0.15}
 
 
@@ -28,6 +30,7 @@ class Case:
     truth: Hypothesis
     values: dict[str, float]
     found: Diagnosis
+    points: tuple[OperatingPoint, ...]
 
     @property
     def top(self) -> Hypothesis:
@@ -48,7 +51,7 @@ class Case:
     def _signature(self, hypothesis: Hypothesis) -> np.ndarray:
         parameters = [p for name in hypothesis for p in EFFECTS[name].parameters]
         values = np.array([[self.values[p.name] for p in parameters]])
-        toy = Toy(points_of())
+        toy = Toy(self.points)
         spreads = [toy.at(hypothesis, values, cell) for cell in range(len(toy.points))]
         return self.found.metric.of(predict(Said.of(spreads, Rules())))[0]
 
@@ -68,21 +71,22 @@ def _merged(hypothesis: Hypothesis) -> frozenset[str]:
     return frozenset("late" if name in ALIASES else name for name in hypothesis)
 
 
-def random_case(seed: int, *, shifts: int = 10, single: bool = False) -> Case:
+def random_case(seed: int, *, single: bool = False, forces: Sequence[float] = ENDS) -> Case:
     """Return a case whose truth is drawn from the priors, and its diagnosis."""
+    points = points_of(forces)
     generator = np.random.default_rng(seed)
     kind = generator.choice(list(KINDS), p=list(KINDS.values()))
     truth, values, extra = NONE, {}, None
     if kind == "unknown":
-        truth, extra = UNKNOWN, _wave(generator)
+        truth, extra = UNKNOWN, _wave(generator, len(points))
     elif kind != "none":
         alone: Sequence[Hypothesis] = [(name,) for name in sorted(STRENGTHS)]
         known = alone if kind == "single" else pairs_of(list(STRENGTHS))
         truth = known[generator.integers(len(known))]
         values = _values(truth, generator)
-    bench = bench_of(values, generator, shifts=shifts, single=single, extra=extra)
+    bench = bench_of(values, generator, single=single, extra=extra, points=points)
     effects = {name: EFFECTS[name] for name in NAMES}
-    return Case(truth, values, diagnose(bench, Toy(points_of()), effects))
+    return Case(truth, values, diagnose(bench, Toy(points), effects), points)
 
 
 def _values(truth: Hypothesis, generator: np.random.Generator) -> dict[str, float]:
@@ -93,10 +97,10 @@ def _values(truth: Hypothesis, generator: np.random.Generator) -> dict[str, floa
     return values
 
 
-def _wave(generator: np.random.Generator) -> np.ndarray:
-    """Return a gap that goes up and down over the operating points, s, (28,)."""
+def _wave(generator: np.random.Generator, count: int) -> np.ndarray:
+    """Return a gap that goes up and down over the operating points, s, (count,)."""
     size, pace, start = generator.uniform((0.02, 0.7, 0.0), (0.06, 2.0, 6.0))
-    return size * np.sin(pace * np.arange(28) + start)
+    return size * np.sin(pace * np.arange(count) + start)
 
 
 def _share(flags: Sequence[bool]) -> float:
