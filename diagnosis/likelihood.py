@@ -39,6 +39,7 @@ KERNEL = 0.7  #: width of a kernel over the distance of neighbouring quantiles
 KERNELS = 16  #: about how many kernels a density has
 LEAST = 0.5e-3  #: s, the least spread of single shifts
 WAITS = 4  #: most shifts of a mean that may have waited, plus one
+FAR = 3.0  #: widths from the bulk beyond which a cell tells nothing of its offset
 CLIP = 0.01  #: a shift's rank in its distribution counts no more extreme than this
 ROOT = float(np.sqrt(2.0 * np.pi))
 
@@ -215,8 +216,11 @@ def _log_single_cell(seen: Observed, said: Said) -> Array:
     low, middle, high = np.quantile(said.times[0], (0.25, 0.5, 0.75), axis=1)
     width = np.clip((high - low) / 1.35, LEAST, said.sd[0])
     weight = times.size / width**2
-    variance = 1.0 / (1.0 / error**2 + weight)
-    centre = np.clip(variance * weight * (np.median(times) - middle), -3.0 * error, 3.0 * error)
+    apart = np.median(times) - middle
+    # Far from the bulk the density is flat, and no offset more likely than before.
+    near = np.abs(apart) < FAR * np.hypot(width, error)
+    variance = 1.0 / (1.0 / error**2 + np.where(near, weight, 0.0))
+    centre = np.where(near, variance * weight * apart, 0.0)
     nodes = []
     for node, log_weight in zip(_NODES, _LOG_WEIGHTS, strict=True):
         offset = centre + node * np.sqrt(variance)
