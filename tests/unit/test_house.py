@@ -63,6 +63,7 @@ GUARDED = {
     "distributed": {"pipeline/executor.py"},
     "mujoco": {"diagnosis/second_engine.py"},
     "nptdms": {"diagnosis/tdms.py"},
+    "dynesty": {"diagnosis/nested.py"},
     "build123d": {"pipeline/cad.py"},
     "skfem": {"sim/root_stress.py"},
     "SALib": {"surrogate/sensitivity.py"},

@@ -1,0 +1,44 @@
+"""Whether a hypothesis can have made the data at all: its posterior predictive p-value.
+
+Of values drawn from the posterior, each cell gives a normal score for its times and one for its
+share engaged; the sum of their squares is chi-square where the hypothesis holds. The p-value is
+the mean over the posterior (Gelman, Meng and Stern 1996, realised discrepancies).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import betabinom, chi2
+
+from diagnosis.likelihood import Observed, Said, beta_of, time_score
+from diagnosis.scoring import Problem, Scored
+from diagnosis.spread import Array
+
+DRAWN = 32
+ADEQUATE = 0.01  #: p-value below which a hypothesis fails
+MOST = 1e-12  #: least probability that is told from none
+
+
+def p_value(problem: Problem, found: Scored) -> float:
+    """Return the posterior predictive p-value of a hypothesis."""
+    rows, counts = np.unique(found.draw(DRAWN, np.random.default_rng(1)), return_counts=True)
+    said = problem.said(found.hypothesis, found.space.values(found.rows.shares[rows]))
+    seen = problem.seen
+    telling = (seen.tried > 0) & ((seen.failed > 0) | (said.engaged.min(axis=1) < 0.98))
+    scores = np.vstack(
+        [time_score(seen, said)[seen.shifts > 0], _engaged_score(seen, said)[telling]]
+    )
+    if not len(scores):
+        return 1.0
+    tails = chi2.sf((scores**2).sum(axis=0), len(scores))
+    return float(np.average(tails, weights=counts))
+
+
+def _engaged_score(seen: Observed, said: Said) -> Array:
+    """Return normal scores of numbers engaged, at the middle of their probability, (cells, m)."""
+    number = betabinom(seen.tried[:, None], *beta_of(said))
+    engaged = seen.engaged[:, None]
+    middle = number.cdf(engaged) - 0.5 * number.pmf(engaged)
+    scores: Array = ndtri(np.clip(middle, MOST, 1.0 - MOST))
+    return scores

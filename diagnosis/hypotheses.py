@@ -1,0 +1,132 @@
+"""Hypotheses on why a bench differs: none, one effect, a plausible pair, or unknown.
+
+Any two effects may come together, but only some pairs are plausible before anything is seen: the
+dead time of an actuator comes with every bench and every actuator, dry friction with every ring
+on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
+none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
+what nobody has thought of.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.spread import Array, Hypothesis
+from sim.effect import Effect, Parameter
+from sim.setting import Setting
+
+UNKNOWN: Hypothesis = ("unknown",)
+NONE: Hypothesis = ()
+COMMON = ("actuation_delay", "sleeve_friction")  #: that come with any other
+WEIGHTS = {"none": 0.25, "single": 0.45, "pair": 0.15, "unknown": 0.15}
+TRIED = 7  #: values of each parameter that are tried for whether there are such benches
+
+
+@dataclass(frozen=True)
+class Space:
+    """The parameters of a hypothesis as a unit cube of shares of their priors.
+
+    ``parameters`` are those of its effects in alphabetical order, effect by effect.
+    ``bounded`` are effects of which some values give no bench.
+    """
+
+    effects: tuple[Effect, ...]
+    setting: Setting
+    bounded: frozenset[str] = frozenset()
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Names of the effects."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters."""
+        return tuple(p for effect in self.effects for p in effect.parameters)
+
+    def values(self, shares: Array) -> Array:
+        """Return values (m, p) at shares (m, p) of the priors."""
+        columns = [at_shares(p, shares[:, k]) for k, p in enumerate(self.parameters)]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(shares), 0))
+
+    def neutral_shares(self) -> Array:
+        """Return the shares nearest to what changes nothing, (p,)."""
+        setting = self.setting
+        return np.array([p.share(p.neutral_of(setting)) for p in self.parameters], dtype=float)
+
+    def columns(self, name: str) -> slice:
+        """Return where the parameters of an effect are."""
+        start = 0
+        for effect in self.effects:
+            if effect.name == name:
+                return slice(start, start + len(effect.parameters))
+            start += len(effect.parameters)
+        raise KeyError(name)
+
+    def possible(self, values: Array) -> np.ndarray:
+        """Tell which values (m, p) give a bench at all, (m,)."""
+        result = np.ones(len(values), dtype=bool)
+        for effect in self.effects:
+            if effect.name in self.bounded:
+                part = values[:, self.columns(effect.name)]
+                result &= np.array([_possible(effect, self.setting, row) for row in part])
+        return result
+
+
+def at_shares(parameter: Parameter, shares: Array) -> Array:
+    """Return the values of a parameter at shares (m,) of its prior."""
+    low, high = parameter.low, parameter.high
+    if parameter.scale == "uniform":
+        return low + shares * (high - low)
+    values: Array = low * (high / low) ** shares
+    return values
+
+
+def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:
+    names = [parameter.name for parameter in effect.parameters]
+    return effect.possible(setting, dict(zip(names, map(float, row), strict=True)))
+
+
+def _bounded(effect: Effect, setting: Setting) -> bool:
+    """Tell whether some values within the priors give no bench."""
+    ticks = np.linspace(0.0, 1.0, TRIED)
+    grid = itertools.product(*([p.at(t) for t in ticks] for p in effect.parameters))
+    return not all(_possible(effect, setting, row) for row in grid)
+
+
+def pairs_of(effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+    """Return the plausible pairs of effects, in alphabetical order."""
+    found = {tuple(sorted((one, other))) for one in COMMON for other in effects if one in effects}
+    return tuple(sorted(pair for pair in found if pair[0] != pair[1]))
+
+
+def spaces_of(
+    effects: Mapping[str, Effect],
+    setting: Setting,
+    pairs: Sequence[Hypothesis] | None = None,
+) -> tuple[Space, ...]:
+    """Return the spaces of none, each effect, and the pairs (the plausible ones by default)."""
+    single = [(name,) for name in sorted(effects)]
+    pairs = pairs_of(list(effects)) if pairs is None else pairs
+    every: list[Hypothesis] = [NONE, *single, *pairs]
+    bounded = frozenset(name for name, e in effects.items() if _bounded(e, setting))
+    return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in every)
+
+
+def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
+    """Return the prior probability of each hypothesis, which add to one."""
+    kinds = {h: _kind(h) for h in hypotheses}
+    numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
+    raw = {h: WEIGHTS[kind] / numbers[kind] for h, kind in kinds.items()}
+    whole = sum(raw.values())
+    return {h: weight / whole for h, weight in raw.items()}
+
+
+def _kind(hypothesis: Hypothesis) -> str:
+    if hypothesis == UNKNOWN:
+        return "unknown"
+    return ("none", "single", "pair")[len(hypothesis)]

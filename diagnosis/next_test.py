@@ -1,0 +1,236 @@
+r"""The next bench test: which would tell most about the cause for what it costs.
+
+A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. What it
+is expected to tell is the mutual information of cause and outcome,
+
+.. math:: I = H(p) - E_y H(p | y),
+
+with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture; where the data
+allow no parting of hypotheses, a direct test still does. Direct tests come from the effects:
+their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
+share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
+shifts at an operating point. The best has the most nats an hour; one is chosen even where nothing
+is in doubt: then it is the direct test of what was named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from diagnosis.belief import Probabilities
+from diagnosis.bench import Bench
+from diagnosis.hypotheses import UNKNOWN
+from diagnosis.likelihood import Observed
+from diagnosis.scoring import Predicted, Scored
+from diagnosis.spread import Array, Hypothesis
+from diagnosis.unknown import Unknown
+from sim.effect import Effect
+from sim.errors import number
+from sim.setting import Setting
+from sim.units import RPM
+
+EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
+DRAWN = 400  #: outcomes drawn
+LEAST = 1e-3  #: probability from which a hypothesis takes part
+WORTH = 0.02  #: nats below which nothing is to be learnt
+SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
+DIRECT = 3.0  #: hours of a direct test that is not in the table
+#: Hours of direct tests, by name: what a stand has at hand costs less than taking it apart.
+HOURS = {
+    "force at the sleeve over time": 2.0,
+    "static force at the sleeve": 2.0,
+    "slow push of the free ring": 1.0,
+    "hand test of the play": 0.5,
+    "gap by feeler or travel": 0.5,
+    "static stiffness of the linkage": 1.0,
+    "run-down of the sliding ring": 1.0,
+    "both speeds at the first touch": 2.0,
+    "angle of each shift": 2.0,
+    "chamfer by profile": 4.0,
+    "free flight at the sleeve": 4.0,
+    "free flight at two forces": 4.0,
+    "drop test of the ring": 6.0,
+    "tilt test of the dogs": 4.0,
+}
+MORE = (10, 40)  #: shifts that may be added at an operating point
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What hypotheses say of a test: mean and variance of each outcome, (hypotheses, d)."""
+
+    mean: Array
+    variance: Array
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """A test with what it is expected to tell, nats, and its cost in hours."""
+
+    name: str
+    how: str
+    information: float
+    hours: float
+    shows: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Information an hour, nats."""
+        return self.information / self.hours
+
+
+def information(probabilities: Array, outcome: Outcome, seed: int = 1) -> float:
+    """Return the mutual information of hypothesis and outcome, nats."""
+    generator = np.random.default_rng(seed)
+    width = np.sqrt(outcome.variance)
+    # As many draws of each hypothesis as its probability: less noise than drawing which.
+    counts = np.maximum(1, np.round(DRAWN * probabilities)).astype(int)
+    gain = 0.0
+    log_prior = np.log(probabilities)
+    for place, count in enumerate(counts):
+        drawn = outcome.mean[place] + width[place] * generator.standard_normal(
+            (count, width.shape[1])
+        )
+        score = (drawn[:, None] - outcome.mean) / width
+        log = (-0.5 * score**2 - np.log(width)).sum(axis=2)
+        own = log[:, place] - logsumexp(log + log_prior, axis=1)
+        gain += probabilities[place] * float(own.mean())
+    return max(0.0, gain)
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What is known when the next test is chosen."""
+
+    bench: Bench
+    seen: Observed
+    scored: Mapping[Hypothesis, Scored]
+    unknown: Unknown
+    belief: Probabilities
+    effects: Mapping[str, Effect]
+
+    @property
+    def plausible(self) -> tuple[Hypothesis, ...]:
+        """Hypotheses that take part."""
+        return tuple(h for h, p in self.belief.items() if p > LEAST)
+
+    @property
+    def setting(self) -> Setting:
+        """A setting of the bench without effects."""
+        return setting_of(self.bench)
+
+
+def setting_of(bench: Bench) -> Setting:
+    """Return the first operating point of a bench, without effects."""
+    sensor = "actuator" if bench.sensor.displacement_at == "actuator" else "sleeve"
+    return Setting(bench.clutch, bench.cells[0].point, sensor=sensor)  # type: ignore[arg-type]
+
+
+def choose(standing: Standing) -> tuple[NextTest, ...]:
+    """Return the tests, the best first."""
+    names = standing.plausible
+    shares = np.array([standing.belief[h] for h in names])
+    shares = shares / shares.sum()
+    tests = [
+        NextTest(name, how, information(shares, outcome), hours, shows)
+        for name, how, hours, shows, outcome in [*_direct(standing), *_more(standing)]
+    ]
+    # Where nothing is in doubt the test that shows the cause directly confirms it.
+    named = set(names[int(np.argmax(shares))])
+    return tuple(
+        sorted(tests, key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
+    )
+
+
+Offer = tuple[str, str, float, tuple[str, ...], Outcome]
+
+
+def _direct(standing: Standing) -> list[Offer]:
+    grouped: dict[str, list[Effect]] = {}
+    for effect in standing.effects.values():
+        grouped.setdefault(effect.test.name, []).append(effect)
+    return [
+        (
+            name,
+            those[0].test.how,
+            HOURS.get(name, DIRECT),
+            tuple(effect.name for effect in those),
+            _parameters(standing, those),
+        )
+        for name, those in grouped.items()
+    ]
+
+
+def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
+    """Return what hypotheses say of the parameters of some effects, as shares of their priors."""
+    setting = standing.setting
+    absent = np.array([p.share(p.neutral_of(setting)) for e in effects for p in e.parameters])
+    means, variances = [], []
+    for hypothesis in standing.plausible:
+        mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
+        start = 0
+        for effect in effects:
+            place = slice(start, start + len(effect.parameters))
+            start = place.stop
+            if effect.name in hypothesis:
+                found = standing.scored[hypothesis]
+                shares = found.rows.shares[:, found.space.columns(effect.name)]
+                weights = found.weights()
+                mean[place] = weights @ shares
+                variance[place] += weights @ (shares - mean[place]) ** 2
+        means.append(mean)
+        variances.append(variance)
+    return Outcome(np.array(means), np.array(variances))
+
+
+def _more(standing: Standing) -> list[Offer]:
+    """Return more shifts at each operating point of the data set."""
+    found: list[Offer] = []
+    said = [_said(standing, hypothesis) for hypothesis in standing.plausible]
+    for place, cell in enumerate(standing.bench.cells):
+        point = cell.point
+        where = f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
+        for count in MORE:
+            mean = np.array([[one[0][place]] for one in said])
+            variance = np.array([[one[1][place] + one[2][place] / count] for one in said])
+            name = f"{count} more shifts at {where}"
+            how = f"Record {count} more shifts at {where}, each with its own time."
+            if np.isfinite(mean).all():
+                outcome = Outcome(mean, variance)
+                found.append((name, how, SETUP + SHIFT * count, (), outcome))
+    return found
+
+
+def _said(standing: Standing, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
+    """Return mean, variance of the mean, and of single shifts, at each cell, (cells,) each."""
+    if hypothesis == UNKNOWN:
+        baseline = standing.scored[()].rows.predicted
+        mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
+        return mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2
+    found = standing.scored[hypothesis]
+    whole = found.weights()
+    # Values with which nothing engages have no mean; where they matter the cell is left out.
+    counting = whole > 1e-6 * whole.max()
+    predicted: Predicted = found.rows.predicted.rows(counting)
+    weights = whole[counting] / whole[counting].sum()
+    mean = weights @ predicted.mean
+    # Errors of the simulation are common to all hypotheses and part none of them, but they limit
+    # what any outcome can say.
+    variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
+    return mean, variance, weights @ predicted.sd**2
+
+
+def why(test: NextTest, belief: Probabilities) -> str:
+    """Return in a sentence or two why a test is the next."""
+    doubt = [" + ".join(h) or "none" for h, p in belief.items() if p > 0.05][:4]
+    if test.information < WORTH or len(doubt) < 2:
+        return f"{test.how} It would confirm the finding from outside."
+    return (
+        f"{test.how} It tells most for its cost between {', '.join(doubt)} "
+        f"({number(float(f'{test.information:.2g}'))} nats for about "
+        f"{number(test.hours)} h)."
+    )

@@ -1,0 +1,63 @@
+"""What hypotheses predict in units of what the data can tell: points whose distance counts.
+
+The signature of a prediction has a coordinate for each cell with times (the mean), each cell with
+single shifts (the logarithm of the distance of its quartiles) and each cell with shares engaged,
+each over its standard error at the data set's number of shifts, errors of the simulation among
+them. Half the squared distance of two signatures is about the expected logarithm of the Bayes
+factor between them, and a squared distance of 4 two standard errors in all.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.likelihood import Observed
+from diagnosis.scoring import Predicted
+from diagnosis.spread import Array
+
+VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
+QUARTILES = 1.2  #: standard error of the log distance of quartiles, times root of the number
+SHAPE = 0.1  #: error of the emulated logarithm of that distance
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing."""
+
+    mean: Array
+    bulk: Array
+    engaged: Array
+
+    def of(self, predicted: Predicted) -> Array:
+        """Return signatures, (m, coordinates)."""
+        parts = zip(
+            (predicted.mean, predicted.bulk, predicted.engaged),
+            (self.mean, self.bulk, self.engaged),
+            strict=True,
+        )
+        return np.hstack([np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts])
+
+
+def known(errors: Array) -> np.ndarray:
+    """Tell which errors are those of something."""
+    return np.isfinite(errors)
+
+
+def metric_of(seen: Observed, baseline: Predicted) -> Metric:
+    """Return the standard errors, spreads and errors from the baseline (1, cells)."""
+    shifts, singles, tried = seen.shifts, seen.single, seen.tried
+    share = np.clip(baseline.engaged[0], 0.02, 0.98)
+    with np.errstate(divide="ignore"):
+        mean = np.sqrt(baseline.sd[0] ** 2 / shifts + baseline.error[0] ** 2)
+        bulk = np.hypot(QUARTILES / np.sqrt(np.where(singles > 3, singles, 0.0)), SHAPE)
+        engaged = np.sqrt(share * (1.0 - share) / tried + baseline.engaged_error[0] ** 2)
+    return Metric(np.where(np.isfinite(mean), mean, np.inf), bulk, engaged)
+
+
+def squared(one: Array, other: Array) -> Array:
+    """Return squared distances between signatures (m, k) and (n, k), (m, n)."""
+    cross = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
+    whole: Array = np.maximum(cross, 0.0)
+    return whole

@@ -1,0 +1,83 @@
+"""The decision: a named effect, none, unknown, or ambiguous with what is left.
+
+- *effect*: one hypothesis has more than 0.8 and can have made the data;
+- *none*: effects that the data could show have less than 0.2 together, and none can have made
+  the data; what each effect is at most stands beside it;
+- *unknown*: a gap of no known effect has more than 0.8, or no plausible hypothesis can have made
+  the data;
+- *ambiguous* otherwise, also where a class has more than 0.8 but none of its members: data of
+  this kind cannot part them. What is part of the cause in any case is still named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from diagnosis.belief import Probabilities, inclusion
+from diagnosis.classes import Confusion
+from diagnosis.fit import ADEQUATE
+from diagnosis.hypotheses import NONE, UNKNOWN
+from diagnosis.spread import Hypothesis
+
+NAMED = 0.8  #: probability from which a hypothesis is named
+CREDIBLE = 0.9  #: probability of the set that is given where nothing is named
+
+Kind = Literal["effect", "none", "unknown", "ambiguous"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is decided.
+
+    Parameters
+    ----------
+    kind : one of four.
+    causes : effects that are named.
+    credible : hypotheses that have 0.9 together, most probable first.
+    group : class of the most probable hypothesis, and its probability.
+    """
+
+    kind: Kind
+    causes: tuple[str, ...]
+    credible: tuple[Hypothesis, ...]
+    group: tuple[Hypothesis, ...]
+    group_probability: float
+
+
+def decide(
+    belief: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
+) -> Verdict:
+    """Return the verdict from probabilities, classes and predictive p-values.
+
+    ``fits`` has the plausible hypotheses, unknown left out.
+    """
+    ordered = sorted(belief, key=lambda h: -belief[h])
+    top = ordered[0]
+    group = confusion.class_of(top)
+    kind = _kind(belief, top, fits)
+    causes: tuple[str, ...] = top if kind == "effect" else ()
+    if kind == "ambiguous":
+        causes = tuple(name for name, p in inclusion(belief).items() if p > NAMED)
+    return Verdict(kind, causes, _credible(belief), group, sum(belief[h] for h in group))
+
+
+def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
+    if belief.get(UNKNOWN, 0.0) > NAMED or not any(p >= ADEQUATE for p in fits.values()):
+        return "unknown"
+    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE:
+        return "ambiguous"
+    return "none" if top == NONE else "effect"
+
+
+def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:
+    """Return the most probable hypotheses that have 0.9 together."""
+    found: list[Hypothesis] = []
+    whole = 0.0
+    for hypothesis in sorted(belief, key=lambda h: -belief[h]):
+        if whole >= CREDIBLE:
+            break
+        found.append(hypothesis)
+        whole += belief[hypothesis]
+    return tuple(found)

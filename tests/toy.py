@@ -1,0 +1,129 @@
+"""A toy bench: shift times in closed form, in which some effects act in known ways.
+
+A shift is a free flight over the axial gap and the rest of the travel under a force that rises
+linearly, and a wait for the next slot that is uniform over a share of the pitch. Effects of other
+names change nothing, as some do on a bench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.bench import Bench, load_bench
+from diagnosis.reading import Reading, gather
+from diagnosis.spread import Hypothesis, Spread
+from diagnosis.stand import Sensor
+from sim.actuation import ForceProfile
+from sim.clutch import OperatingPoint
+from sim.effects import load
+from sim.units import RPM
+
+Array = NDArray[np.float64]
+
+FORCES = {235.2: 0.251, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
+SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
+EFFECTS = load()
+CLUTCH = load_bench("mq200_adams").clutch
+#: Effects that the toy knows, each at three strengths that its data can show.
+STRENGTHS: Mapping[str, Sequence[Mapping[str, float]]] = {
+    "actuation_delay": [{"delay_s": v} for v in (0.03, 0.08, 0.16)],
+    "actuation_lag": [{"lag_s": v} for v in (0.03, 0.08, 0.2)],
+    "force_scale": [{"force_factor": v} for v in (0.65, 0.8, 1.35)],
+    "sleeve_friction": [{"friction_N": v} for v in (40.0, 80.0, 150.0)],
+    "moving_mass": [{"added_mass_kg": v} for v in (0.5, 1.5, 5.0)],
+    "mismatch_speed": [{"offset_rpm": v} for v in (-3.0, -2.0, 3.0)],
+    "axial_gap": [{"gap_offset_mm": v} for v in (-0.4, 0.3, 0.5)],
+    "chamfer_angle": [{"chamfer_offset_deg": v} for v in (-1.8, 1.2, 2.0)],
+    "contact_friction": [
+        {"static_friction": s, "dynamic_friction": d}
+        for s, d in ((0.4, 0.33), (0.35, 0.28), (0.2, 0.03))
+    ],
+}
+NEUTRAL = {"force_factor": 1.0, "dynamic_friction": 0.16}
+
+
+def _get(values: Mapping[str, Array], name: str) -> Array | float:
+    return values.get(name, NEUTRAL.get(name, 0.0))
+
+
+def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) -> Array:
+    """Return times in s, (m, q), at shares (q,) of the wait; values are (m, 1)."""
+    force, rise = point.profile.force, point.profile.rise
+    slip = abs(point.mismatch) + _get(values, "offset_rpm") * RPM
+    mass = 0.3 + _get(values, "added_mass_kg")
+    full = force * _get(values, "force_factor")
+    friction = _get(values, "friction_N")
+    # Force grows linearly: friction costs the time until it is overcome, mass the cube root.
+    late = friction / full * rise + 0.7 * _get(values, "lag_s")
+    gap = 1.0e-3 + _get(values, "gap_offset_mm") * 1e-3
+    way = gap + 3.7e-3
+    flight = np.cbrt(6.0 * mass * rise * way / full)
+    # With rising friction and chamfer a longer share of the pitch holds the dogs apart.
+    blocked = 0.25 + 0.8 * _get(values, "dynamic_friction")
+    blocked = blocked * (1.0 - 0.08 * _get(values, "chamfer_offset_deg"))
+    wait = 24.0 * np.pi / 180.0 / np.maximum(slip, 0.5 * RPM)
+    excess = np.maximum(0.0, shares - (1.0 - blocked)) / blocked
+    return _get(values, "delay_s") + late + flight + excess * blocked * np.minimum(wait, 0.4)
+
+
+@dataclass(frozen=True)
+class Toy:
+    """An emulator of the toy at some operating points (``diagnosis.spread``)."""
+
+    points: tuple[OperatingPoint, ...]
+    quantiles: int = 32
+    error: float = 1e-3
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return what a hypothesis says of an operating point."""
+        shares = (np.arange(self.quantiles) + 0.5) / self.quantiles
+        named = named_values(hypothesis, values)
+        times = times_of(named, self.points[cell], shares)
+        times = np.broadcast_to(times, (len(values), self.quantiles)).copy()
+        one = np.ones(len(values))
+        return Spread(times, one, self.error * one, 0.02 * one)
+
+
+def named_values(hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
+    """Return the columns of values (m, p) by the names of their parameters, (m, 1) each."""
+    names = [p.name for effect in hypothesis for p in EFFECTS[effect].parameters]
+    return {name: values[:, [k]] for k, name in enumerate(names)}
+
+
+def points_of(forces: Sequence[float] = tuple(FORCES)) -> tuple[OperatingPoint, ...]:
+    """Return operating points at all speeds and some forces."""
+    return tuple(
+        OperatingPoint(speed * RPM, ForceProfile(force, FORCES[force]))
+        for speed in SPEEDS
+        for force in forces
+    )
+
+
+def bench_of(
+    values: Mapping[str, float],
+    generator: np.random.Generator,
+    *,
+    shifts: int = 10,
+    single: bool = False,
+    extra: Array | None = None,
+    points: Sequence[OperatingPoint] | None = None,
+) -> Bench:
+    """Return a data set of the toy with given values of effects' parameters.
+
+    ``extra`` in s, one a point, adds to the times of its cell; ``single`` gives each shift.
+    """
+    points = points_of() if points is None else points
+    given = {name: np.array([[value]]) for name, value in values.items()}
+    readings = []
+    for place, point in enumerate(points):
+        times = np.atleast_2d(times_of(given, point, generator.random(shifts)))[0]
+        times = times + (0.0 if extra is None else extra[place])
+        groups = [(1, t) for t in times] if single else [(shifts, times.mean())]
+        for n, time in groups:
+            readings.append(Reading(len(readings) + 2, point, n, float(time), True))
+    cells = gather(readings)
+    return Bench("toy", "closed form", CLUTCH, cells, None, Sensor())

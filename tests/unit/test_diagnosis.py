@@ -1,0 +1,111 @@
+"""Verdicts on the toy bench: effects, none, unknown, aliases, and what the record holds."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from diagnosis.diagnosis import Diagnosis, diagnose
+from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
+from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
+
+SEPARATE = ("sleeve_friction", "moving_mass", "actuation_delay")
+#: Of the toy's effects those that table data of ten shifts a point can part from each other.
+FEW = ("actuation_delay", "force_scale", "moving_mass", "sleeve_friction", "drag_torque")
+NO_PAIRS: list[tuple[str, ...]] = []
+POINTS = points_of()
+
+
+def _found(
+    values: Mapping[str, float],
+    names: tuple[str, ...] = FEW,
+    pairs: list[tuple[str, ...]] = NO_PAIRS,
+    extra: np.ndarray | None = None,
+) -> Diagnosis:
+    bench = bench_of(values, np.random.default_rng(1), extra=extra, shifts=20)
+    return diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in names}, pairs=pairs)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [(name, values) for name in SEPARATE for values in STRENGTHS[name]],
+    ids=str,
+)
+def test_an_effect_is_named_with_its_strength(name: str, values: Mapping[str, float]) -> None:
+    found = _found(values)
+    assert (found.verdict.kind, found.verdict.causes) == ("effect", (name,))
+    for parameter, value in values.items():
+        interval = found.intervals[(name,)][parameter]
+        assert interval.low - 0.1 * value < value < interval.high + 0.1 * value
+    assert found.before_after.shrink is not None
+    assert found.before_after.shrink > 0.8
+
+
+def test_no_effect_is_none_with_bounds_and_what_cannot_be_seen() -> None:
+    found = _found({})
+    record = found.as_dict()
+    assert (found.verdict.kind, record["causes"]) == ("none", [])
+    assert found.bounds["actuation_delay"].high < 0.01
+    assert record["no_information"] == ["drag_torque"]
+    assert not found.bounds["drag_torque"].informed
+
+
+def test_a_wave_over_the_operating_points_is_unknown() -> None:
+    found = _found({}, extra=0.04 * np.sin(1.3 * np.arange(len(POINTS))))
+    assert found.verdict.kind == "unknown"
+    assert found.belief[UNKNOWN] > 0.8
+
+
+def test_a_pair_is_found() -> None:
+    names = ("actuation_delay", "sleeve_friction", "drag_torque")
+    pairs = list(pairs_of(names))
+    found = _found({"delay_s": 0.08, "friction_N": 80.0}, names, pairs)
+    assert found.verdict.causes == ("actuation_delay", "sleeve_friction")
+
+
+def test_a_partner_that_cannot_be_seen_takes_no_probability() -> None:
+    names = ("actuation_delay", "drag_torque", "contact_stiffness", "sleeve_friction")
+    found = _found({"delay_s": 0.08}, names, list(pairs_of(names)))
+    assert found.belief[("actuation_delay",)] > 0.8
+    assert found.raw[("actuation_delay",)] < 0.7
+
+
+def test_aliases_stay_ambiguous_and_the_next_test_parts_them() -> None:
+    # The toy's lag makes every shift later by the same, as a delay does.
+    found = _found({"delay_s": 0.08}, ("actuation_delay", "actuation_lag", "moving_mass"))
+    assert found.verdict.kind == "ambiguous"
+    assert set(found.verdict.group) == {("actuation_delay",), ("actuation_lag",)}
+    assert found.verdict.group_probability > 0.95
+    record = found.as_dict()
+    assert record["next_test"]["name"] == "force at the sleeve over time"
+    assert ["actuation_delay", "a shifted time zero of the record"] in record["confusable"]
+
+
+def test_the_record_keeps_the_contract_and_is_json() -> None:
+    record = json.loads(json.dumps(_found({"delay_s": 0.08}).as_dict(), allow_nan=False))
+    chances = [h["probability"] for h in record["hypotheses"]]
+    assert chances == sorted(chances, reverse=True)
+    assert sum(chances) == pytest.approx(1.0, abs=1e-9)
+    assert ["unknown"] in [h["effects"] for h in record["hypotheses"]]
+    assert [] in [h["effects"] for h in record["hypotheses"]]
+    assert set(record["hypotheses"][0]["parameters"]["delay_s"]) == {"mean", "low", "high"}
+    assert len(record["where"]) == len(POINTS)
+    assert -1.0 <= record["gap"]["shrink"] <= 1.0
+    assert {"priors_halved", "priors_doubled"} == set(record["sensitivity"])
+
+
+def test_wider_priors_cost_an_effect_the_factor_that_they_are_wider() -> None:
+    found = _found({"delay_s": 0.05})
+    narrow, wide = (found.other[key] for key in ("priors_halved", "priors_doubled"))
+    assert narrow[("actuation_delay",)] >= wide[("actuation_delay",)]
+
+
+def test_priors_add_to_one_and_pairs_have_a_common_partner() -> None:
+    pairs = pairs_of(sorted(EFFECTS))
+    every = [NONE, UNKNOWN, *((name,) for name in EFFECTS), *pairs]
+    assert sum(priors_of(every).values()) == pytest.approx(1.0)
+    assert all({"actuation_delay", "sleeve_friction"} & set(pair) for pair in pairs)
+    assert len(pairs) == len(set(pairs)) == 33

@@ -1,0 +1,146 @@
+"""Evidence against closed forms and nested sampling; the likelihood against its own samples."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from diagnosis.evidence import Sum, evidence, quadrature, sampled
+from diagnosis.hypotheses import spaces_of
+from diagnosis.likelihood import Rules, Said, log_times, observe
+from diagnosis.nested import nested, nested_evidence
+from diagnosis.next_test import Outcome, information, setting_of
+from diagnosis.scoring import Predicted, Problem, Rows
+from diagnosis.signature import squared
+from diagnosis.spread import Array, Spread
+from tests.toy import EFFECTS, Toy, bench_of, points_of
+
+CENTRE, WIDTH = (0.37, 0.8, 0.5, 0.2), (0.01, 0.05, 0.02, 0.1)
+
+
+def _gaussian(size: int) -> tuple[float, Array, Array]:
+    """Return the log evidence of a Gaussian likelihood cut off by the cube, centre and width."""
+    centre, width = np.array(CENTRE[:size]), np.array(WIDTH[:size])
+    inside = norm.cdf((1.0 - centre) / width) - norm.cdf(-centre / width)
+    return float(np.log(inside).sum()), centre, width
+
+
+def _rows(shares: Array, size: int) -> Rows:
+    _, centre, width = _gaussian(size)
+    log = norm.logpdf(shares, centre, width).sum(axis=1)
+    nothing = np.zeros((len(shares), 1))
+    return Rows(shares, log[:, None], nothing, Predicted(*([nothing] * 6)))
+
+
+@pytest.mark.parametrize("size", [1, 2])
+def test_quadrature_finds_the_evidence_of_a_gaussian(size: int) -> None:
+    found: Sum = quadrature(lambda shares: _rows(shares, size), size)
+    exact, centre, _ = _gaussian(size)
+    assert found.log_evidence == pytest.approx(exact, abs=5e-3)
+    assert found.error < 0.01
+    weights = np.exp(found.log_prior + found.rows.log_likelihood[:, 0] - found.log_evidence)
+    assert weights @ found.rows.shares == pytest.approx(centre, abs=2e-3)
+
+
+@pytest.mark.parametrize("size", [2, 3, 4])
+def test_importance_sampling_finds_it_within_four_errors(size: int) -> None:
+    found = sampled(lambda shares: _rows(shares, size), size)
+    exact, _, _ = _gaussian(size)
+    assert found.error < 0.12
+    assert abs(found.log_evidence - exact) < 4.0 * found.error
+
+
+def test_nested_sampling_finds_it_too() -> None:
+    exact, centre, width = _gaussian(2)
+    found, error = nested(lambda u: float(norm.logpdf(u, centre, width).sum()), 2)
+    assert abs(found - exact) < 4.0 * error
+
+
+@pytest.mark.parametrize("names", [("actuation_delay",), ("contact_friction",)], ids=str)
+def test_quadrature_agrees_with_nested_sampling_on_the_toy(names: tuple[str, ...]) -> None:
+    points = points_of()[::5]
+    bench = bench_of({"delay_s": 0.05}, np.random.default_rng(1), points=points)
+    problem = Problem(observe(bench), Toy(points), Rules())
+    effects = {name: EFFECTS[name] for name in names}
+    space = spaces_of(effects, setting_of(bench), pairs=[])[1]
+    found = evidence(problem, space)
+    other, error = nested_evidence(problem, space)
+    # Values that give no bench have no likelihood there, and no prior here.
+    share = space.possible(
+        space.values(np.random.default_rng(0).random((2000, len(space.parameters))))
+    ).mean()
+    assert abs(found.log_evidence + math.log(share) - other) < 4.0 * math.hypot(error, 0.03)
+
+
+@pytest.mark.parametrize("place", [0, 8, 24])
+def test_the_density_of_single_shifts_has_the_volume_of_one(place: int) -> None:
+    points = points_of()[place : place + 1]
+    bench = bench_of({}, np.random.default_rng(1), points=points, single=True, shifts=1)
+    seen = observe(bench)
+    spread = Toy(points).at((), np.zeros((1, 0)), 0)
+    grid = np.linspace(-0.6, 20.0, 80_000)
+    said = Said.of([spread], Rules())
+    moved = Said(
+        said.times - grid[:, None],
+        *(np.repeat(part, grid.size, axis=1) for part in (said.engaged, said.error)),
+        np.repeat(said.engaged_error, grid.size, axis=1),
+        said.mean - grid,
+        np.repeat(said.sd, grid.size, axis=1),
+    )
+    volume = np.exp(log_times(seen, moved)[0])
+    # Of a shift that may take any time only the part within the grid of offsets counts.
+    anything = 0.002 * (grid[-1] - grid[0]) / bench.clutch.timeout
+    whole = float(np.trapezoid(volume, grid)) - anything
+    assert whole == pytest.approx(1.0, abs=0.02)
+
+
+def test_the_error_of_the_simulation_does_not_average_out() -> None:
+    times = np.broadcast_to(np.linspace(0.098, 0.102, 16), (1, 16))
+    one = np.ones(1)
+    spread = Spread(times, one, 0.01 * one, 0.02 * one)
+    points = points_of()[20:21]
+    bench = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=400)
+    seen = observe(bench)
+    middle = float(np.median(seen.singles[0]))
+    curve = []
+    for offset in (0.0, 0.01):
+        moved = Spread(times - times.mean() + middle - offset, *(spread.engaged, spread.error), one)
+        curve.append(log_times(seen, Said.of([moved], Rules(0.0)))[0, 0])
+    # One standard error of the simulation, however many shifts there are.
+    assert curve[0] - curve[1] == pytest.approx(0.5, abs=0.3)
+
+
+def test_one_odd_shift_does_not_decide() -> None:
+    times = np.broadcast_to(np.linspace(0.052, 0.072, 16), (1, 16))
+    one = np.ones(1)
+    said = Said.of([Spread(times, one, 1e-3 * one, 0.02 * one)], Rules())
+    points = points_of()[17:18]
+    good = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=10)
+    shifts = observe(good)
+    usual = np.linspace(0.054, 0.070, 10)
+    odd = np.append(usual[:-1], 0.269)
+    log = [log_times(_with_singles(shifts, t), said)[0, 0] for t in (usual, odd)]
+    assert 0.0 < log[0] - log[1] < 9.0
+    all_odd = log_times(_with_singles(shifts, np.full(10, 0.269)), said)[0, 0]
+    assert log[0] - all_odd > 40.0
+
+
+def _with_singles(seen, times):  # type: ignore[no-untyped-def]
+    return type(seen)(**{**vars(seen), "singles": (times,)})
+
+
+def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> None:
+    shares = np.array([0.2, 0.3, 0.5])
+    entropy = -float((shares * np.log(shares)).sum())
+    far = Outcome(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1)))
+    same = Outcome(np.zeros((3, 1)), np.ones((3, 1)))
+    assert information(shares, far) == pytest.approx(entropy, rel=1e-6)
+    assert information(shares, same) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_squared_distances() -> None:
+    one, other = np.array([[0.0, 3.0]]), np.array([[4.0, 0.0], [0.0, 3.0]])
+    assert squared(one, other) == pytest.approx(np.array([[25.0, 0.0]]))
