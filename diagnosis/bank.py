@@ -35,8 +35,9 @@ from sim.effect import Effect
 from sim.errors import InputError
 from sim.numerical import Runner
 from sim.outcome import Outcome
-from sim.records import Record
+from sim.records import Record, content_key
 from sim.setting import Sensor, Setting
+from sim.units import RPM
 
 Array = NDArray[np.float64]
 
@@ -151,16 +152,22 @@ def settings_of(bench: Bench) -> tuple[Setting, ...]:
 def blocks_of(plan: Plan, bench: Bench) -> Iterable[Block]:
     """Yield the shifts of a bank: the baseline at all operating points, then level by level."""
     settings, named = settings_of(bench), plan.named
-    for cell, setting in enumerate(settings):
-        yield _block(setting, plan, cell, plan.dense)
+    for setting in settings:
+        yield _block(setting, plan, _draw(setting), plan.dense)
     for level in plan.levels_for(bench):
-        for cell, setting in enumerate(settings):
-            yield _block(level.setting(named, setting), plan, cell, 1)
+        for setting in settings:
+            yield _block(level.setting(named, setting), plan, _draw(setting), 1)
 
 
-def _block(setting: Setting, plan: Plan, cell: int, dense: int) -> Block:
-    draw = (plan.seed, cell)
-    return even_block(setting.clutch, setting.point, dense * plan.angles, draw, plan.angles)
+def _draw(setting: Setting) -> int:
+    """Return the draw of an operating point's angles: its own, whichever others stand beside it."""
+    point = setting.point
+    return int(content_key({"mismatch_rpm": point.mismatch / RPM, **point.profile.record}), 16)
+
+
+def _block(setting: Setting, plan: Plan, draw: int, dense: int) -> Block:
+    whole = (plan.seed, draw)
+    return even_block(setting.clutch, setting.point, dense * plan.angles, whole, plan.angles)
 
 
 def collect(plan: Plan, bench: Bench, run: Runner) -> Bank:
