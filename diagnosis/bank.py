@@ -170,11 +170,18 @@ def _block(setting: Setting, plan: Plan, draw: int, dense: int) -> Block:
     return even_block(setting.clutch, setting.point, dense * plan.angles, whole, plan.angles)
 
 
-def collect(plan: Plan, bench: Bench, run: Runner) -> Bank:
+def collect(
+    plan: Plan,
+    bench: Bench,
+    run: Runner,
+    whole: Runner | None = None,
+    numerics: tuple[float, float] | None = None,
+) -> Bank:
     """Simulate a bank, or what is missing of it, and gather its times.
 
-    ``run`` simulates blocks of shifts; with an executor's journal behind it finished ones are not
-    simulated again, for whichever bench they were.
+    ``run`` gives at least outcomes and times of shifts, and ``whole`` (``run`` by default) all that
+    a record has; with an executor's journal behind them finished shifts are not simulated again,
+    for whichever bench they were. ``numerics`` are those of the bank where they are known.
     """
     blocks = list(blocks_of(plan, bench))
     settings, levels, named = settings_of(bench), plan.levels_for(bench), plan.named
@@ -193,7 +200,7 @@ def collect(plan: Plan, bench: Bench, run: Runner) -> Bank:
         baseline=np.array(base),
         levels=levels,
         times=np.array(times).reshape(len(levels), cells, common.shape[1]),
-        numerics=_numerics(blocks[:cells], rows[:cells], common, run),
+        numerics=numerics or _numerics(blocks[:cells], common, whole or run),
     )
 
 
@@ -204,16 +211,11 @@ def _common(angles: Array, fewer: Array) -> NDArray[np.int64]:
 
 
 def _numerics(
-    blocks: Sequence[Block],
-    rows: Sequence[Sequence[Record]],
-    common: NDArray[np.int64],
-    run: Runner,
+    blocks: Sequence[Block], common: NDArray[np.int64], run: Runner
 ) -> tuple[float, float]:
     """Return the numerical error of the baseline's shifts at the levels' angles."""
-    places = [mine.tolist() for mine in common]
-    fewer = [block.only(mine) for block, mine in zip(blocks, places, strict=True)]
-    known = [[row[k] for k in mine] for row, mine in zip(rows, places, strict=True)]
-    return numerical_ratio(fewer, known, run)
+    fewer = [block.only(mine.tolist()) for block, mine in zip(blocks, common, strict=True)]
+    return numerical_ratio(fewer, run(fewer), run)
 
 
 def times_of(setting: Setting, rows: Sequence[Record]) -> Array:

@@ -1,123 +1,152 @@
-"""A bank as one small file, so that a diagnosis need not read a journal of shifts again.
+"""The times of a bank's shifts as one small file, kept by what was simulated.
 
-The journal holds every shift and is what an unfinished bank goes on from. The file holds the
-times alone, and the key of what they are times of: all inputs of the bank's shifts and the versions
-of the programs. With another key it counts for nothing.
+A journal holds every shift of a bank that is under way. The file holds the times alone, series by
+series (a bench at one operating point and its angles), each under a key of all inputs of its first
+shift and of the programs' versions. So a bank of some of the operating points, of more effects, or
+of a bench that reads elsewhere takes what is there and simulates the rest.
 """
 
 from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-
-import numpy as np
-from numpy.typing import NDArray
 
 from diagnosis.bank import Bank, Plan, blocks_of, collect, settings_of
 from diagnosis.bench import Bench
-from diagnosis.levels import Level
+from sim.blocks import Block
 from sim.errors import StorageError
 from sim.numerical import Runner
+from sim.outcome import Outcome
 from sim.records import Record, content_key
 from sim.versions import engine
 
-Array = NDArray[np.float64]
-Times = list[float | None]
+Ticks = list[int | None]
 
-LATE = -1.0  #: stands for a shift that did not engage
+TICK = 1e-7  #: s, in which times are kept
+LATE = -1  #: stands for a shift that did not engage
+FORMAT = 1
 
 
-def bank_for(plan: Plan, bench: Bench, run: Runner, path: Path | None = None) -> Bank:
-    """Return the bank of a bench from ``path``, or else simulate it and write it there.
+@dataclass
+class BankStore:
+    """Files of series, the last of which is written.
 
-    Raises StorageError where the file cannot be read or written.
+    ``paths`` are read in turn; one that does not exist is empty.
     """
-    key = key_of(plan, bench)
-    if path is not None and path.exists():
-        record = _read(path)
-        if record.get("key") == key:
-            return bank_of(record, plan, bench, path)
-    bank = collect(plan, bench, run)
-    if path is not None:
-        _write(path, {"key": key, **bank_record(bank)})
-    return bank
+
+    paths: Sequence[Path]
+    _fresh: dict[str, Record] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def series(self) -> dict[str, Record]:
+        """All series of the files, by key; StorageError where a file is none."""
+        found: dict[str, Record] = {}
+        for path in self.paths:
+            found.update(_read(path) if path.exists() else {})
+        return found
+
+    def missing(self, blocks: Iterable[Block]) -> list[Block]:
+        """Return the blocks that no file has."""
+        return [block for block in blocks if _key(block) not in self.series]
+
+    def bank(self, plan: Plan, bench: Bench, run: Runner) -> Bank:
+        """Return the bank of a bench; what no file has is simulated by ``run`` and written.
+
+        Raises StorageError where a file cannot be read or written.
+        """
+
+        def through(blocks: Sequence[Block]) -> list[list[Record]]:
+            return self._answered(blocks, run)
+
+        cells = len(settings_of(bench))
+        first = [block for block, _ in zip(blocks_of(plan, bench), range(cells), strict=False)]
+        numerics = [self.series.get(_key(block), {}).get("numerics") for block in first]
+        known = _mean_of([both for both in numerics if both is not None])
+        bank = collect(plan, bench, through, run, None if None in numerics else known)
+        if self._fresh:
+            for block in first:
+                self.series[_key(block)].setdefault("numerics", list(bank.numerics))
+            self._write()
+        return bank
+
+    def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
+        keys = [_key(block) for block in blocks]
+        left = [(k, b) for k, b in zip(keys, blocks, strict=True) if k not in self.series]
+        done = run([block for _, block in left]) if left else []
+        for (key, _), rows in zip(left, done, strict=True):
+            self._fresh[key] = _kept(rows)
+        self.series.update(self._fresh)
+        return [_rows(self.series[key]) for key in keys]
+
+    def _write(self) -> None:
+        """Write the last file as a whole or not at all."""
+        path = self.paths[-1]
+        part = path.with_name(path.name + ".part")
+        mine = {**(_read(path) if path.exists() else {}), **self._fresh}
+        lines = [
+            f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
+        ]
+        text = f'{{"bank":{FORMAT},"series":{{\n' + ",\n".join(lines) + "\n}}\n"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            part.write_text(text, encoding="utf-8")
+            os.replace(part, path)
+        except OSError as error:
+            raise StorageError(
+                f"{path} cannot be written ({error.strerror}); make room or give another folder"
+            ) from error
 
 
-def key_of(plan: Plan, bench: Bench) -> str:
-    """Return the key of all inputs of a bank's shifts, of how they are read, and of versions."""
-    first = [block.only([0]).keys[0] for block in blocks_of(plan, bench)]
-    read = [effect.name for effect in plan.effects]
-    numbers = [plan.angles, plan.dense, plan.seed, bench.sensor.displacement_at]
-    return content_key({"shifts": first, "effects": read, "plan": numbers, **engine()})
+def _key(block: Block) -> str:
+    """Return the key of a block: its angles are even, so the first and their number are enough."""
+    return content_key({"first": block.only([0]).keys[0], "n": len(block.angles), **engine()})
 
 
-def bank_record(bank: Bank) -> Record:
-    """Return the times of a bank as JSON takes them; None failed, ``LATE`` did not engage."""
-    return {
-        "angles_rad": bank.angles.tolist(),
-        "common": bank.common.tolist(),
-        "baseline_s": [_plain(row) for row in bank.baseline],
-        "levels": [
-            {
-                "effects": list(level.hypothesis),
-                "values": list(level.values),
-                "times_s": [_plain(row) for row in times],
-            }
-            for level, times in zip(bank.levels, bank.times, strict=True)
-        ],
-        "numerics": list(bank.numerics),
-    }
+def _mean_of(numerics: Sequence[Sequence[float]]) -> tuple[float, float]:
+    count = max(1, len(numerics))
+    return sum(m for m, _ in numerics) / count, sum(s for _, s in numerics) / count
 
 
-def bank_of(record: Record, plan: Plan, bench: Bench, path: Path) -> Bank:
-    """Return the bank that a record of ``path`` holds; StorageError where it is none."""
-    try:
-        levels = tuple(Level(tuple(r["effects"]), tuple(r["values"])) for r in record["levels"])
-        angles = np.array(record["angles_rad"], dtype=float)
-        common = np.array(record["common"], dtype=np.int64)
-        times = [[_times(row) for row in r["times_s"]] for r in record["levels"]]
-        mean, scatter = record["numerics"]
-        return Bank(
-            effects=plan.effects,
-            settings=settings_of(bench),
-            angles=angles,
-            common=common,
-            baseline=np.array([_times(row) for row in record["baseline_s"]]),
-            levels=levels,
-            times=np.array(times).reshape(len(levels), *common.shape),
-            numerics=(float(mean), float(scatter)),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise StorageError(f"{path} is not a bank of shifts; remove it to make it again") from error
+def _kept(rows: Sequence[Record]) -> Record:
+    """Return the times of a series; None failed to integrate, ``LATE`` did not engage."""
+    kept: Record = {"t": [_ticks(row, row["shift_time_s"]) for row in rows]}
+    there = [_ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
+    return kept if there == kept["t"] else {**kept, "actuator": there}
 
 
-def _plain(times: Array) -> Times:
-    return [None if np.isnan(t) else LATE if np.isinf(t) else float(t) for t in times]
+def _ticks(row: Record, time: float | None) -> int | None:
+    if row["outcome"] == Outcome.DIVERGED.value:
+        return None
+    return LATE if time is None else round(time / TICK)
 
 
-def _times(row: Times) -> Array:
-    return np.array([np.nan if t is None else np.inf if t == LATE else t for t in row])
+def _rows(kept: Record) -> list[Record]:
+    times: Ticks = kept["t"]
+    there: Ticks = kept.get("actuator", times)
+    return [_row(*both) for both in zip(times, there, strict=True)]
 
 
-def _read(path: Path) -> Record:
+def _row(time: int | None, there: int | None) -> Record:
+    if time is None:
+        return {"outcome": Outcome.DIVERGED.value, "shift_time_s": None}
+    found = [None if t is None or t == LATE else t * TICK for t in (time, there)]
+    outcome = Outcome.TIMED_OUT if found[0] is None else Outcome.ENGAGED
+    return {"outcome": outcome.value, "shift_time_s": found[0], "actuator_time_s": found[1]}
+
+
+def _read(path: Path) -> dict[str, Record]:
+    broken = f"{path} is not a bank of shifts; remove it to make it again"
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise StorageError(
-            f"{path} cannot be read as a bank of shifts ({type(error).__name__}); remove it to "
-            "make it again"
-        ) from error
-    return found if isinstance(found, dict) else {}
-
-
-def _write(path: Path, record: Record) -> None:
-    """Write a file as a whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    try:
-        part.write_text(json.dumps(record), encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        raise StorageError(
-            f"{path} cannot be written ({error.strerror}); make room or give another folder"
-        ) from error
+        raise StorageError(f"{broken} ({type(error).__name__})") from error
+    series = found.get("series") if isinstance(found, dict) else None
+    if not isinstance(series, dict) or found.get("bank") != FORMAT:
+        raise StorageError(broken)
+    if not all(isinstance(one, dict) and isinstance(one.get("t"), list) for one in series.values()):
+        raise StorageError(broken)
+    return series

@@ -59,6 +59,21 @@ class Curves:
         known = self._covariance(cell, places)
         return self._solve(cell, known, 1.0, self.size[cell] ** 2)
 
+    def from_first(self, cell: int, places: Array) -> tuple[Array, Array]:
+        """Return weights and variance of the first level with the curve's change from there.
+
+        At the first level they are its own: a change of nothing changes nothing. Shapes as for
+        ``weights``.
+        """
+        known = self._covariance(cell, places)
+        first = self.sites[cell, :1]
+        taken = self.weights(cell, places)[0] - self.weights(cell, first)[0]
+        taken[:, 0] += 1.0
+        covariance = np.linalg.inv(self.inverse[cell])
+        variance = ((taken @ covariance - 2.0 * known) * taken).sum(axis=1)
+        variance = variance + self.size[cell] ** 2
+        return taken, self.inflation * np.maximum(variance, 0.0)
+
     def change_variance(self, cell: int, places: Array, origin: Array) -> Array:
         """Return the variance of the curve's change from ``origin`` (d,) to places, (m,)."""
         apart = self._covariance(cell, places) - self._covariance(cell, origin[None])

@@ -1,7 +1,8 @@
 r"""The emulator: from a bank's levels to the spread of times at any values of a hypothesis.
 
-One effect alone: the mean :math:`M(x)` follows from the levels' means by the weights *w* of
-``diagnosis.curves``, :math:`\ln M = \sum_l w_l \ln M_l`, and the shape, times over their mean at
+One effect alone: the mean :math:`M(x)` is that of the baseline with the change that the curve of
+``diagnosis.curves`` makes from there, :math:`\ln M = \sum_l w_l \ln M_l`, so that an effect of no
+strength is the baseline itself; and the shape, times over their mean at
 equal shares, by the same weights; its last one is at least as far out as at all levels on average,
 since a rare tail that few angles meet is common to them. The share engaged has weights of its own,
 since its errors are binomial.
@@ -88,12 +89,12 @@ class Fit:
     def at(self, values: Array, cell: int) -> Reach:
         """Return what this effect alone makes at values (m, p)."""
         places = self.axes[cell].at(values)
-        weights, variance = self.curves.weights(cell, places)
+        weights, variance = self.curves.from_first(cell, places)
         mean = np.exp(weights @ self.means[cell])
         shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
         shape[:, -1] = np.maximum(shape[:, -1], shape[:, -2] + self.tails[cell])
         shape *= (mean / shape.mean(axis=1))[:, None]
-        part, uncertain = self.share_curves.weights(cell, places)
+        part, uncertain = self.share_curves.from_first(cell, places)
         engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
         uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
         return Reach(shape, engaged, variance, uncertain)

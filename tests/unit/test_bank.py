@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from diagnosis.bank import Bank, Plan, blocks_of, collect, settings_of
-from diagnosis.bank_store import bank_for, key_of
+from diagnosis.bank_store import TICK, BankStore
 from diagnosis.bench import Bench, load_bench
 from diagnosis.emulator import BankEmulator
 from diagnosis.levels import Axes, levels_of, only_read
@@ -118,29 +118,50 @@ def test_too_small_a_plan_is_refused() -> None:
 def test_a_bank_is_read_back_as_it_was_and_only_for_what_it_is_of(
     tmp_path: Path, bench: Bench
 ) -> None:
-    path, plan = tmp_path / "bank.json", _plan("moving_mass", "sleeve_friction")
+    path, plan = tmp_path / "deep" / "bank.json", _plan("moving_mass", "sleeve_friction")
     late = replace(bench, clutch=replace(bench.clutch, timeout=0.15))
-    first = bank_for(plan, late, made_up, path)
+    first = BankStore([path]).bank(plan, late, made_up)
     assert np.isinf(first.times).any()
-    again = bank_for(plan, late, _never, path)
-    for name in ("angles", "common", "baseline", "times"):
+    again = BankStore([path]).bank(plan, late, _never)
+    for name in ("angles", "common"):
         assert np.array_equal(getattr(first, name), getattr(again, name))
-    assert (first.levels, first.numerics) == (again.levels, again.numerics)
-    assert key_of(plan, bench) != key_of(plan, late)
+    for name in ("baseline", "times"):
+        assert getattr(again, name) == pytest.approx(getattr(first, name), abs=TICK)
+    assert first.levels == again.levels
+    assert first.numerics == pytest.approx(again.numerics)
     with pytest.raises(AssertionError):
-        bank_for(plan, bench, _never, path)
+        BankStore([path]).bank(plan, bench, _never)
+
+
+def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path, bench: Bench) -> None:
+    path, more = tmp_path / "bank.json", _plan("moving_mass", "sleeve_friction")
+    BankStore([path]).bank(_plan("moving_mass"), bench, made_up)
+    one = replace(bench, cells=bench.cells[1:])
+    fewer = BankStore([path]).bank(_plan("moving_mass"), one, _never)
+    assert fewer.times.shape == (5, 1, 8)
+    asked: list[Block] = []
+
+    def counted(blocks: Sequence[Block]) -> list[list[Record]]:
+        asked.extend(blocks)
+        return made_up(blocks)
+
+    mine = tmp_path / "mine.json"
+    bank = BankStore([path, mine]).bank(more, bench, counted)
+    assert {block.clutch.mechanism.friction > 0.0 for block in asked} == {True}
+    assert bank.times == pytest.approx(collect(more, bench, made_up).times, abs=TICK)
+    assert BankStore([path, mine]).missing(blocks_of(more, bench)) == []
+    assert len(BankStore([mine]).series) == 2 * 5
 
 
 def test_a_broken_bank_is_named(tmp_path: Path, bench: Bench) -> None:
     path, plan = tmp_path / "bank.json", _plan("moving_mass")
-    path.write_text("{")
-    with pytest.raises(StorageError, match=r"bank\.json cannot be read"):
-        bank_for(plan, bench, made_up, path)
-    path.write_text(json.dumps({"key": key_of(plan, bench)}))
-    with pytest.raises(StorageError, match=r"bank\.json is not a bank"):
-        bank_for(plan, bench, made_up, path)
+    for text in ("{", "[]", json.dumps({"bank": 1, "series": {"a": 1}})):
+        path.write_text(text)
+        with pytest.raises(StorageError, match=r"bank\.json is not a bank"):
+            BankStore([path]).bank(plan, bench, made_up)
+    (tmp_path / "file").write_text("")
     with pytest.raises(StorageError, match="cannot be written"):
-        bank_for(plan, bench, made_up, tmp_path / "missing" / "bank.json")
+        BankStore([tmp_path / "file" / "bank.json"]).bank(plan, bench, made_up)
 
 
 def _never(blocks: Sequence[Block]) -> list[list[Record]]:

@@ -76,7 +76,8 @@ def test_an_effect_of_hardly_any_strength_is_the_baseline(emulator: BankEmulator
         for cell in range(len(CELLS)):
             none = emulator.at((), np.empty((1, 0)), cell)
             weak = emulator.at((name,), np.array([[1e-9]]), cell)
-            assert abs(weak.times.mean() - none.times.mean()) < 0.5 * none.error[0]
+            assert weak.times.mean() == pytest.approx(none.times.mean(), rel=1e-6)
+            assert weak.error == pytest.approx(none.error, rel=0.05)
 
 
 def test_a_delay_adds_to_all_times_exactly(emulator: BankEmulator) -> None:
