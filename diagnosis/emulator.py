@@ -20,7 +20,7 @@ met (``diagnosis.gap``), numerics, and the combination.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,7 @@ from diagnosis.sampling import (
 from diagnosis.spread import Hypothesis, Spread
 from sim.effect import Effect
 from sim.errors import InputError, did_you_mean
+from sim.setting import angle_weights
 
 Array = NDArray[np.float64]
 
@@ -191,6 +192,7 @@ class BankEmulator:
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
         self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
+        self._readings = lru_cache(maxsize=4)(self._readings_of)
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point.
@@ -251,16 +253,30 @@ class BankEmulator:
 
     def _read(self, parts: dict[str, Array], count: int, cell: int) -> tuple[Reach | None, Array]:
         """Return what weights on angles make of the baseline, None without, and delays (m,)."""
-        setting, angles = self.bank.settings[cell], self.bank.angles[cell]
         if not parts:
             return None, np.zeros(count)
         rows = np.concatenate(list(parts.values()), axis=1)
-        level = [Level(tuple(parts), tuple(row.tolist())) for row in rows]
-        read = [one.setting(self.effects, setting) for one in level]
-        delay = np.array([one.delay - setting.delay for one in read])
-        if all(one.concentration == setting.concentration for one in read):
+        delay, concentration, centre = self._readings(tuple(parts), rows.shape, rows.tobytes())
+        if not concentration.any():
             return None, delay
-        return self._weighted(cell, np.array([one.weights(angles) for one in read])), delay
+        setting = self.bank.settings[cell]
+        turns = self.bank.angles[cell] / setting.clutch.dog.pitch_angle
+        weights = angle_weights(turns, concentration[:, None], centre[:, None])
+        return self._weighted(cell, weights), delay
+
+    def _readings_of(
+        self, names: tuple[str, ...], shape: tuple[int, int], raw: bytes
+    ) -> tuple[Array, Array, Array]:
+        """Return delay, concentration and centre of benches that only read otherwise, (m,) each.
+
+        They are the same at all operating points, which is why they are kept.
+        """
+        setting = self.bank.settings[0]
+        rows = np.frombuffer(raw).reshape(shape).tolist()
+        read = [Level(names, tuple(row)).setting(self.effects, setting) for row in rows]
+        found = [(s.delay - setting.delay, s.concentration, s.centre) for s in read]
+        delay, concentration, centre = np.array(found).T
+        return delay, concentration, centre
 
     def _change_variances(
         self, parts: dict[str, Array], weighted: Reach | None, cell: int

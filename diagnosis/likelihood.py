@@ -43,7 +43,7 @@ FAR = 3.0  #: widths from the bulk beyond which a cell tells nothing of its offs
 CLIP = 0.01  #: a shift's rank in its distribution counts no more extreme than this
 ROOT = float(np.sqrt(2.0 * np.pi))
 
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
+_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(4)
 _LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum())
 
 
@@ -53,11 +53,12 @@ class Rules:
 
     Parameters
     ----------
-    model_error : error of any simulation of a mean shift time, as share of it, beside the
-        emulator's own: mesh, contact law, rigid bodies.
+    model_error, least_error : error of any simulation of a mean shift time, beside the
+        emulator's own: mesh, contact law, rigid bodies; as share of the mean, and in s.
     """
 
-    model_error: float = 0.01
+    model_error: float = 0.02
+    least_error: float = 0.5e-3
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,8 @@ class Said:
         times = np.stack([s.times for s in spreads])
         mean = times.mean(axis=2)
         sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
-        error = np.hypot(np.stack([s.error for s in spreads]), rules.model_error * mean)
+        model = np.hypot(rules.model_error * mean, rules.least_error)
+        error = np.hypot(np.stack([s.error for s in spreads]), model)
         engaged, engaged_error = (
             np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
         )
@@ -213,8 +215,7 @@ def _log_single_cell(seen: Observed, said: Said) -> Array:
     Gauss-Hermite's nodes lie where the offset is likely after a look at the medians.
     """
     times, error = seen.singles[0], said.error[0]
-    low, middle, high = np.quantile(said.times[0], (0.25, 0.5, 0.75), axis=1)
-    width = np.clip((high - low) / 1.35, LEAST, said.sd[0])
+    middle, width = np.median(said.times[0], axis=1), bulk_width(said)
     weight = times.size / width**2
     apart = np.median(times) - middle
     # Far from the bulk the density is flat, and no offset more likely than before.
@@ -230,6 +231,13 @@ def _log_single_cell(seen: Observed, said: Said) -> Array:
             each = each + log_mean(seen, said, offset[None], 0.0 * said.error)[0]
         nodes.append(log_weight + prior + each)
     return log_sum(np.stack(nodes), axis=0)
+
+
+def bulk_width(said: Said) -> Array:
+    """Return the spread of the bulk of a cell's times by their quartiles, s, (m,)."""
+    low, high = np.quantile(said.times[0], (0.25, 0.75), axis=1)
+    width: Array = np.clip((high - low) / 1.35, LEAST, said.sd[0])
+    return width
 
 
 def log_mean(seen: Observed, said: Said, offset: Array, error: Array) -> Array:
@@ -319,7 +327,8 @@ def _rank_score(times: Array, said: Said) -> Array:
     centres, widths = _kernels(said.times[0])
     rank = ndtr((times[None, :, None] - centres[:, None]) / widths[:, None]).mean(axis=2)
     normal = ndtri(np.clip(rank, CLIP, 1.0 - CLIP)).mean(axis=1)
-    score: Array = normal / np.sqrt(1.0 / times.size + (said.error[0] / said.sd[0]) ** 2)
+    # An offset of a narrow bulk with a rare tail moves all ranks.
+    score: Array = normal / np.sqrt(1.0 / times.size + (said.error[0] / bulk_width(said)) ** 2)
     return score
 
 

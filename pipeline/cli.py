@@ -26,6 +26,7 @@ VERBS = {
     "report": "pipeline.verbs.studies",
     "fit": "pipeline.verbs.studies",
     "validate": "pipeline.verbs.benches",
+    "gap": "pipeline.verbs.gaps",
 }
 #: Plain text for people and programs alike.
 PLAIN: dict[str, Any] = {

@@ -17,14 +17,13 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 from pipeline.config import Study, build_study
+from pipeline.lock import writing
 from pipeline.schema import FORMAT, StudyFile
 from sim.edge import validate
 from sim.errors import StorageError
@@ -49,27 +48,9 @@ class StudyFolder:
         self.designs = root / "designs.csv"
         self.report = root / "report.html"
 
-    @contextmanager
-    def writing(self) -> Iterator[None]:
-        """Hold the folder for writing; another writer raises StorageError.
-
-        The lock is the operating system's and ends with the process, killed or not.
-        """
-        try:
-            self.root.mkdir(parents=True, exist_ok=True)
-            handle = (self.root / ".lock").open("w")
-        except OSError as error:
-            raise StorageError(
-                f"{self.root} cannot be written ({error.strerror}); choose another --out"
-            ) from error
-        with handle:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError as error:
-                raise StorageError(
-                    f"{self.root} is in use by another run; wait for it or choose another --out"
-                ) from error
-            yield
+    def writing(self) -> AbstractContextManager[None]:
+        """Hold the folder for writing; another writer raises StorageError."""
+        return writing(self.root)
 
     def open(self, study: Study, resume: bool) -> None:
         """Start the folder or go on with it; refuse what would mix two studies."""

@@ -93,3 +93,8 @@ class ShiftProgress:
     def say(self, line: str) -> None:
         """Print a line above the bar."""
         self._console.print(line, highlight=False)
+
+
+def say(line: str) -> None:
+    """Print a line on standard error."""
+    Console(stderr=True).print(line, highlight=False)

@@ -78,10 +78,8 @@ class Setting:
 
     def weights(self, angles: Sequence[float]) -> Weights:
         """Return the weight of each relative angle in rad, (n,), 1 on average."""
-        turns = np.asarray(angles) / self.clutch.dog.pitch_angle - self.centre
-        raw = np.exp(self.concentration * (np.cos(2.0 * np.pi * turns) - 1.0))
-        weights: Weights = raw / raw.mean()
-        return weights
+        turns = np.asarray(angles) / self.clutch.dog.pitch_angle
+        return angle_weights(turns, self.concentration, self.centre)
 
     def with_mechanism(self, **fields: float) -> Setting:
         """Return the same setting with other fields of its mechanism."""
@@ -104,3 +102,15 @@ class Setting:
 
     def _with(self, **fields: Any) -> Setting:
         return replace(self, clutch=replace(self.clutch, **fields))
+
+
+def angle_weights(
+    turns: Weights, concentration: float | Weights, centre: float | Weights
+) -> Weights:
+    """Return the weights of angles (n,) in pitches, (..., n), 1 on average.
+
+    Concentration and centre are numbers or (..., 1).
+    """
+    raw = np.exp(concentration * (np.cos(2.0 * np.pi * (turns - centre)) - 1.0))
+    weights: Weights = raw / raw.mean(axis=-1, keepdims=True)
+    return weights

@@ -58,6 +58,7 @@ GUARDED = {
         "pipeline/verbs/studies.py",
         "pipeline/verbs/benches.py",
         "pipeline/verbs/exploring.py",
+        "pipeline/verbs/gaps.py",
     },
     "joblib": {"pipeline/executor.py"},
     "distributed": {"pipeline/executor.py"},

@@ -77,8 +77,8 @@ def test_an_effect_of_hardly_any_strength_is_the_baseline(emulator: BankEmulator
             none = emulator.at((), np.empty((1, 0)), cell)
             weak = emulator.at((name,), np.array([[1e-9]]), cell)
             assert weak.times.mean() == pytest.approx(none.times.mean(), rel=1e-6)
-            # Errors may be larger, since all of a curve's are where levels left out are missed.
-            assert 0.9 < weak.error[0] / none.error[0] < 1.3
+            # Errors may be larger: half of a variance is that of all levels on average.
+            assert 0.9 < weak.error[0] / none.error[0] < 2.0
 
 
 def test_a_delay_adds_to_all_times_exactly(emulator: BankEmulator) -> None:

@@ -1,0 +1,102 @@
+"""From a bench data set to its diagnosis: the bank of simulations first, then the inference.
+
+The package brings the bank of the published clutch at the operating points of its tables
+(``studies/bench/bank.json``). What it lacks is simulated once and kept in a folder:
+
+``shifts.jsonl``  every finished shift; an interrupted bank goes on from it
+``bank.json``     the times of finished banks, of any clutch
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
+from diagnosis.bank_store import BankStore
+from diagnosis.bench import Bench, load_bench
+from diagnosis.diagnosis import Diagnosis, diagnose
+from diagnosis.emulator import BankEmulator
+from pipeline.executor import Executor
+from pipeline.journal import ShiftJournal
+from pipeline.lock import writing
+from pipeline.progress import ShiftProgress
+from sim.blocks import Block
+from sim.bundled import bundled_root
+from sim.effect import Effect
+from sim.effects import load
+from sim.records import Record
+
+BANK = Path("results") / "bank"  #: folder of banks where none is named
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """With what a diagnosis is made.
+
+    Parameters
+    ----------
+    bank : folder of banks.
+    effects : folder of the user's own effects, None without.
+    jobs : worker processes, 0 for one a core.
+    say : takes a line for the user.
+    """
+
+    bank: Path = BANK
+    effects: Path | None = None
+    jobs: int = 0
+    say: Callable[[str], None] = field(default=_silent)
+
+
+def brought() -> Path:
+    """Return the file of the bank that the package brings."""
+    return bundled_root() / "bench" / "bank.json"
+
+
+def diagnosed(bench: Bench, means: Means) -> Diagnosis:
+    """Return the diagnosis of a data set; simulates what no bank has."""
+    effects = load(means.effects)
+    return diagnose(bench, BankEmulator(bank_of(bench, effects, means)), effects)
+
+
+def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
+    """Return the record of the diagnosis of a data set's folder."""
+    return diagnosed(load_bench(folder), Means(jobs=jobs)).as_dict()
+
+
+def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
+    """Return the bank of a data set: what files have of it, and the rest simulated."""
+    plan = Plan(tuple(effects.values()))
+    store = BankStore((brought(), means.bank / "bank.json"))
+    left = sum(len(block.angles) for block in store.missing(blocks_of(plan, bench)))
+    if not left:
+        return store.bank(plan, bench, _none_left)
+    means.say(_announced(left, means))
+    how = "the same command goes on from there"
+    with (
+        writing(means.bank),
+        ShiftProgress(left) as progress,
+        progress.kept_in(means.bank, how),
+    ):
+        journal = ShiftJournal(means.bank / "shifts.jsonl")
+        return store.bank(plan, bench, Executor(journal, means.jobs, progress.advance).run)
+
+
+def _announced(shifts: int, means: Means) -> str:
+    jobs = means.jobs or os.cpu_count() or 1
+    minutes = max(1.0, shifts * SHIFT / jobs / 60.0)
+    return (
+        f"the bank of this clutch lacks {shifts} shifts, about {minutes:.0f} min with {jobs} "
+        f"workers; kept in {means.bank} for this and later diagnoses"
+    )
+
+
+def _none_left(blocks: Sequence[Block]) -> list[list[Record]]:
+    raise AssertionError(f"{len(blocks)} blocks are simulated that the bank has")

@@ -1,0 +1,65 @@
+"""The diagnosis of a gap in words and tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.words import plain
+from pipeline.console import columns, in_ms
+from pipeline.tables.benches import examined_lines
+from sim.errors import number
+
+SHOWN = 6  #: hypotheses in the table
+LEAST = 0.001  #: probability from which one is shown
+
+
+def diagnosis_table(found: Diagnosis, record: dict[str, Any], report: str | None) -> RenderableType:
+    """Return a diagnosis for the console."""
+    test = record["next_test"]
+    lines = [
+        record["summary"],
+        "",
+        _causes(found, record),
+        "",
+        _gap(record["gap"]),
+        *_classes(record["confusable"]),
+        f"next test: {test['name']}. {test['why']}",
+        *([f"report: {report}"] if report else []),
+        *examined_lines(found.bench),
+    ]
+    return Group(*lines)
+
+
+def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
+    table = columns("cause", "probability", "parameters (90 %)", "fits (p)")
+    for one in record["hypotheses"][:SHOWN]:
+        if one["probability"] < LEAST:
+            continue
+        values = "; ".join(
+            f"{name} {number(v['mean'])} ({number(v['low'])} to {number(v['high'])})"
+            for name, v in one["parameters"].items()
+        )
+        fit = one.get("predictive_p")
+        p = "-" if fit is None else f"{fit:.2g}"
+        table.add_row(plain(tuple(one["effects"])), f"{one['probability']:.1%}", values or "-", p)
+    return table
+
+
+def _gap(gap: dict[str, Any]) -> str:
+    parts = [
+        f"gap {in_ms(gap['baseline_rmse_s'])} ms",
+        f"held out {in_ms(gap['heldout_rmse_s'])} ms",
+        f"floor {in_ms(gap['floor_rmse_s'])} ms",
+    ]
+    if gap["rival"] is not None:
+        rival = plain(tuple(gap["rival"]))
+        parts.append(f"best rival ({rival}) {in_ms(gap['rival_heldout_rmse_s'])} ms held out")
+    return ", ".join(parts)
+
+
+def _classes(groups: list[list[str]]) -> list[str]:
+    return [f"cannot be told apart: {', '.join(group)}" for group in groups]

@@ -1,0 +1,43 @@
+"""``gap``: which effect makes a bench differ from the simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagnosis.bench import load_bench
+from pipeline.console import emit, verb
+from pipeline.diagnosing import BANK, Means, diagnosed
+from pipeline.options import Corrections, Jobs, Json
+from pipeline.progress import say
+from pipeline.tables.benches import examined_record
+from pipeline.tables.gaps import diagnosis_table
+
+
+@verb
+def gap(
+    bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report and record; default: results/gap-NAME")
+    ] = None,
+    bank: Annotated[Path, typer.Option(help="folder of simulations that diagnoses share")] = BANK,
+    effects: Annotated[
+        Path | None, typer.Option(help="folder with effects of your own, a file each")
+    ] = None,
+    correct: Corrections = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Find which unmodelled effect makes a bench differ from the simulation.
+
+    The simulations of a clutch and its operating points take about half an hour on two cores, once;
+    the published clutch's come with the package. --out writes the report.
+
+    Example: dogshape gap mq200_stand --out results/gap-stand
+    """
+    given = load_bench(bench, correct or ())
+    found = diagnosed(given, Means(bank, effects, jobs, say))
+    record = {**found.as_dict(), **examined_record(given)}
+    emit(record, json, lambda: diagnosis_table(found, record, None))
