@@ -12,6 +12,7 @@ from diagnosis.belief import Folding, Probabilities, folding, inclusion, probabi
 from diagnosis.bench import Bench
 from diagnosis.classes import PLAUSIBLE, Confusion, confusable, confusion, invisible
 from diagnosis.evidence import evidence, with_width
+from diagnosis.facts import against, facts_of, log_agreement
 from diagnosis.fit import p_value
 from diagnosis.heldout import HeldOut, by_effects, by_unknown, held_out
 from diagnosis.hypotheses import NONE, UNKNOWN, spaces_of
@@ -96,6 +97,17 @@ class Diagnosis:
             "no_information": [n for n, share in self.hidden.items() if share > 0.999],
             "hidden_share": dict(self.hidden),
             "bounds": {name: bound.as_dict() for name, bound in self.bounds.items()},
+            "facts": [
+                {
+                    "effect": fact.effect,
+                    "parameter": fact.parameter,
+                    "value": fact.value,
+                    "low": fact.low,
+                    "high": fact.high,
+                    "sentence": against(fact, self.scored),
+                }
+                for fact in facts_of(self.bench)
+            ],
             "sensitivity": {
                 key: [{"effects": list(h), "probability": p} for h, p in list(belief.items())[:5]]
                 for key, belief in self.other.items()
@@ -183,7 +195,7 @@ def diagnose(
         rival=gaps[1] if len(gaps) > 1 else None,
         hidden=invisible(list(scored.values()), metric),
         bounds=bounds(list(scored.values()), metric),
-        other=_others(problem, scored, free, fold),
+        other=_others(problem, bench, scored, free, fold),
         tests=choose(standing),
         baseline=baseline,
         metric=metric,
@@ -212,10 +224,19 @@ def _beliefs(scored: Mapping[Hypothesis, Scored], free: Unknown) -> Probabilitie
 
 
 def _others(
-    problem: Problem, scored: Mapping[Hypothesis, Scored], free: Unknown, fold: Folding
+    problem: Problem,
+    bench: Bench,
+    scored: Mapping[Hypothesis, Scored],
+    free: Unknown,
+    fold: Folding,
 ) -> dict[str, Probabilities]:
-    """Return the probabilities under other priors, and another reading of unknown shifts."""
+    """Return the probabilities given each fact, under other priors, and with unknown as failed."""
     found = {}
+    for fact in facts_of(bench):
+        agreed = {h: one.log_evidence + log_agreement(one, fact) for h, one in scored.items()}
+        nothing = float(fact.log_density(np.array([fact.neutral]))[0])
+        agreed[UNKNOWN] = free.log_evidence + nothing
+        found[f"given_{fact.parameter}"] = fold.fold(probabilities(agreed))
     for key, factor in (("priors_halved", 0.5), ("priors_doubled", 2.0)):
         changed = {h: with_width(one, factor) for h, one in scored.items()}
         found[key] = fold.fold(_beliefs(changed, free))
