@@ -26,6 +26,10 @@ def gap(
     effects: Annotated[
         Path | None, typer.Option(help="folder with effects of your own, a file each")
     ] = None,
+    study: Annotated[
+        str | None,
+        typer.Option(help="study whose best designs are simulated again with the cause"),
+    ] = None,
     correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,

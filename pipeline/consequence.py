@@ -1,0 +1,226 @@
+"""So what: whether the best design stays the best once a named effect is in.
+
+Prototype and the leading designs of a study's kept result are simulated without and with the
+effect, at the same relative angles, which the search did not use. What ignoring the effect costs is
+the time of the design that is best without it, less that of the one that is best with it, both with
+it. Designs that no search with the effect would have found are not among them, so the cost is a
+lower bound.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.levels import Level
+from pipeline.config import Study
+from pipeline.evaluation import FRESH
+from sim.blocks import even_block
+from sim.bundled import bundled_root
+from sim.effect import Effect
+from sim.errors import DataError
+from sim.expectation import Expectation, expect, expect_point
+from sim.numerical import Runner
+from sim.records import Record, result_of
+from sim.setting import Setting
+
+ANGLES = 6  #: of each design at each operating point
+DESIGNS = 6  #: of the search, the fastest
+GRID = 720  #: places in a pitch at which a distribution of angles is summed
+
+Params = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A design with its expected shift time, at the sleeve, without and with the effect."""
+
+    name: str
+    params: Params
+    without: Expectation
+    with_effect: Expectation
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """What an effect does to the choice of a design; the prototype is the first candidate."""
+
+    study: str
+    level: Level
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def chosen(self) -> Candidate:
+        """The best without the effect."""
+        return min(self.candidates, key=lambda one: one.without.mean)
+
+    @property
+    def best(self) -> Candidate:
+        """The best with it."""
+        return min(self.candidates, key=lambda one: one.with_effect.mean)
+
+    @property
+    def regret(self) -> float:
+        """What choosing without the effect costs with it, s."""
+        return self.chosen.with_effect.mean - self.best.with_effect.mean
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the regret, s; angles that both share are not counted on."""
+        if self.chosen is self.best:
+            return 0.0
+        both = self.chosen.with_effect, self.best.with_effect
+        return math.hypot(*(one.standard_error for one in both))
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        prototype, chosen, best = self.candidates[0], self.chosen, self.best
+        gain = prototype.with_effect.mean - best.with_effect.mean
+        gained = (
+            f"with it {best.name} gains {gain * 1e3:.1f} ms over the prototype, "
+            f"{gain / prototype.with_effect.mean:.0%}"
+        )
+        if chosen is best:
+            return f"The best design stays the best ({chosen.name}); {gained}."
+        cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
+        return (
+            f"Without the effect one would choose {chosen.name}, with it {best.name}; ignoring it "
+            f"costs {cost}; {gained}."
+        )
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All of it as JSON takes it."""
+        return {
+            "study": self.study,
+            "effects": list(self.level.hypothesis),
+            "values": list(self.level.values),
+            "candidates": [_record(one) for one in self.candidates],
+            "best_without": self.chosen.name,
+            "best_with": self.best.name,
+            "regret_s": self.regret,
+            "regret_standard_error_s": self.standard_error,
+            "sentence": self.sentence,
+        }
+
+
+def _record(one: Candidate) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        **one.params,
+        "without_s": one.without.mean,
+        "without_standard_error_s": one.without.standard_error,
+        "with_s": one.with_effect.mean,
+        "with_standard_error_s": one.with_effect.standard_error,
+    }
+
+
+def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
+    """Return the prototype and the fastest feasible designs of a study's kept result, by name.
+
+    Raises DataError where nothing is kept.
+    """
+    path = _kept(study)
+    result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    rows = [row for row in result["trials"] if row["feasible"] and not row["prototype"]]
+    rows.sort(key=lambda row: row["expected_shift_time_s"])
+    chosen = result["confirmation"]["chosen"] if result["confirmation"] else None
+    rows.sort(key=lambda row: row["trial"] != chosen)
+    named = {f"design {row['trial']}": row for row in rows[:count]}
+    found: dict[str, Params] = {"prototype": study.prototype}
+    for name, row in named.items():
+        found[name] = {key: row[key] for key in study.variables}
+    return found
+
+
+def _kept(study: Study) -> Path:
+    own = Path("results") / study.name / "result.json"
+    for path in (own, bundled_root() / study.name / "result.json"):
+        if path.is_file():
+            return path
+    raise DataError(
+        f"there is no result of the study {study.name}; run 'dogshape study {study.name}' first"
+    )
+
+
+def shifts_of(study: Study, designs: Mapping[str, Params]) -> int:
+    """Return how many shifts ``consequence`` takes."""
+    return 2 * ANGLES * len(study.points) * len(designs)
+
+
+def consequence(
+    study: Study,
+    designs: Mapping[str, Params],
+    level: Level,
+    effects: Mapping[str, Effect],
+    run: Runner,
+) -> Consequence:
+    """Simulate designs without and with an effect.
+
+    ``run`` simulates blocks. An effect of which there is no such bench raises InputError.
+    """
+    settings = [_settings(study, params) for params in designs.values()]
+    changed = [[level.setting(effects, one) for one in mine] for mine in settings]
+    every = [one for group in (settings, changed) for mine in group for one in mine]
+    seed = study.file.expectation.seed + 3 * FRESH
+    places = len(study.points)
+    blocks = [
+        replace(
+            even_block(one.clutch, one.point, ANGLES, (seed, k % places)),
+            angles=angles_of(one, (seed, k % places)),
+        )
+        for k, one in enumerate(every)
+    ]
+    rows = run(blocks)
+    found = [
+        _expectation(study, every[k : k + places], rows[k : k + places])
+        for k in range(0, len(every), places)
+    ]
+    half = len(designs)
+    return Consequence(
+        study.name,
+        level,
+        tuple(
+            Candidate(name, params, found[k], found[half + k])
+            for k, (name, params) in enumerate(designs.items())
+        ),
+    )
+
+
+def _settings(study: Study, params: Params) -> list[Setting]:
+    clutch = study.clutch.with_dog(study.dog_with(dict(params)))
+    return [Setting(clutch, point) for point in study.points]
+
+
+def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
+    """Return even relative angles, or those at even shares of their distribution, rad."""
+    even = even_block(setting.clutch, setting.point, ANGLES, draw).angles
+    if setting.concentration == 0.0:
+        return even
+    pitch = setting.clutch.dog.pitch_angle
+    grid = (np.arange(GRID) + 0.5) / GRID * pitch
+    below = np.cumsum(setting.weights(grid.tolist())) / GRID
+    return tuple(np.interp(np.array(even) / pitch, below, grid).tolist())
+
+
+def _expectation(
+    study: Study, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
+) -> Expectation:
+    return expect(
+        [
+            expect_point(
+                setting.point,
+                [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine],
+                setting.clutch.timeout,
+                study.retraction,
+            )
+            for setting, mine in zip(settings, rows, strict=True)
+        ]
+    )

@@ -1,0 +1,73 @@
+"""What an effect means for the choice of a design."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import pytest
+
+from diagnosis.levels import Level
+from pipeline.config import Study, load_study
+from pipeline.consequence import ANGLES, angles_of, consequence, designs_of, shifts_of
+from sim.blocks import Block
+from sim.effects import load
+from sim.records import Record
+from sim.setting import Setting
+
+EFFECTS = load()
+
+
+@pytest.fixture(scope="module")
+def study() -> Study:
+    return load_study("mq200")
+
+
+def _run(blocks: Sequence[Block]) -> list[list[Record]]:
+    """Time is the height, and with added mass a tenth of a second for each degree of chamfer."""
+    return [[_row(block)] * len(block.angles) for block in blocks]
+
+
+def _row(block: Block) -> Record:
+    dog, heavy = block.clutch.dog, block.clutch.mechanism.added_mass > 0.0
+    time = dog.height * 10.0 + (0.1 * math.degrees(dog.chamfer) if heavy else 0.0)
+    return {"outcome": "engaged", "shift_time_s": time, "actuator_time_s": 9.0}
+
+
+def _designs(study: Study) -> dict[str, dict[str, float]]:
+    flat = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 9.0}
+    blunt = {**study.prototype, "height_mm": 3.2, "chamfer_deg": 6.0}
+    return {"prototype": dict(study.prototype), "flat": flat, "blunt": blunt}
+
+
+def test_an_effect_that_turns_the_order_has_its_price(study: Study) -> None:
+    found = consequence(study, _designs(study), Level(("moving_mass",), (1.0,)), EFFECTS, _run)
+    assert (found.chosen.name, found.best.name) == ("flat", "blunt")
+    assert found.regret == pytest.approx((0.03 + 0.9) - (0.032 + 0.6))
+    assert "ignoring it costs 298.0" in found.sentence
+    assert found.record["best_with"] == "blunt"
+
+
+def test_a_dead_time_moves_every_time_and_no_choice(study: Study) -> None:
+    found = consequence(study, _designs(study), Level(("actuation_delay",), (0.1,)), EFFECTS, _run)
+    assert found.chosen is found.best
+    assert (found.regret, found.standard_error) == (0.0, 0.0)
+    for one in found.candidates:
+        assert one.with_effect.mean - one.without.mean == pytest.approx(0.1)
+    assert found.sentence.startswith("The best design stays the best (flat)")
+
+
+def test_the_kept_result_gives_the_designs(study: Study) -> None:
+    designs = designs_of(study, 3)
+    assert next(iter(designs)) == "prototype"
+    assert len(designs) == 4
+    assert shifts_of(study, designs) == 2 * ANGLES * len(study.points) * 4
+
+
+def testangles_of_follow_their_distribution(study: Study) -> None:
+    setting = Setting(study.clutch, study.points[0], concentration=50.0, centre=0.5)
+    pitch = study.clutch.dog.pitch_angle
+    turns = [angle / pitch for angle in angles_of(setting, (1, 0))]
+    assert all(0.35 < turn < 0.65 for turn in turns)
+    even = Setting(study.clutch, study.points[0])
+    assert max(angles_of(even, (1, 0))) - min(angles_of(even, (1, 0))) > 0.8 * pitch
