@@ -29,7 +29,9 @@ POINTS = {1: 600, 2: 2600}
 DRAWS = 192  #: values in a round of importance sampling
 SAMPLINGS = 7
 ENOUGH = 150.0  #: effective draws with which the sampling ends
-HOPELESS = 12.0  #: below the best log evidence so far a pair is not worth more rounds
+#: How far below the best log evidence the best value of a hypothesis lies where more rounds are
+#: not worth while, round by round: the first values may all miss a narrow peak.
+HOPELESS = (200.0, 60.0, 25.0, 12.0)
 DOF = 5.0  #: of the Student-t
 PRIOR_SHARE = 0.15  #: of the draws that come from the prior
 OUTSIDE = 48  #: values at the ends of the prior
@@ -52,7 +54,7 @@ class Sum:
 def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
     """Return a hypothesis with its evidence.
 
-    ``best`` is the largest log evidence of others: a pair far below it is left early.
+    ``best`` is the largest log evidence of others: what lies far below it is left early.
     """
 
     def at(shares: Array) -> Rows:
@@ -64,7 +66,7 @@ def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
         total = float(rows.log_likelihood.sum())
         return Scored(space, rows, np.zeros(1), total, 0.0)
     if len(space.effects) == 1 and size in FIRST:
-        found = normalised(quadrature(at, size))
+        found = normalised(quadrature(at, size, best))
     else:
         found = normalised(sampled(at, size, best))
     parts = found.rows, found.log_prior, found.log_evidence, found.error
@@ -85,7 +87,13 @@ def normalised(found: Sum) -> Sum:
     )
 
 
-def quadrature(at: Score, size: int) -> Sum:
+def hopeless(rows: Rows, best: float, finished: int) -> bool:
+    """Tell whether a hypothesis lies so far below the best that more rounds change nothing."""
+    limit = HOPELESS[min(finished, len(HOPELESS) - 1)]
+    return float(rows.log_likelihood.sum(axis=1).max()) < best - limit
+
+
+def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
     """Integrate over the unit cube of ``size`` 1 or 2 by halving boxes."""
     boxes = _first_boxes(size)
     rows = at(_points(boxes))
@@ -93,12 +101,12 @@ def quadrature(at: Score, size: int) -> Sum:
     live = np.ones(len(boxes), dtype=bool)
     each = 3**size
     error = np.inf
-    for _ in range(ROUNDS):
+    for finished in range(ROUNDS):
         parts = _box_sums(rows, log, each)
         whole = log_sum(parts, axis=0)
         share = np.exp(parts - whole)
         split = live & (share > TOLERANCE / 10.0)
-        if not split.any() or len(boxes) * each > POINTS[size]:
+        if not split.any() or len(boxes) * each > POINTS[size] or hopeless(rows, best, finished):
             break
         children = _halved(boxes[split])
         fresh, fresh_log = at(_points(children)), _log_weights(children)
@@ -157,11 +165,10 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     rows = at(points)
     proposals: list[_Proposal] = []
     counts = [len(points)]
-    for _ in range(SAMPLINGS):
+    for finished in range(SAMPLINGS):
         likely = rows.log_likelihood.sum(axis=1)
         log = -_log_mixture(rows.shares, proposals, counts)
-        hopeless = len(counts) > 3 and likely.max() < best - HOPELESS
-        if hopeless or _effective(log + likely) > ENOUGH:
+        if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
             break
         proposal = _fitted(rows.shares, log, likely)
         fresh = proposal.draw(DRAWS, generator)
