@@ -130,7 +130,8 @@ class Diagnosis:
         if found is not None:
             record["parameters"] = {n: i.as_dict() for n, i in intervals(found).items()}
             record["log_evidence"] = found.log_evidence
-            record["log_evidence_error"] = found.error
+            # None where it was left before the error was known, since it is hopeless.
+            record["log_evidence_error"] = found.error if np.isfinite(found.error) else None
         if hypothesis in self.fits:
             record["predictive_p"] = self.fits[hypothesis]
         return record
