@@ -240,6 +240,11 @@ def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) ->
     """Return in a sentence or two why a test is the next."""
     doubt = [plain(h, effects) for h, p in belief.items() if p > 0.05][:4]
     cost = f"about {number(test.hours)} h of work"
+    if next(iter(belief)) == UNKNOWN and len(doubt) < 2:
+        return (
+            f"{test.how} It shows whether the gap stays ({cost}); traces of displacement and "
+            "force say where along the shift it arises."
+        )
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"

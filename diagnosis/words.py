@@ -55,7 +55,8 @@ def shown(name: str, value: float) -> tuple[float, str]:
 def between(name: str, low: float, high: float) -> str:
     """Return a range of a parameter with its unit."""
     unit = shown(name, low)[1]
-    return f"{shown(name, low)[0]:.3g} to {shown(name, high)[0]:.3g} {unit}".rstrip()
+    ends = [f"{shown(name, end)[0]:.3g}" for end in (low, high)]
+    return f"{' to '.join(dict.fromkeys(ends))} {unit}".rstrip()
 
 
 def quantity(name: str) -> str:
@@ -63,11 +64,11 @@ def quantity(name: str) -> str:
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
-def told(name: str, value: Interval) -> str:
-    """Return a parameter with its interval and unit."""
+def told(name: str, value: Interval, of: str = "") -> str:
+    """Return a parameter with its interval and unit; ``of`` says which interval it is."""
     mean, unit = shown(name, value.mean)
     amount = f"{mean:.3g} {unit}".rstrip()
-    return f"{quantity(name)} {amount} (90 % interval {between(name, value.low, value.high)})"
+    return f"{quantity(name)} {amount} ({of}{between(name, value.low, value.high)})"
 
 
 def ms(seconds: float) -> str:
@@ -89,7 +90,7 @@ def headline(found: Found) -> str:
 
 
 def _open_headline(found: Found) -> str:
-    verdict, group = found.verdict, found.verdict.group
+    verdict, group = found.verdict, _worth(found)
     if len(group) > 1 and verdict.group_probability > NAMED:
         count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
         what = "answers" if NONE in group else "causes"
@@ -100,6 +101,12 @@ def _open_headline(found: Found) -> str:
     if found.belief[likeliest] > NAMED:
         return f"Not settled: {found.named([likeliest])} is likeliest, but does not fit all data"
     return f"Not settled: {found.named(verdict.credible[:3])}"
+
+
+def _worth(found: Found) -> list[Hypothesis]:
+    """Return those of the leading class that are worth a headline: all above 0.05, or two."""
+    group = sorted(found.verdict.group, key=lambda h: -found.belief[h])
+    return [h for place, h in enumerate(group) if place < 2 or found.belief[h] > 0.05]
 
 
 def in_words(found: Found) -> str:
@@ -122,7 +129,7 @@ def _cause(found: Found) -> str:
     verdict, belief = found.verdict, found.belief
     if verdict.kind == "effect":
         values = found.intervals.get(verdict.causes, {})
-        size = "; ".join(told(name, value) for name, value in values.items())
+        size = "; ".join(told(name, value, "90 % interval ") for name, value in values.items())
         return (
             f"The cause is {plain(verdict.causes, found.effects)}, with a probability of "
             f"{chance(belief[verdict.causes])}" + (f": {size}." if size else ".")
@@ -133,7 +140,10 @@ def _cause(found: Found) -> str:
             "bench could show is smaller than its bound."
         )
     if verdict.kind == "unknown":
-        return "None of the known effects, alone or in the pairs that were tried, explains that."
+        return (
+            "None of the known effects, alone or in the pairs that were tried, explains all of "
+            "the data."
+        )
     return _open(found)
 
 
@@ -150,6 +160,9 @@ def _far(found: Found) -> str:
     gaps, leading = found.gaps, next(iter(found.belief))
     if gaps.held_out is None or not gaps.shrink or leading == NONE:
         return ""
+    if found.verdict.kind == "unknown" and leading != UNKNOWN:
+        nearest = plain(leading, found.effects)
+        return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
     having = "A free correction of each operating point" if leading == UNKNOWN else (
         f"With {'it' if found.verdict.kind == 'effect' else plain(leading, found.effects)}"
     )  # fmt: skip
