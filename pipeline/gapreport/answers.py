@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.facts import facts_of
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, plain
 from diagnosis.spread import Hypothesis
-from diagnosis.words import chance, ms, told
-from pipeline.gapreport.extras import Fact
+from diagnosis.words import between, chance, ms, quantity, told
+from pipeline.gapreport.extras import Remark
 
 MOST = 8  #: hypotheses with a line of their own
 LEAST = 0.005  #: probability below which one has none
@@ -50,9 +51,9 @@ def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
     return worth[:MOST]
 
 
-def answers_of(found: Diagnosis, facts: Sequence[Fact]) -> list[Answer]:
+def answers_of(found: Diagnosis, remarks: Sequence[Remark]) -> list[Answer]:
     """Return the most probable hypotheses in words."""
-    return [_answer(found, hypothesis, facts) for hypothesis in shown_hypotheses(found)]
+    return [_answer(found, hypothesis, remarks) for hypothesis in shown_hypotheses(found)]
 
 
 def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
@@ -62,8 +63,8 @@ def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
     return plain(hypothesis, found.effects).replace(" together with ", ",<br>")
 
 
-def _answer(found: Diagnosis, hypothesis: Hypothesis, facts: Sequence[Fact]) -> Answer:
-    mine = [fact for fact in facts if fact.effect in hypothesis]
+def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark]) -> Answer:
+    mine = [remark for remark in remarks if remark.effect in hypothesis]
     reasons, doubts = _from_data(found, hypothesis)
     return Answer(
         plain(hypothesis, found.effects),
@@ -71,8 +72,8 @@ def _answer(found: Diagnosis, hypothesis: Hypothesis, facts: Sequence[Fact]) -> 
         hypothesis in found.verdict.credible,
         tuple(told(n, i) for n, i in found.intervals.get(hypothesis, {}).items()),
         found.fits.get(hypothesis),
-        (*reasons, *(f.sentence for f in mine if f.speaks == "for")),
-        (*doubts, *(f.sentence for f in mine if f.speaks == "against")),
+        (*reasons, *(r.sentence for r in mine if r.speaks == "for")),
+        (*doubts, *(r.sentence for r in mine if r.speaks == "against")),
     )
 
 
@@ -84,6 +85,7 @@ def _from_data(found: Diagnosis, hypothesis: Hypothesis) -> tuple[list[str], lis
         _far(found, hypothesis),
         _alike(found, hypothesis),
         _ends(found, hypothesis),
+        *_at_rest(found, hypothesis),
     ]
     reasons = [words for good, words in said if good and words]
     return reasons, [words for good, words in said if not good and words]
@@ -144,3 +146,15 @@ def _ends(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
         or parameter.share(sizes[parameter.name].high) < END
     ]
     return False, f"{' and '.join(ends)} at the end of the range held possible" if ends else ""
+
+
+def _at_rest(found: Diagnosis, hypothesis: Hypothesis) -> list[tuple[bool, str]]:
+    """Say whether readings of the stand at rest agree with the sizes that it needs."""
+    said = []
+    for fact in facts_of(found.bench):
+        if fact.effect in hypothesis:
+            needed = found.intervals[hypothesis][fact.parameter]
+            agrees = needed.low <= fact.high and fact.low <= needed.high
+            name, ends = quantity(fact.parameter), between(fact.parameter, fact.low, fact.high)
+            said.append((agrees, f"at rest the stand shows a {name} of {ends}"))
+    return said

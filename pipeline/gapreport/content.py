@@ -9,10 +9,11 @@ from urllib.parse import quote
 import numpy as np
 
 from diagnosis.diagnosis import Diagnosis
+from diagnosis.facts import against, facts_of
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import NONE, plain
 from diagnosis.next_test import WORTH, why
-from diagnosis.words import chance, headline, in_words, ms
+from diagnosis.words import chance, headline, in_words, ms, quantity
 from pipeline.exploring.labels import axis, label, value
 from pipeline.gapreport import alike, answers, before, cells, charts, gapmap
 from pipeline.gapreport.extras import Extras, SoWhat
@@ -37,12 +38,13 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "summary": in_words(found.found),
         "cards": _cards(found),
         "leading": "" if found.leading == NONE else plain(found.leading, found.effects),
-        "answers": answers.answers_of(found, extras.facts),
+        "answers": answers.answers_of(found, extras.remarks),
         "kind": found.verdict.kind,
         "classes": alike.classes_in_words(found),
         "readings": _readings(found),
         "unknown_cells": extras.unknown_cells,
         "tests": _tests(found),
+        "at_rest": [against(fact, found.scored) for fact in facts_of(found.bench)],
         "next": (found.tests[0].name, why(found.tests[0], found.belief, found.effects)),
         "so_what": _so_what(extras.so_what),
         "facts": _facts(found, extras),
@@ -105,7 +107,7 @@ def _marks(points: list[cells.CellRow]) -> Row:
 def _readings(found: Diagnosis) -> Row:
     """Return probabilities under other readings: a column each, a row a hypothesis."""
     columns = {"as given": found.belief} | {
-        READINGS.get(key, key.replace("_", " ")): belief for key, belief in found.other.items()
+        _reading(key): belief for key, belief in found.other.items()
     }
     shown = [h for belief in columns.values() for h in list(belief)[:4] if belief[h] > 0.005]
     rows = [
@@ -114,6 +116,13 @@ def _readings(found: Diagnosis) -> Row:
     ]
     first = {next(iter(belief)) for belief in columns.values()}
     return {"columns": list(columns), "rows": rows, "same": len(first) == 1}
+
+
+def _reading(key: str) -> str:
+    """Return what a reading assumes, in words; ``given_X`` takes a reading at rest in."""
+    if key.startswith("given_"):
+        return f"given the {quantity(key.removeprefix('given_'))} at rest"
+    return READINGS.get(key, key.replace("_", " "))
 
 
 def _tests(found: Diagnosis) -> list[Row]:

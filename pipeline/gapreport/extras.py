@@ -10,7 +10,7 @@ from diagnosis.along import PhaseGap
 
 
 @dataclass(frozen=True)
-class Fact:
+class Remark:
     """A sentence, from something else than the shift times, for or against an effect."""
 
     effect: str
@@ -55,13 +55,13 @@ class Extras:
     ----------
     phases : gaps along the shift, over all operating points (``diagnosis.along.overall``).
     so_what : what the effect means for the best design.
-    facts : for and against effects, from outside the shift times.
+    remarks : for and against effects, from outside the shift times.
     unknown_cells : how shifts were read of which nothing is known, a sentence.
     provenance : words by what they are of: command, versions, seeds, number of simulations.
     """
 
     phases: tuple[PhaseGap, ...] = ()
     so_what: SoWhat | None = None
-    facts: tuple[Fact, ...] = ()
+    remarks: tuple[Remark, ...] = ()
     unknown_cells: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)

@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 
 from diagnosis.along import PHASES, PhaseGap
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, load_bench
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.parameters import Interval
 from diagnosis.reading import Reading, gather
@@ -22,7 +22,7 @@ from diagnosis.words import between, chance, told
 from pipeline.gapreport import answers, before, charts, gapmap
 from pipeline.gapreport.alike import alike_figure, odds
 from pipeline.gapreport.cells import cells_of
-from pipeline.gapreport.extras import Extras, Fact, Optimum, SoWhat
+from pipeline.gapreport.extras import Extras, Optimum, Remark, SoWhat
 from pipeline.gapreport.publish import publish
 from sim.units import RPM
 from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
@@ -48,9 +48,9 @@ EXTRAS = Extras(
         0.0009,
         "The best design hardly moves.",
     ),
-    facts=(
-        Fact("actuation_delay", "for", "valves take 40 ms & more"),
-        Fact("actuation_lag", "against", "the pressure rose at once"),
+    remarks=(
+        Remark("actuation_delay", "for", "valves take 40 ms & more"),
+        Remark("actuation_lag", "against", "the pressure rose at once"),
     ),
     unknown_cells="The unknown point was read as not tried.",
     provenance={"command": "dogshape gap toy <here>"},
@@ -273,7 +273,7 @@ def test_bounds_say_where_there_is_no_information(full: Diagnosis) -> None:
 
 
 def test_answers_say_what_speaks_for_and_against(full: Diagnosis) -> None:
-    found = {one.name: one for one in answers.answers_of(full, EXTRAS.facts)}
+    found = {one.name: one for one in answers.answers_of(full, EXTRAS.remarks)}
     delay, lag = found["dead time of the actuation"], found["slow rise of the shift force"]
     assert "valves take 40 ms & more" in delay.reasons
     assert any("more than 1000 times better" in line for line in delay.reasons)
@@ -281,6 +281,20 @@ def test_answers_say_what_speaks_for_and_against(full: Diagnosis) -> None:
     assert "the pressure rose at once" in lag.doubts
     assert delay.inside
     assert re.fullmatch(r"delay [\d.]+ ms \([\d.]+ to [\d.]+ ms\)", delay.sizes[0])
+
+
+def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
+    stand = load_bench("mq200_stand")
+    bench = bench_of({"force_factor": 0.8}, np.random.default_rng(1), shifts=20)
+    bench = replace(bench, sensor=stand.sensor, calibration=stand.calibration)
+    names = ("actuation_delay", "force_scale")
+    found = diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in names}, pairs=[])
+    scale = answers.answers_of(found, ())[0]
+    assert scale.name == "shift force off nominal"
+    assert any(line.startswith("at rest the stand shows") for line in scale.reasons + scale.doubts)
+    text = publish(found, tmp_path).read_text()
+    assert "What the stand shows at rest" in text
+    assert "given the force factor at rest" in text
 
 
 def test_words_of_numbers() -> None:
