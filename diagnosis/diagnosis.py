@@ -17,14 +17,14 @@ from diagnosis.fit import p_value
 from diagnosis.heldout import HeldOut, by_effects, by_unknown, held_out
 from diagnosis.hypotheses import NONE, UNKNOWN, spaces_of
 from diagnosis.likelihood import Rules, observe
-from diagnosis.next_test import NextTest, Standing, choose, setting_of, why
+from diagnosis.next_test import Foretold, NextTest, Standing, choose, foretold, setting_of, why
 from diagnosis.parameters import Bound, Interval, bounds, intervals
 from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.signature import Metric, metric_of
 from diagnosis.spread import Emulator, Hypothesis
 from diagnosis.unknown import Unknown, unknown
 from diagnosis.verdict import Verdict, decide
-from diagnosis.words import in_words
+from diagnosis.words import Found, headline, in_words
 from sim.effect import Effect
 from sim.units import RPM
 
@@ -46,6 +46,7 @@ class Diagnosis:
     bounds : what each effect is at most.
     other : probabilities with priors half and twice as wide, and with unknown shifts failed.
     tests : the menu, best first.
+    foretold : what the leading hypothesis says of each operating point.
     """
 
     bench: Bench
@@ -64,6 +65,7 @@ class Diagnosis:
     baseline: Predicted
     metric: Metric
     effects: Mapping[str, Effect]
+    foretold: Foretold
 
     def as_dict(self) -> Record:
         """Return the record of the contract, with more."""
@@ -73,7 +75,8 @@ class Diagnosis:
             "bench": self.bench.name,
             "verdict": self.verdict.kind,
             "causes": list(self.verdict.causes),
-            "summary": in_words(self.verdict, self.belief, self.intervals, self.before_after),
+            "headline": headline(self.found),
+            "summary": in_words(self.found),
             "hypotheses": [self._hypothesis(h) for h in self.belief],
             "confusable": confusable(self.confusion, aliases),
             "gap": {
@@ -86,7 +89,10 @@ class Diagnosis:
                 "rival_shrink": from_rival.shrink if from_rival else None,
             },
             "where": self._where(),
-            "next_test": {"name": self.tests[0].name, "why": why(self.tests[0], self.belief)},
+            "next_test": {
+                "name": self.tests[0].name,
+                "why": why(self.tests[0], self.belief, self.effects),
+            },
             "tests": [
                 {"name": t.name, "information_nats": t.information, "hours": t.hours}
                 for t in self.tests[:8]
@@ -113,6 +119,17 @@ class Diagnosis:
                 for key, belief in self.other.items()
             },
         }
+
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable hypothesis."""
+        return next(iter(self.belief))
+
+    @property
+    def found(self) -> Found:
+        """What is put into words."""
+        gaps, test = self.before_after, self.tests[0]
+        return Found(self.verdict, self.belief, self.intervals, gaps, test, self.effects)
 
     @property
     def intervals(self) -> Mapping[Hypothesis, Mapping[str, Interval]]:
@@ -201,6 +218,7 @@ def diagnose(
         baseline=baseline,
         metric=metric,
         effects=effects,
+        foretold=foretold(standing, next(iter(belief))),
     )
 
 

@@ -117,6 +117,13 @@ def spaces_of(
     return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in every)
 
 
+def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
+    """Return a hypothesis as people say it."""
+    if hypothesis == UNKNOWN:
+        return "something that no known effect explains"
+    return " together with ".join(effects[name].plain for name in hypothesis) or "no effect"
+
+
 def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
     """Return the prior probability of each hypothesis, which add to one."""
     kinds = {h: _kind(h) for h in hypotheses}

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 
 from diagnosis.belief import Probabilities
 from diagnosis.bench import Bench
-from diagnosis.hypotheses import UNKNOWN
+from diagnosis.hypotheses import UNKNOWN, plain
 from diagnosis.likelihood import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.spread import Array, Hypothesis
@@ -190,13 +190,13 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
 def _more(standing: Standing) -> list[Offer]:
     """Return more shifts at each operating point of the data set."""
     found: list[Offer] = []
-    said = [_said(standing, hypothesis) for hypothesis in standing.plausible]
+    said = [foretold(standing, hypothesis) for hypothesis in standing.plausible]
     for place, cell in enumerate(standing.bench.cells):
         point = cell.point
         where = f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
         for count in MORE:
-            mean = np.array([[one[0][place]] for one in said])
-            variance = np.array([[one[1][place] + one[2][place] / count] for one in said])
+            mean = np.array([[one.mean[place]] for one in said])
+            variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
             name = f"{count} more shifts at {where}"
             how = f"Record {count} more shifts at {where}, each with its own time."
             if np.isfinite(mean).all():
@@ -205,12 +205,24 @@ def _more(standing: Standing) -> list[Offer]:
     return found
 
 
-def _said(standing: Standing, hypothesis: Hypothesis) -> tuple[Array, Array, Array]:
-    """Return mean, variance of the mean, and of single shifts, at each cell, (cells,) each."""
+@dataclass(frozen=True)
+class Foretold:
+    """What a hypothesis says of the data set's cells given all data, (cells,) each; s, s^2.
+
+    ``variance`` is that of the mean (parameters, simulation), ``single`` that of single shifts.
+    """
+
+    mean: Array
+    variance: Array
+    single: Array
+
+
+def foretold(standing: Standing, hypothesis: Hypothesis) -> Foretold:
+    """Return what a hypothesis says of each cell."""
     if hypothesis == UNKNOWN:
         baseline = standing.scored[()].rows.predicted
         mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
-        return mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2
+        return Foretold(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
     found = standing.scored[hypothesis]
     whole = found.weights()
     # Values with which nothing engages have no mean; where they matter the cell is left out.
@@ -221,16 +233,19 @@ def _said(standing: Standing, hypothesis: Hypothesis) -> tuple[Array, Array, Arr
     # Errors of the simulation are common to all hypotheses and part none of them, but they limit
     # what any outcome can say.
     variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
-    return mean, variance, weights @ predicted.sd**2
+    return Foretold(mean, variance, weights @ predicted.sd**2)
 
 
-def why(test: NextTest, belief: Probabilities) -> str:
+def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) -> str:
     """Return in a sentence or two why a test is the next."""
-    doubt = [" + ".join(h) or "none" for h, p in belief.items() if p > 0.05][:4]
+    doubt = [plain(h, effects) for h, p in belief.items() if p > 0.05][:4]
+    cost = f"about {number(test.hours)} h of work"
+    if next(iter(belief)) == UNKNOWN and len(doubt) < 2:
+        return (
+            f"{test.how} It shows whether the gap stays ({cost}); traces of displacement and "
+            "force say where along the shift it arises."
+        )
     if test.information < WORTH or len(doubt) < 2:
-        return f"{test.how} It would confirm the finding from outside."
-    return (
-        f"{test.how} It tells most for its cost between {', '.join(doubt)} "
-        f"({number(float(f'{test.information:.2g}'))} nats for about "
-        f"{number(test.hours)} h)."
-    )
+        return f"{test.how} It would confirm the finding from outside ({cost})."
+    those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
+    return f"{test.how} It tells most for its cost between {those} ({cost})."

@@ -1,79 +1,175 @@
-"""The finding in words that need no statistics."""
+"""The finding in words that need no statistics: a headline, and one paragraph with units."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
-from diagnosis.belief import Probabilities, inclusion
+from diagnosis.belief import Probabilities
 from diagnosis.heldout import HeldOut
-from diagnosis.hypotheses import UNKNOWN
+from diagnosis.hypotheses import NONE, UNKNOWN, plain
+from diagnosis.next_test import NextTest, why
 from diagnosis.parameters import Interval
 from diagnosis.spread import Hypothesis
-from diagnosis.verdict import Verdict
+from diagnosis.verdict import NAMED, Verdict
+from sim.effect import Effect
+from sim.units import suffix_of, unit_of
 
 Intervals = Mapping[Hypothesis, Mapping[str, Interval]]
+Effects = Mapping[str, Effect]
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 
-def plain(hypothesis: Hypothesis) -> str:
-    """Return a hypothesis as people say it."""
-    if hypothesis == UNKNOWN:
-        return "something that no known effect explains"
-    return " together with ".join(name.replace("_", " ") for name in hypothesis) or "no effect"
+@dataclass(frozen=True)
+class Found:
+    """What is put into words."""
+
+    verdict: Verdict
+    belief: Probabilities
+    intervals: Intervals
+    gaps: HeldOut
+    test: NextTest
+    effects: Effects
+
+    def named(self, hypotheses: Sequence[Hypothesis], *, chances: bool = False) -> str:
+        """Return hypotheses as people say them, with their probabilities where asked."""
+        words = [
+            plain(h, self.effects) + (f" ({chance(self.belief[h])})" if chances else "")
+            for h in hypotheses
+        ]
+        return ", ".join(words[:-1]) + " or " + words[-1] if len(words) > 1 else words[0]
 
 
-def in_words(verdict: Verdict, belief: Probabilities, found: Intervals, gaps: HeldOut) -> str:
-    """Return the finding in one paragraph."""
-    return " ".join(
-        part for part in (_size(gaps), _cause(verdict, belief, found), _far(gaps)) if part
-    )
+def chance(probability: float) -> str:
+    """Return a probability in whole percent, never nought or a hundred."""
+    if probability < 0.005:
+        return "< 1 %"
+    return f"{100.0 * probability:.0f} %" if probability <= 0.99 else "> 99 %"
 
 
-def _ms(seconds: float) -> str:
+def shown(name: str, value: float) -> tuple[float, str]:
+    """Return a parameter's value and unit as people read them; seconds become ms."""
+    return (1e3 * value, "ms") if suffix_of(name) == "_s" else (value, unit_of(name))
+
+
+def between(name: str, low: float, high: float) -> str:
+    """Return a range of a parameter with its unit."""
+    unit = shown(name, low)[1]
+    ends = [f"{shown(name, end)[0]:.3g}" for end in (low, high)]
+    return f"{' to '.join(dict.fromkeys(ends))} {unit}".rstrip()
+
+
+def quantity(name: str) -> str:
+    """Return the name of a parameter without its unit."""
+    return name.removesuffix(suffix_of(name)).replace("_", " ")
+
+
+def told(name: str, value: Interval, of: str = "") -> str:
+    """Return a parameter with its interval and unit; ``of`` says which interval it is."""
+    mean, unit = shown(name, value.mean)
+    amount = f"{mean:.3g} {unit}".rstrip()
+    return f"{quantity(name)} {amount} ({of}{between(name, value.low, value.high)})"
+
+
+def ms(seconds: float) -> str:
+    """Return a time in ms."""
     return f"{1e3 * seconds:.3g} ms"
+
+
+def headline(found: Found) -> str:
+    """Return the verdict in a line."""
+    verdict = found.verdict
+    if verdict.kind == "effect":
+        many = "Causes" if len(verdict.causes) > 1 else "Cause"
+        return f"{many} found: {plain(verdict.causes, found.effects)}"
+    if verdict.kind == "none":
+        return "No effect needed: bench and simulation agree within their errors"
+    if verdict.kind == "unknown":
+        return "Unknown: no known effect explains the difference"
+    return _open_headline(found)
+
+
+def _open_headline(found: Found) -> str:
+    verdict, group = found.verdict, _worth(found)
+    if len(group) > 1 and verdict.group_probability > NAMED:
+        count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
+        what = "answers" if NONE in group else "causes"
+        return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
+    if verdict.causes:
+        return f"Part of the cause found: {plain(verdict.causes, found.effects)}; the rest is open"
+    likeliest = next(iter(found.belief))
+    if found.belief[likeliest] > NAMED:
+        return f"Not settled: {found.named([likeliest])} is likeliest, but does not fit all data"
+    return f"Not settled: {found.named(verdict.credible[:3])}"
+
+
+def _worth(found: Found) -> list[Hypothesis]:
+    """Return those of the leading class that are worth a headline: all above 0.05, or two."""
+    group = sorted(found.verdict.group, key=lambda h: -found.belief[h])
+    return [h for place, h in enumerate(group) if place < 2 or found.belief[h] > 0.05]
+
+
+def in_words(found: Found) -> str:
+    """Return the finding in one paragraph: how large, why, how sure, what to do next."""
+    parts = _size(found.gaps), _cause(found), _far(found), _next(found)
+    return " ".join(part for part in parts if part)
 
 
 def _size(gaps: HeldOut) -> str:
     if gaps.baseline is None or gaps.floor is None:
         return "There are no times to compare."
     return (
-        f"Bench and simulation differ by {_ms(gaps.baseline)} (root mean square), where scatter "
-        f"and numerics alone would make {_ms(gaps.floor)}."
+        f"Shift times on the bench and in the simulation differ by {ms(gaps.baseline)} "
+        f"(root mean square over the operating points), where scatter and numerics alone would "
+        f"make {ms(gaps.floor)}."
     )
 
 
-def _cause(verdict: Verdict, belief: Probabilities, found: Intervals) -> str:
-    top = verdict.group[0] if verdict.group else next(iter(belief))
+def _cause(found: Found) -> str:
+    verdict, belief = found.verdict, found.belief
     if verdict.kind == "effect":
-        hypothesis = tuple(verdict.causes)
-        chance = f"{100.0 * belief[hypothesis]:.0f} %"
+        values = found.intervals.get(verdict.causes, {})
+        size = "; ".join(told(name, value, "90 % interval ") for name, value in values.items())
         return (
-            f"The cause is {plain(hypothesis)} with a probability of {chance}"
-            f"{_values(found.get(hypothesis, {}))}."
+            f"The cause is {plain(verdict.causes, found.effects)}, with a probability of "
+            f"{chance(belief[verdict.causes])}" + (f": {size}." if size else ".")
         )
     if verdict.kind == "none":
-        return f"No effect is needed to explain that ({100.0 * belief[top]:.0f} %)."
+        return (
+            f"That needs no effect (probability {chance(belief[NONE])}): any effect that this "
+            "bench could show is smaller than its bound."
+        )
     if verdict.kind == "unknown":
-        return "None of the known effects, alone or in pairs, explains it."
-    return _open(verdict, belief)
+        return (
+            "None of the known effects, alone or in the pairs that were tried, explains all of "
+            "the data."
+        )
+    return _open(found)
 
 
-def _open(verdict: Verdict, belief: Probabilities) -> str:
-    those = [f"{plain(h)} ({100.0 * belief[h]:.0f} %)" for h in verdict.credible[:5]]
-    sure = [n.replace("_", " ") for n, p in inclusion(belief).items() if n in verdict.causes]
-    part = f"{' and '.join(sure)} is part of it; " if sure else ""
-    return f"The data leave open what makes it: {part}possible are {', '.join(those)}."
+def _open(found: Found) -> str:
+    causes = found.verdict.causes
+    part = f"{plain(causes, found.effects)} is part of the cause; " if causes else ""
+    possible = found.named(found.verdict.credible[:5], chances=True)
+    more = len(found.verdict.credible) - 5
+    rest = f", and {more} more" if more > 0 else ""
+    return f"The data leave open why: {part}possible are {possible}{rest}."
 
 
-def _values(values: Mapping[str, Interval]) -> str:
-    if not values:
+def _far(found: Found) -> str:
+    gaps, leading = found.gaps, next(iter(found.belief))
+    if gaps.held_out is None or not gaps.shrink or leading == NONE:
         return ""
-    parts = [f"{n} {v.mean:.3g} ({v.low:.3g} to {v.high:.3g})" for n, v in values.items()]
-    return ": " + ", ".join(parts)
+    if found.verdict.kind == "unknown" and leading != UNKNOWN:
+        nearest = plain(leading, found.effects)
+        return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
+    having = "A free correction of each operating point" if leading == UNKNOWN else (
+        f"With {'it' if found.verdict.kind == 'effect' else plain(leading, found.effects)}"
+    )  # fmt: skip
+    verb = "leaves" if leading == UNKNOWN else "in the simulation,"
+    rest = "" if leading == UNKNOWN else " are left"
+    return f"{having} {verb} {ms(gaps.held_out)}{rest} at operating points that the fit never saw."
 
 
-def _far(gaps: HeldOut) -> str:
-    if gaps.held_out is None or gaps.shrink is None or gaps.shrink == 0.0:
-        return ""
-    return (
-        f"At operating points that the fit never saw the difference becomes {_ms(gaps.held_out)}."
-    )
+def _next(found: Found) -> str:
+    return f"Next: {why(found.test, found.belief, found.effects)}"

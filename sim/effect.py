@@ -84,6 +84,7 @@ class Effect:
     change : makes a setting with it of one without, given a value for each parameter.
     test : what would measure it directly.
     aliases : what no data of shifts can tell from it, in words.
+    title : name for people; its name without underscores by default.
     """
 
     name: str
@@ -92,6 +93,12 @@ class Effect:
     change: Callable[[Setting, Values], Setting]
     test: BenchTest
     aliases: tuple[str, ...] = ()
+    title: str = ""
+
+    @property
+    def plain(self) -> str:
+        """Name for people."""
+        return self.title or self.name.replace("_", " ")
 
     def apply(self, setting: Setting, values: Values) -> Setting:
         """Return the setting with the effect.

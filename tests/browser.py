@@ -31,6 +31,38 @@ window.addEventListener("load", () => setTimeout(() => {
 </script>
 """
 
+#: Put into a report: words that its figures cut off, on the screen and as on paper, and its table.
+REPORT_PROBE = """
+<script>
+function cut() {
+  const found = [];
+  for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+    const frame = figure.querySelector(".main-svg").getBoundingClientRect();
+    for (const text of figure.querySelectorAll("text")) {
+      const box = text.getBoundingClientRect();
+      if (box.width && (box.left < frame.left - 2 || box.right > frame.right + 2
+          || box.top < frame.top - 2 || box.bottom > frame.bottom + 2))
+        found.push(figure.id + ": " + text.textContent);
+    }
+  }
+  return found;
+}
+function probe(said) {
+  said.ids = [...document.querySelectorAll(".js-plotly-plot")].map(f => f.id).join(" ");
+  said.cut = JSON.stringify(cut());
+  said.csv = document.getElementById("csv").href;
+  const links = [...document.querySelectorAll(".replays a")];
+  said.links = JSON.stringify(links.map(link => link.getAttribute("href")));
+  fit(true);
+  setTimeout(() => {
+    said.paper = JSON.stringify(cut());
+    said.widths = [...document.querySelectorAll(".js-plotly-plot")]
+      .map(f => f.querySelector(".main-svg").getBoundingClientRect().width).join(" ");
+  }, 500);
+}
+</script>
+"""
+
 #: Drawn in software with and without WebGL.
 WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 WITHOUT_WEBGL = ("--disable-3d-apis",)

@@ -6,7 +6,8 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.reporting.look import INK, MARKS, Row, styled
-from pipeline.reporting.operating import MINUS, PAIR, engaged_words, gain_words, gains
+from pipeline.reporting.maps import MINUS
+from pipeline.reporting.operating import PAIR, engaged_words, gain_words, gains
 
 LINE = 30  #: height of a line, px
 #: Marks of a gain: clear, or within twice its standard error.

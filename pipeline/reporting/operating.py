@@ -14,16 +14,21 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from pipeline.exploring.operating import spread
-from pipeline.reporting.look import INK, LINES, MARKS, Row, styled
+from pipeline.reporting.look import LINES, MARKS, Row, styled
+from pipeline.reporting.maps import (
+    LOSS_TO_GAIN,
+    MINUS,
+    MOST,
+    TALL,
+    frame,
+    grid,
+    heat_map,
+    map_height,
+)
 
 PAIR = (("prototype", "prototype"), ("chosen", "best"))  #: names with keys of the confirmation
-MINUS = "\N{MINUS SIGN}"
-MOST = (16, 6)  #: mismatches and forces of a grid that maps have room for
-TALL = 8  #: rows of a map above which they are low
 #: The fewer engage, the darker; the scale stays one in grey.
 DARK_TO_PALE = ((0.0, "#1f5fa8"), (0.5, "#a9c9e6"), (1.0, "#f1f6fb"))
-#: Slower is orange, faster blue; both pale, so that the numbers stay readable in grey.
-LOSS_TO_GAIN = ((0.0, "#f0b48a"), (0.5, "#ffffff"), (1.0, "#8db9e2"))
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ def is_grid(confirmation: Row) -> bool:
     Weights must be products of one for the mismatch and one for the force.
     """
     points = confirmation["prototype"]["points"]
-    mismatches, forces, places = _grid(points)
+    mismatches, forces, places = grid(points)
     if len(places) < len(mismatches) * len(forces) or not (
         len(mismatches) <= MOST[0] and len(forces) <= MOST[1]
     ):
@@ -140,13 +145,13 @@ def engaged_figure(confirmation: Row) -> go.Figure:
         1, 2, shared_yaxes=True, subplot_titles=[name for name, _ in PAIR], horizontal_spacing=0.04
     )
     for column, (_, key) in enumerate(PAIR, start=1):
-        mismatches, forces, places = _grid(confirmation[key]["points"])
+        mismatches, forces, places = grid(confirmation[key]["points"])
         shares = np.full((len(mismatches), len(forces)), np.nan)
         words = np.full(shares.shape, "", dtype=object)
         for (i, j), p in places.items():
             shares[i, j] = p["engaged"]
             words[i, j] = engaged_words(p, " " if len(mismatches) > TALL else "<br>")
-        figure.add_trace(_map(mismatches, forces, shares, words, DARK_TO_PALE), 1, column)
+        figure.add_trace(heat_map(mismatches, forces, shares, words, DARK_TO_PALE), 1, column)
     figure.update_traces(zmin=0.0, zmax=1.0)
     return _mapped(figure, confirmation["prototype"]["points"])
 
@@ -161,7 +166,7 @@ def gain_figure(confirmation: Row) -> go.Figure:
     """Draw what the chosen design gains over mismatch and force, ms with standard error."""
     found = gains(confirmation)
     rows = [{"mismatch_rpm": g.mismatch_rpm, "force_N": g.force_N, "gain": g} for g in found]
-    mismatches, forces, places = _grid(rows)
+    mismatches, forces, places = grid(rows)
     values = np.full((len(mismatches), len(forces)), np.nan)
     words = np.full(values.shape, "", dtype=object)
     for (i, j), row in places.items():
@@ -169,16 +174,12 @@ def gain_figure(confirmation: Row) -> go.Figure:
         values[i, j] = 1e3 * gain.gain_s
         words[i, j] = gain_words(gain)
     figure = make_subplots(1, 1)
-    figure.add_trace(_map(mismatches, forces, values, words, LOSS_TO_GAIN))
+    figure.add_trace(heat_map(mismatches, forces, values, words, LOSS_TO_GAIN))
     most = float(np.nanmax(np.abs(values))) or 1.0
     figure.update_traces(zmin=-most, zmax=most)
     for (i, j), row in places.items():
         if row["gain"].gain_s < 0.0:  # a frame tells a loss without colour
-            figure.add_shape(
-                type="rect", x0=j - 0.47, x1=j + 0.47, y0=i - 0.46, y1=i + 0.46,
-                line={"color": INK, "width": 2, "dash": "solid" if row["gain"].clear else "dot"},
-                fillcolor="rgba(0, 0, 0, 0)", opacity=1,
-            )  # fmt: skip
+            frame(figure, i, j, "solid" if row["gain"].clear else "dot")
     return _mapped(figure, confirmation["prototype"]["points"])
 
 
@@ -186,35 +187,6 @@ def gain_words(gain: Gain) -> str:
     """Return gain and standard error in ms; a loss says so."""
     said = f"{1e3 * gain.gain_s:+.1f} ± {1e3 * gain.error_s:.1f}".replace("-", MINUS)
     return said + (" slower" if gain.gain_s < 0.0 else "")
-
-
-def _grid(points: list[Row]) -> tuple[list[float], list[float], dict[tuple[int, int], Row]]:
-    mismatches = sorted({p["mismatch_rpm"] for p in points})
-    forces = sorted({p["force_N"] for p in points})
-    places = {(mismatches.index(p["mismatch_rpm"]), forces.index(p["force_N"])): p for p in points}
-    return mismatches, forces, places
-
-
-def _map(
-    mismatches: list[float],
-    forces: list[float],
-    values: np.ndarray,
-    words: np.ndarray,
-    scale: tuple[tuple[float, str], ...],
-) -> go.Heatmap:
-    return go.Heatmap(
-        z=values,
-        x=[f"{force:.4g}" for force in forces],
-        y=[f"{mismatch:.4g}" for mismatch in mismatches],
-        text=words,
-        texttemplate="%{text}",
-        textfont={"size": 13},
-        colorscale=[list(step) for step in scale],
-        showscale=False,
-        xgap=2,
-        ygap=2,
-        hovertemplate="%{y} 1/min, %{x} N: %{text}<extra></extra>",
-    )
 
 
 def _mapped(figure: go.Figure, points: list[Row]) -> go.Figure:
@@ -232,7 +204,6 @@ def _mapped(figure: go.Figure, points: list[Row]) -> go.Figure:
         where = {} if key == "force_N" else {"col": 1}
         update(type="category", tickvals=at, ticktext=said)
         update(title=said_of + (" (weight)" if weighted else ""), **where)
-    rows = len(weights)
-    figure = styled(figure, 130 + (46 if rows <= TALL else 28) * rows)
+    figure = styled(figure, map_height(len(weights)))
     figure.update_layout(margin={"t": 40})
     return figure

@@ -8,7 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.words import plain
+from diagnosis.hypotheses import plain
 from pipeline.console import columns, in_ms
 from pipeline.tables.benches import examined_lines
 from sim.errors import number
@@ -25,7 +25,7 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any], report: str | None
         "",
         _causes(found, record),
         "",
-        _gap(record["gap"]),
+        _gap(found, record["gap"]),
         *_classes(record["confusable"]),
         f"next test: {test['name']}. {test['why']}",
         *([f"report: {report}"] if report else []),
@@ -45,18 +45,23 @@ def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
         )
         fit = one.get("predictive_p")
         p = "-" if fit is None else f"{fit:.2g}"
-        table.add_row(plain(tuple(one["effects"])), f"{one['probability']:.1%}", values or "-", p)
+        table.add_row(
+            plain(tuple(one["effects"]), found.effects),
+            f"{one['probability']:.1%}",
+            values or "-",
+            p,
+        )
     return table
 
 
-def _gap(gap: dict[str, Any]) -> str:
+def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
     parts = [
         f"gap {in_ms(gap['baseline_rmse_s'])} ms",
         f"held out {in_ms(gap['heldout_rmse_s'])} ms",
         f"floor {in_ms(gap['floor_rmse_s'])} ms",
     ]
     if gap["rival"] is not None:
-        rival = plain(tuple(gap["rival"]))
+        rival = plain(tuple(gap["rival"]), found.effects)
         parts.append(f"best rival ({rival}) {in_ms(gap['rival_heldout_rmse_s'])} ms held out")
     return ", ".join(parts)
 

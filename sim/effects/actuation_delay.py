@@ -17,6 +17,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="actuation_delay",
+    title="dead time of the actuation",
     meaning="the force starts some time after time zero",
     parameters=(
         Parameter(

@@ -16,6 +16,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="actuation_lag",
+    title="slow rise of the shift force",
     meaning="the force nears its nominal course with a lag of first order",
     parameters=(
         Parameter(

@@ -14,6 +14,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="axial_gap",
+    title="axial gap off nominal",
     meaning="the gap before the shift is larger or smaller than nominal",
     parameters=(
         Parameter(

@@ -14,6 +14,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="chamfer_angle",
+    title="chamfer angle off nominal",
     meaning="the faces are steeper or flatter than nominal",
     parameters=(
         Parameter(

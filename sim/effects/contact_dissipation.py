@@ -16,6 +16,7 @@ def _own(setting: Setting) -> float:
 
 EFFECT = Effect(
     name="contact_dissipation",
+    title="other rebound of the dogs",
     meaning="dogs rebound more or less than assumed",
     parameters=(
         Parameter(

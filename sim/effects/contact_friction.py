@@ -25,6 +25,7 @@ def _dynamic(setting: Setting) -> float:
 
 EFFECT = Effect(
     name="contact_friction",
+    title="other friction between the dogs",
     meaning="dogs rub on each other with other coefficients",
     parameters=(
         Parameter(

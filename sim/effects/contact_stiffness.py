@@ -16,6 +16,7 @@ def _own(setting: Setting) -> float:
 
 EFFECT = Effect(
     name="contact_stiffness",
+    title="other stiffness of the dogs",
     meaning="dogs and their bodies give more or less than assumed",
     parameters=(
         Parameter(

@@ -16,6 +16,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="detent_force",
+    title="force of a detent",
     meaning="a detent holds the ring over a short part of its way",
     parameters=(
         Parameter(

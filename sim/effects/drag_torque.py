@@ -12,6 +12,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="drag_torque",
+    title="drag torque on the sliding ring",
     meaning="the sliding ring is held by a torque against its turning",
     parameters=(
         Parameter(

@@ -19,6 +19,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="force_scale",
+    title="shift force off nominal",
     meaning="the force at the sleeve is a factor of the nominal one",
     parameters=(
         Parameter(

@@ -16,6 +16,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="free_play",
+    title="free play of the linkage",
     meaning="the actuator has some way to go before it meets the ring",
     parameters=(
         Parameter(

@@ -17,6 +17,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="linkage_compliance",
+    title="elastic linkage",
     meaning="the linkage between actuator and ring is elastic",
     parameters=(
         Parameter(

@@ -23,6 +23,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="mismatch_speed",
+    title="mismatch off nominal",
     meaning="the true mismatch is the nominal one and an offset",
     parameters=(
         Parameter(

@@ -16,6 +16,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="moving_mass",
+    title="mass of actuator and linkage",
     meaning="actuator and linkage move with the ring and add their mass",
     parameters=(
         Parameter(

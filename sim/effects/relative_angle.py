@@ -21,6 +21,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="relative_angle",
+    title="uneven relative angles",
     meaning="some relative angles come more often than others",
     parameters=(
         Parameter(

@@ -12,6 +12,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="sleeve_friction",
+    title="dry friction of the sliding ring",
     meaning="dry friction of the sliding ring on its shaft",
     parameters=(
         Parameter(

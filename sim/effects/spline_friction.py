@@ -20,6 +20,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="spline_friction",
+    title="friction in the loaded spline",
     meaning="the ring's spline rubs along the shaft in proportion to its torque",
     parameters=(
         Parameter(

@@ -12,6 +12,7 @@ def _change(setting: Setting, values: Values) -> Setting:
 
 EFFECT = Effect(
     name="viscous_damping",
+    title="oil damping of the sliding ring",
     meaning="oil damps the ring along its shaft",
     parameters=(
         Parameter(

@@ -24,7 +24,7 @@ from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
 from sim.plant import ClutchPlant
 from sim.units import DEG, MM, MS
-from tests.browser import PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
+from tests.browser import PROBE, REPORT_PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
 from tests.conftest import SMALL
 
 #: Put into the page of a shift: what a scrub, a click and a choice of phase change.
@@ -69,39 +69,6 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     study = load_study("mq200", [*SMALL, "search.sampler=tpe"])
     run_study(study, Run(StudyFolder(folder), jobs=2))
     return folder
-
-
-#: Put into a report: words that its figures cut off, on the screen and as on paper, and its table.
-REPORT_PROBE = """
-<script>
-function cut() {
-  const found = [];
-  for (const figure of document.querySelectorAll(".js-plotly-plot")) {
-    const frame = figure.querySelector(".main-svg").getBoundingClientRect();
-    for (const text of figure.querySelectorAll("text")) {
-      const box = text.getBoundingClientRect();
-      if (box.width && (box.left < frame.left - 2 || box.right > frame.right + 2
-          || box.top < frame.top - 2 || box.bottom > frame.bottom + 2))
-        found.push(figure.id + ": " + text.textContent);
-    }
-  }
-  return found;
-}
-function probe(said) {
-  said.ids = [...document.querySelectorAll(".js-plotly-plot")].map(f => f.id).join(" ");
-  said.cut = JSON.stringify(cut());
-  said.csv = document.getElementById("csv").href;
-  const links = [...document.querySelectorAll(".replays a")];
-  said.links = JSON.stringify(links.map(link => link.getAttribute("href")));
-  fit(true);
-  setTimeout(() => {
-    said.paper = JSON.stringify(cut());
-    said.widths = [...document.querySelectorAll(".js-plotly-plot")]
-      .map(f => f.querySelector(".main-svg").getBoundingClientRect().width).join(" ");
-  }, 500);
-}
-</script>
-"""
 
 
 @pytest.mark.parametrize("width", [1280, 800])

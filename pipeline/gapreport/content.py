@@ -1,0 +1,182 @@
+"""What the template of the gap report is filled with; what is not known is empty."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.facts import against, facts_of
+from diagnosis.finding import Finding
+from diagnosis.hypotheses import NONE, plain
+from diagnosis.next_test import WORTH, why
+from diagnosis.words import chance, headline, in_words, ms, quantity
+from pipeline.exploring.labels import axis, label, value
+from pipeline.gapreport import alike, answers, before, cells, charts, gapmap
+from pipeline.gapreport.extras import Extras, SoWhat
+from pipeline.reporting.html import figure_html
+from pipeline.reporting.tables import csv_link
+
+Row = dict[str, Any]
+TESTS = 8  #: tests that are listed
+READINGS = {
+    "priors_halved": "ranges half as wide",
+    "priors_doubled": "ranges twice as wide",
+    "unknown_as_failed": "unknown shifts read as failed",
+}
+
+
+def content_of(found: Diagnosis, extras: Extras) -> Row:
+    """Return the content of the template."""
+    points = cells.cells_of(found)
+    return {
+        "bench": found.bench,
+        "headline": headline(found.found),
+        "summary": in_words(found.found),
+        "cards": _cards(found),
+        "leading": "" if found.leading == NONE else plain(found.leading, found.effects),
+        "answers": answers.answers_of(found, extras.remarks),
+        "kind": found.verdict.kind,
+        "classes": alike.classes_in_words(found),
+        "readings": _readings(found),
+        "unknown_cells": extras.unknown_cells,
+        "tests": _tests(found),
+        "at_rest": [against(fact, found.scored) for fact in facts_of(found.bench)],
+        "next": (found.tests[0].name, why(found.tests[0], found.belief, found.effects)),
+        "so_what": _so_what(extras.so_what),
+        "facts": _facts(found, extras),
+        "json_link": "data:application/json," + quote(record_text(found)),
+        "csv_link": csv_link(cells.table(points)),
+        **_marks(points),
+        **_figures(found, points, extras),
+    }
+
+
+def record_text(found: Diagnosis) -> str:
+    """Return the record of a diagnosis as JSON."""
+    return json.dumps(found.as_dict(), indent=1, allow_nan=False)
+
+
+def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> Row:
+    """Return all figures as HTML, an empty word where there is nothing to draw."""
+    gaps, leading = found.before_after, found.leading
+    timed = any(point.bench_s is not None for point in points)
+    name = "" if leading == NONE else answers.short(found, leading)
+    many = len(found.belief) > 1
+    drawn = {
+        "map": gapmap.gap_map_figure(points) if timed else None,
+        "causes": charts.causes_figure(found) if many else None,
+        "before": before.before_figure(points, name.replace("<br>", " ")) if timed else None,
+        "held_out": charts.held_out_figure(found) if gaps.baseline is not None else None,
+        "alike": alike.alike_figure(found) if alike.is_worth(found) else None,
+        "bounds": charts.bounds_figure(found) if found.bounds else None,
+        "phases": charts.phases_figure(extras.phases) if extras.phases else None,
+    }
+    return {
+        f"{key}_figure": "" if figure is None else figure_html(figure, key)
+        for key, figure in drawn.items()
+    }
+
+
+def _cards(found: Diagnosis) -> list[Row]:
+    """Return the numbers under the headline: gap, what is left, and what chance makes."""
+    gaps = found.before_after
+    if gaps.baseline is None or gaps.floor is None:
+        return []
+    cards = [("prototype", "gap now", gaps.baseline, "bench less simulation, root mean square")]
+    if found.leading != NONE and gaps.held_out is not None:
+        cards.append(("chosen", "gap left", gaps.held_out, "at points that the fit never saw"))
+    cards.append(
+        ("gain", "scatter and numerics alone", gaps.floor, "what chance would leave of it")
+    )
+    return [dict(zip(("look", "title", "value", "words"), card, strict=True)) | {
+        "value": ms(card[2]).split()[0]} for card in cards]  # fmt: skip
+
+
+def _marks(points: list[cells.CellRow]) -> Row:
+    """Return what the legend of the map has to explain."""
+    without = {cells.unreadable(point) for point in points} - {""}
+    part = any(point.failed and point.engaged for point in points)
+    unknown = sum(point.unknown for point in points)
+    return {"without": sorted(without), "part_engaged": part, "unknown_shifts": unknown}
+
+
+def _readings(found: Diagnosis) -> Row:
+    """Return probabilities under other readings: a column each, a row a hypothesis."""
+    columns = {"as given": found.belief} | {
+        _reading(key): belief for key, belief in found.other.items()
+    }
+    shown = [h for belief in columns.values() for h in list(belief)[:4] if belief[h] > 0.005]
+    rows = [
+        (plain(h, found.effects), [chance(belief.get(h, 0.0)) for belief in columns.values()])
+        for h in dict.fromkeys(shown)
+    ]
+    first = {next(iter(belief)) for belief in columns.values()}
+    return {"columns": list(columns), "rows": rows, "same": len(first) == 1}
+
+
+def _reading(key: str) -> str:
+    """Return what a reading assumes, in words; ``given_X`` takes a reading at rest in."""
+    if key.startswith("given_"):
+        return f"given the {quantity(key.removeprefix('given_'))} at rest"
+    return READINGS.get(key, key.replace("_", " "))
+
+
+def _tests(found: Diagnosis) -> list[Row]:
+    """Return the menu; what a test tells also as share of the doubt that is left."""
+    chances = np.array([p for p in found.belief.values() if p > 1e-6])
+    doubt = float(-(chances * np.log(chances)).sum())
+    return [
+        {
+            "name": test.name,
+            "how": test.how,
+            "shows": ", ".join(found.effects[name].plain for name in test.shows),
+            "information": f"{test.information:.2f}",
+            "share": chance(min(1.0, test.information / doubt)) if doubt > WORTH else "",
+            "hours": f"{test.hours:.2g}",
+            "rate": f"{test.rate:.2f}",
+        }
+        for test in found.tests[:TESTS]
+    ]
+
+
+def _so_what(given: SoWhat | None) -> Row | None:
+    if given is None:
+        return None
+    keys = list(dict.fromkeys([*given.without.design, *given.within.design]))
+    rows = [
+        (axis(key), [_value(key, side.design) for side in (given.without, given.within)])
+        for key in keys
+    ]
+    for words, name in (("without", "time_without_s"), ("with", "time_with_s")):
+        times = [ms(getattr(side, name)) for side in (given.without, given.within)]
+        rows.append((f"expected shift time, simulated {words} the effect", times))
+    return {"rows": rows, "regret": ms(given.regret_s), "sentence": given.sentence}
+
+
+def _value(key: str, design: Any) -> str:
+    return value(key, design[key]).split()[0] if key in design else ""
+
+
+def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
+    """Return what is known of data set and run."""
+    bench = found.bench
+    shifts = sum(cell.n for cell in bench.cells)
+    given = {
+        "data set": bench.name,
+        "source": bench.source,
+        "operating points": f"{len(bench.cells)}, with {shifts} shifts that have a time",
+        "corrections": ", ".join(f"{c.quantity}={c.way}" for c in bench.corrections),
+        "looks odd": "; ".join(_odd(one) for one in bench.warnings),
+        "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
+        "hypotheses": f"{len(found.belief)}, none and unknown among them",
+        **extras.provenance,
+    }
+    return {label(key).replace("_", " "): words for key, words in given.items() if words}
+
+
+def _odd(finding: Finding) -> str:
+    return f"{finding.found}; this looks like {finding.looks_like}"

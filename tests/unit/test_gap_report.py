@@ -1,0 +1,325 @@
+"""The report of a diagnosis: every part where there is something to say, and none else."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from diagnosis.along import PHASES, PhaseGap
+from diagnosis.bench import Bench, load_bench
+from diagnosis.diagnosis import Diagnosis, diagnose
+from diagnosis.parameters import Interval
+from diagnosis.reading import Reading, gather
+from diagnosis.words import between, chance, told
+from pipeline.gapreport import answers, before, charts, gapmap
+from pipeline.gapreport.alike import alike_figure, odds
+from pipeline.gapreport.cells import cells_of
+from pipeline.gapreport.extras import Extras, Optimum, Remark, SoWhat
+from pipeline.gapreport.publish import publish
+from sim.units import RPM
+from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
+from tests.toy import EFFECTS, Toy, bench_of, points_of
+
+POINTS = points_of()
+#: The toy's lag makes all shifts later by the same, as a delay does; drag changes nothing.
+NAMES = ("actuation_delay", "actuation_lag", "drag_torque", "moving_mass")
+FEW = ("actuation_delay", "moving_mass", "drag_torque")
+MINUS = "\N{MINUS SIGN}"
+#: Parts that every report has, and those of figures.
+ALWAYS = ["causes-part", "readings", "next", "provenance"]
+DRAWN = ["map", "causes", "before", "held_out", "alike", "bounds"]
+
+EXTRAS = Extras(
+    phases=tuple(
+        PhaseGap(name, 0.02 + 0.08 * (name == "before motion"), 0.021, 0.002, 30, 60)
+        for name in PHASES
+    ),
+    so_what=SoWhat(
+        Optimum({"chamfer_deg": 8.1, "height_mm": 3.2}, 0.1034, 0.1821),
+        Optimum({"chamfer_deg": 8.4, "height_mm": 3.1}, 0.1041, 0.1812),
+        0.0009,
+        "The best design hardly moves.",
+    ),
+    remarks=(
+        Remark("actuation_delay", "for", "valves take 40 ms & more"),
+        Remark("actuation_lag", "against", "the pressure rose at once"),
+    ),
+    unknown_cells="The unknown point was read as not tried.",
+    provenance={"command": "dogshape gap toy <here>"},
+)
+
+
+def _changed(reading: Reading) -> Reading:
+    """Return a reading of the toy with two points that have no time."""
+    place = round(reading.point.mismatch / RPM), reading.point.profile.force
+    if place == (249, 235.2):
+        return replace(reading, time=None, engaged=False)
+    if place == (149, 235.2):
+        return replace(reading, time=None, engaged=None)
+    return reading
+
+
+def _with_holes(bench: Bench) -> Bench:
+    readings = [_changed(reading) for reading in bench.readings]
+    partly = next(r for r in readings if round(r.point.mismatch / RPM) == 100)
+    readings.append(replace(partly, row=999, n=1, time=None, engaged=False))
+    return replace(bench, cells=gather(readings))
+
+
+@pytest.fixture(scope="module")
+def full() -> Diagnosis:
+    """Aliases at points of which some did not engage, or nobody knows."""
+    bench = _with_holes(bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20))
+    bench = replace(bench, name="rig <b>7</b>", source="made & measured")
+    return diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in NAMES}, pairs=[])
+
+
+@pytest.fixture(scope="module")
+def page(full: Diagnosis, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its report with everything."""
+    return publish(full, tmp_path_factory.mktemp("gap"), EXTRAS)
+
+
+def _plain(values: dict[str, float], extra: np.ndarray | None = None) -> Diagnosis:
+    bench = bench_of(values, np.random.default_rng(1), shifts=20, extra=extra)
+    return diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in FEW}, pairs=[])
+
+
+def _ids(text: str) -> list[str]:
+    return re.findall(r'<h2 id="([^"]+)"', text)
+
+
+def _figures(text: str) -> list[str]:
+    return re.findall(r'<div id="([^"]+)" class="plotly-graph-div"', text)
+
+
+def test_every_part_is_there(page: Path) -> None:
+    text = page.read_text()
+    assert _ids(text) == [
+        "where", "causes-part", "before-part", "alike-part", "bounds-part", "readings", "next",
+        "along", "so-what", "provenance",
+    ]  # fmt: skip
+    assert _figures(text) == [*DRAWN, "phases"]
+    for words in (
+        "dead time of the actuation", "valves take 40 ms &amp; more", "the pressure rose at once",
+        "The best design hardly moves.", "0.9 ms", "read as not tried", "height h, mm",
+        "unknown shifts read as failed", "force at the sleeve over time", "no information",
+    ):  # fmt: skip
+        assert words in text
+    assert set(re.findall(r'href="#([^"]+)"', text)) == set(_ids(text))
+
+
+def test_what_is_missing_leaves_no_heading(tmp_path: Path) -> None:
+    text = publish(_plain({"delay_s": 0.08}), tmp_path).read_text()
+    # One plausible hypothesis: nothing to compare, but for what it can never be told from.
+    assert _figures(text) == ["map", "causes", "before", "held_out", "bounds"]
+    assert not {"along", "so-what"} & set(_ids(text))
+    assert "Not engaged" not in text
+    assert "nobody knows" not in text
+
+
+def test_without_a_time_there_is_no_map(tmp_path: Path) -> None:
+    bench = bench_of({}, np.random.default_rng(1))
+    failed = [replace(r, time=None, engaged=False) for r in bench.readings]
+    bench = replace(bench, cells=gather(failed))
+    found = diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in FEW}, pairs=[])
+    text = publish(found, tmp_path).read_text()
+    assert not {"where", "before-part"} & set(_ids(text))
+    assert set(ALWAYS) <= set(_ids(text))
+    assert "There are no times to compare." in text
+    assert 'class="card' not in text
+
+
+def test_strings_are_escaped_and_nothing_is_loaded(full: Diagnosis, tmp_path: Path) -> None:
+    delay = replace(EFFECTS["actuation_delay"], title="late</script><script>alert(1)</script>")
+    found = replace(full, effects={**full.effects, "actuation_delay": delay})
+    text = publish(found, tmp_path, EXTRAS).read_text()
+    assert "rig &lt;b&gt;7&lt;/b&gt;" in text
+    assert "made &amp; measured" in text
+    assert "dogshape gap toy &lt;here&gt;" in text
+    assert "<script>alert(1)" not in text
+    assert not re.search(r'<(script|link|img)[^>]*(src|href)="?(http|//)', text)
+
+
+def test_record_and_table_lie_beside_the_report_and_within(full: Diagnosis, page: Path) -> None:
+    text = page.read_text()
+    links = dict(re.findall(r'<a id="(json|csv)" href="([^"]+)"', text))
+    record = json.loads((page.parent / "gap.json").read_text())
+    assert record == json.loads(json.dumps(full.as_dict()))
+    assert json.loads(unquote(links["json"].partition(",")[2])) == record
+    table = pd.read_csv(page.parent / "cells.csv")
+    assert pd.read_csv(io.StringIO(unquote(links["csv"].partition(",")[2]))).equals(table)
+    where = pd.DataFrame(record["where"])
+    assert table["gap_s"].tolist() == pytest.approx(where["gap_s"].tolist(), nan_ok=True)
+    assert table["z"].tolist() == pytest.approx(where["z"].tolist(), nan_ok=True)
+    assert (table["bench_s"] - table["simulated_s"] - table["gap_s"]).abs().max() < 1e-12
+
+
+def test_the_leading_hypothesis_foretells_the_times(full: Diagnosis) -> None:
+    cells = [cell for cell in cells_of(full) if cell.bench_s is not None]
+    left = np.array([cell.bench_s - cell.foretold_s for cell in cells])
+    errors = np.array([np.hypot(cell.bench_error_s, cell.foretold_error_s) for cell in cells])
+    assert np.sqrt(np.mean(left**2)) < 0.1 * full.before_after.baseline
+    assert np.mean(np.abs(left) < 1.645 * errors) > 0.8
+
+
+@pytest.mark.parametrize(
+    ("values", "extra", "headline", "paragraph"),
+    [
+        pytest.param(
+            {"delay_s": 0.08}, None, "Cause found: dead time of the actuation",
+            r"delay 79\.\d ms \(90 % interval 78\.\d to 80\.\d ms\)", id="effect",
+        ),
+        pytest.param(
+            {}, None, "No effect needed: bench and simulation agree within their errors",
+            "any effect that this bench could show is smaller than its bound", id="none",
+        ),
+        pytest.param(
+            {}, 0.04 * np.sin(1.3 * np.arange(len(POINTS))),
+            "Unknown: no known effect explains the difference",
+            "None of the known effects, alone or in the pairs that were tried", id="unknown",
+        ),
+    ],
+)  # fmt: skip
+def test_the_top_says_the_verdict_and_what_to_do(
+    values: dict[str, float], extra: np.ndarray | None, headline: str, paragraph: str
+) -> None:
+    record = _plain(values, extra).as_dict()
+    assert record["headline"] == headline
+    assert re.search(paragraph, record["summary"])
+    assert " ms (root mean square" in record["summary"]
+    assert re.search(r"Next: .* h of work", record["summary"])
+    assert "_" not in record["summary"]
+
+
+def test_aliases_are_named_together(full: Diagnosis) -> None:
+    bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
+    found = diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in NAMES}, pairs=[])
+    assert found.as_dict()["headline"] == (
+        "Two causes cannot be told apart: dead time of the actuation or slow rise of the "
+        "shift force"
+    )
+    figure = alike_figure(found)
+    assert list(figure.data[0].x) == ["A", "B"]
+    assert figure.data[0].text[0].tolist() == ["1 : 1", "itself"]
+
+
+def test_map_has_numbers_marks_and_frames(full: Diagnosis) -> None:
+    figure = gapmap.gap_map_figure(cells_of(full))
+    in_ms, in_errors = figure.data
+    assert list(in_ms.x) == ["235.2", "315.5", "469", "641.5"]
+    assert in_ms.text[4][0] == "+80<br>20/21"
+    assert in_errors.text[4][0].startswith("+")
+    marks = [a.text for a in figure.layout.annotations if a.text in ("not<br>engaged", "unknown")]
+    assert sorted(marks) == ["not<br>engaged"] * 2 + ["unknown"] * 2
+    clear = [cell for cell in cells_of(full) if cell.z is not None and abs(cell.z) >= 2.0]
+    framed = [shape for shape in figure.layout.shapes if shape.line.width == 2]
+    assert len(framed) == 2 * len(clear)
+
+
+def test_points_that_are_no_grid_have_a_line_each(full: Diagnosis) -> None:
+    cells = [
+        replace(cell, mismatch_rpm=-5.0 * k, force_N=300.0 + k)
+        for k, cell in enumerate(cells_of(full)[:20], start=1)
+    ]
+    figure = gapmap.gap_map_figure(cells)
+    assert list(figure.data[0].x) == ["gap"]
+    assert figure.data[0].y[-1] == f"{MINUS}100 1/min, 320 N"
+    listed = before.before_figure(cells, "dead time")
+    assert [trace.name for trace in listed.data] == [
+        "without any effect", "with dead time", "bench",
+    ]  # fmt: skip
+    assert len(listed.data[0].y) == 20
+
+
+def test_before_and_after_have_a_panel_for_each_force(full: Diagnosis) -> None:
+    figure = before.before_figure(cells_of(full), "dead time")
+    bench = [trace for trace in figure.data if trace.name == "bench"]
+    after = [trace for trace in figure.data if trace.name == "with dead time"]
+    assert (len(bench), len(after)) == (4, 4)
+    assert figure.layout.xaxis.type == "log"
+    assert len(bench[0].x) == 5  # two of seven have no time
+    # Without a hypothesis there is no second curve.
+    alone = before.before_figure(cells_of(full), "")
+    assert {trace.name for trace in alone.data if trace.name} == {"without any effect", "bench"}
+
+
+def test_bars_mark_the_credible_set_and_the_floor(full: Diagnosis) -> None:
+    causes = charts.causes_figure(full)
+    inside = next(trace for trace in causes.data if trace.name == "in the 90 % set")
+    assert len(inside.x) == len(full.verdict.credible)
+    assert sum(inside.x) >= 0.9
+    gaps = charts.held_out_figure(full)
+    shown = {trace.y[0]: trace.x[0] for trace in gaps.data}
+    assert shown["no effect (before)"] == pytest.approx(1e3 * full.before_after.baseline)
+    assert shown["scatter and numerics alone"] == pytest.approx(1e3 * full.before_after.floor)
+
+
+def test_bounds_say_where_there_is_no_information(full: Diagnosis) -> None:
+    figure = charts.bounds_figure(full)
+    words = {a.y: a.text for a in figure.layout.annotations}
+    assert words["drag torque on the sliding ring"] == "no information"
+    assert re.fullmatch(r"at most \d+(\.\d+)? ms", words["dead time of the actuation"])
+    dotted = next(trace for trace in figure.data if trace.name == "no information")
+    assert dotted.line.dash == "dot"
+
+
+def test_answers_say_what_speaks_for_and_against(full: Diagnosis) -> None:
+    found = {one.name: one for one in answers.answers_of(full, EXTRAS.remarks)}
+    delay, lag = found["dead time of the actuation"], found["slow rise of the shift force"]
+    assert "valves take 40 ms & more" in delay.reasons
+    assert any("more than 1000 times better" in line for line in delay.reasons)
+    assert any("a shifted time zero of the record" in line for line in delay.doubts)
+    assert "the pressure rose at once" in lag.doubts
+    assert delay.inside
+    assert re.fullmatch(r"delay [\d.]+ ms \([\d.]+ to [\d.]+ ms\)", delay.sizes[0])
+
+
+def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
+    stand = load_bench("mq200_stand")
+    bench = bench_of({"force_factor": 0.8}, np.random.default_rng(1), shifts=20)
+    bench = replace(bench, sensor=stand.sensor, calibration=stand.calibration)
+    names = ("actuation_delay", "force_scale")
+    found = diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in names}, pairs=[])
+    scale = answers.answers_of(found, ())[0]
+    assert scale.name == "shift force off nominal"
+    assert any(line.startswith("at rest the stand shows") for line in scale.reasons + scale.doubts)
+    text = publish(found, tmp_path).read_text()
+    assert "What the stand shows at rest" in text
+    assert "given the force factor at rest" in text
+
+
+def test_words_of_numbers() -> None:
+    assert [chance(p) for p in (0.001, 0.5, 0.985, 0.999)] == ["< 1 %", "50 %", "98 %", "> 99 %"]
+    assert told("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
+    assert between("force_factor", 0.6, 0.6) == "0.6"
+    assert [odds(log) for log in (0.0, 1.0, 4.0, 9.0)] == [
+        "1 : 1", "2.7 : 1", "55 : 1", "> 1000 : 1",
+    ]  # fmt: skip
+    phase = PhaseGap("travel", 0.02, 0.021, 0.001, 3, 6)
+    assert charts.phase_words(phase) == f"{MINUS}1.0 ± 1.6"
+
+
+@pytest.mark.parametrize("width", [1280, 800])
+def test_report_in_a_browser(page: Path, tmp_path: Path, width: int) -> None:
+    seen = look(page, tmp_path, PROBE + REPORT_PROBE, window=f"{width},900")
+    assert "error" not in seen
+    assert seen["ids"].split() == [*DRAWN, "phases"]
+    assert seen["figures"] == seen["drawn"]
+    assert (seen["wide"], seen["loads"]) == ("false", "0")
+    assert json.loads(seen["cut"]) == json.loads(seen["paper"]) == []
+    # A4 less its margins of 12 mm is 703 px wide.
+    assert {float(one) for one in seen["widths"].split()} == {700.0}
+
+
+def test_report_prints_on_a_few_pages(page: Path, tmp_path: Path) -> None:
+    printed = print_pdf(page, tmp_path)
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
