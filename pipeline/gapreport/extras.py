@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from diagnosis.along import PhaseGap
+from pipeline.consequence import Candidate, Consequence
 
 
 @dataclass(frozen=True)
@@ -65,3 +66,13 @@ class Extras:
     remarks: tuple[Remark, ...] = ()
     unknown_cells: str = ""
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def so_what(found: Consequence) -> SoWhat:
+    """Return what a cause means for the choice of a design as the report shows it."""
+    without, within = _optimum(found.chosen), _optimum(found.best)
+    return SoWhat(without, within, found.regret, found.sentence)
+
+
+def _optimum(one: Candidate) -> Optimum:
+    return Optimum(one.params, one.without.mean, one.with_effect.mean)

@@ -17,7 +17,7 @@ SHOWN = 6  #: hypotheses in the table
 LEAST = 0.001  #: probability from which one is shown
 
 
-def diagnosis_table(found: Diagnosis, record: dict[str, Any], report: str | None) -> RenderableType:
+def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
     """Return a diagnosis for the console."""
     test = record["next_test"]
     lines = [
@@ -28,7 +28,8 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any], report: str | None
         _gap(found, record["gap"]),
         *_classes(record["confusable"]),
         f"next test: {test['name']}. {test['why']}",
-        *([f"report: {report}"] if report else []),
+        *([record["so_what"]["sentence"]] if record["so_what"] else []),
+        *([f"report: {record['report']}"] if record["report"] else []),
         *examined_lines(found.bench),
     ]
     return Group(*lines)

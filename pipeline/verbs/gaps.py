@@ -10,6 +10,9 @@ import typer
 from diagnosis.bench import load_bench
 from pipeline.console import emit, verb
 from pipeline.diagnosing import BANK, Means, diagnosed
+from pipeline.gapreport.gather import extras_of, price_of
+from pipeline.gapreport.publish import publish
+from pipeline.lock import writing
 from pipeline.options import Corrections, Jobs, Json
 from pipeline.progress import say
 from pipeline.tables.benches import examined_record
@@ -20,7 +23,7 @@ from pipeline.tables.gaps import diagnosis_table
 def gap(
     bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
     out: Annotated[
-        Path | None, typer.Option(help="folder for report and record; default: results/gap-NAME")
+        Path | None, typer.Option(help="folder for report.html, gap.json and cells.csv")
     ] = None,
     bank: Annotated[Path, typer.Option(help="folder of simulations that diagnoses share")] = BANK,
     effects: Annotated[
@@ -36,12 +39,22 @@ def gap(
 ) -> None:
     """Find which unmodelled effect makes a bench differ from the simulation.
 
-    The simulations of a clutch and its operating points take about half an hour on two cores, once;
-    the published clutch's come with the package. --out writes the report.
+    The simulations of a clutch and its operating points take about half an hour on two cores,
+    once; those of the published clutch come with the package.
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
-    given = load_bench(bench, correct or ())
-    found = diagnosed(given, Means(bank, effects, jobs, say))
-    record = {**found.as_dict(), **examined_record(given)}
-    emit(record, json, lambda: diagnosis_table(found, record, None))
+    given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, say)
+    found = diagnosed(given, means)
+    price = price_of(found, study, means)
+    report = None
+    if out is not None:
+        with writing(out):
+            report = publish(found, out, extras_of(found, price))
+    record = {
+        **found.as_dict(),
+        **examined_record(given),
+        "so_what": price.record if price else None,
+        "report": str(report) if report else None,
+    }
+    emit(record, json, lambda: diagnosis_table(found, record))

@@ -1,0 +1,91 @@
+"""What stands in a report beside the diagnosis: phases along the shift, the price of the cause."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+from diagnosis.along import PhaseGap, along, overall
+from diagnosis.bench import Bench
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.hypotheses import NONE, UNKNOWN
+from diagnosis.levels import Level
+from pipeline.config import load_study
+from pipeline.consequence import Consequence, consequence, designs_of, shifts_of
+from pipeline.diagnosing import Means
+from pipeline.executor import scratch_executor
+from pipeline.gapreport.extras import Extras, so_what
+from pipeline.progress import ShiftProgress
+from sim.errors import InputError
+from sim.records import content_key
+from sim.versions import engine
+
+POINTS, ANGLES = 8, 8  #: simulated with traces: operating points at most, and shifts at each
+
+
+def extras_of(found: Diagnosis, price: Consequence | None) -> Extras:
+    """Return what the report of a diagnosis says beside it; simulates some traces."""
+    return Extras(
+        phases=phases_of(found.bench),
+        so_what=so_what(price) if price else None,
+        unknown_cells=_unknown(found.bench),
+        provenance={
+            "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
+            "hash of the data": _digest(found.bench),
+            "processors": str(os.cpu_count()),
+        },
+    )
+
+
+def _digest(bench: Bench) -> str:
+    """Return a hash of all readings of a data set."""
+    rows = [
+        [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
+        for cell in bench.cells
+        for r in cell.readings
+    ]
+    return content_key({"name": bench.name, "rows": rows})
+
+
+def _unknown(bench: Bench) -> str:
+    cells = [cell for cell in bench.cells if cell.unknown]
+    if not cells:
+        return ""
+    shifts = sum(cell.unknown for cell in cells)
+    return (
+        f"Of {shifts} shifts at {len(cells)} operating points the data set does not say whether "
+        "they were tried or did not engage. They are left out; the last column of the table of "
+        "readings has the answer if all of them were tried and failed."
+    )
+
+
+def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
+    """Return the gap of each phase of the shift where the data set has traces, else none."""
+    having = [cell for cell in bench.cells if cell.traces]
+    if not having:
+        return ()
+    some = having[:: -(-len(having) // POINTS)]
+    found = along(replace(bench, cells=tuple(some)), angles=ANGLES)
+    return overall(found) if found else ()
+
+
+def price_of(found: Diagnosis, study: str | None, means: Means) -> Consequence | None:
+    """Return what the cause means for the best designs of a study; None where none is asked for.
+
+    The cause is the most probable set of effects, at the mean of its parameters.
+    Raises InputError where the diagnosis has no such.
+    """
+    if study is None:
+        return None
+    cause = next((h for h in found.belief if h not in (NONE, UNKNOWN)), None)
+    if cause is None or found.belief[cause] < 0.01:
+        raise InputError(
+            f"--study is '{study}', but the diagnosis of {found.bench.name} names no effect whose "
+            "price could be told; leave --study out"
+        )
+    given = load_study(study)
+    values = tuple(interval.mean for interval in found.intervals[cause].values())
+    designs = designs_of(given)
+    with ShiftProgress(shifts_of(given, designs)) as progress:
+        run = scratch_executor(means.jobs, progress.advance).run
+        return consequence(given, designs, Level(cause, values), found.effects, run)
