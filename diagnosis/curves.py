@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,13 +67,19 @@ class Curves:
         ``weights``.
         """
         known = self._covariance(cell, places)
-        first = self.sites[cell, :1]
-        taken = self.weights(cell, places)[0] - self.weights(cell, first)[0]
+        there, covariance = self._first[cell]
+        taken = self._solve(cell, known, 1.0, 0.0)[0] - there
         taken[:, 0] += 1.0
-        covariance = np.linalg.inv(self.inverse[cell])
         variance = ((taken @ covariance - 2.0 * known) * taken).sum(axis=1)
         variance = variance + self.size[cell] ** 2
         return taken, self.inflation * np.maximum(variance, 0.0)
+
+    @cached_property
+    def _first(self) -> list[tuple[Array, Array]]:
+        """Weights at the first level, (1, N), and the observations' covariance, by cell."""
+        cells = range(len(self.sites))
+        weights = [self.weights(cell, self.sites[cell, :1])[0] for cell in cells]
+        return list(zip(weights, np.linalg.inv(self.inverse), strict=True))
 
     def change_variance(self, cell: int, places: Array, origin: Array) -> Array:
         """Return the variance of the curve's change from ``origin`` (d,) to places, (m,)."""

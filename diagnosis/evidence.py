@@ -26,12 +26,13 @@ FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
 TOLERANCE = 0.003  #: share of the evidence that a halving may still change
 ROUNDS = 9
 POINTS = {1: 600, 2: 2600}
+FIRST_DRAWS = 128  #: values of the first round of importance sampling, even over the prior
 DRAWS = 192  #: values in a round of importance sampling
 SAMPLINGS = 7
 ENOUGH = 150.0  #: effective draws with which the sampling ends
 #: How far below the best log evidence the best value of a hypothesis lies where more rounds are
 #: not worth while, round by round: the first values may all miss a narrow peak.
-HOPELESS = (200.0, 60.0, 25.0, 12.0)
+HOPELESS = (100.0, 50.0, 25.0, 12.0)
 DOF = 5.0  #: of the Student-t
 PRIOR_SHARE = 0.15  #: of the draws that come from the prior
 OUTSIDE = 48  #: values at the ends of the prior
@@ -161,7 +162,7 @@ def _box_sums(rows: Rows, log: Array, each: int) -> Array:
 def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     """Integrate over the unit cube by importance sampling that adapts itself."""
     generator = np.random.default_rng(seed)
-    points = qmc.Sobol(size, seed=generator).random(256)
+    points = qmc.Sobol(size, seed=generator).random(FIRST_DRAWS)
     rows = at(points)
     proposals: list[_Proposal] = []
     counts = [len(points)]

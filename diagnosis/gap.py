@@ -244,12 +244,17 @@ def numerical_ratio(
 ) -> tuple[float, float]:
     """Return mean and standard deviation of a shift's numerical error in spreads of its cell.
 
-    ``blocks`` and their ``rows`` are those of whole cells.
+    ``blocks`` and their ``rows`` are those of whole cells. Of the squared mean that part is left
+    out which the scatter of so few shifts makes by itself.
     """
     apart, which = numerical_differences(blocks, rows, run)
     spreads = np.array([_spread(rows[k]) for k in which])
     ratios = apart / np.maximum(spreads, LEAST_SPREAD)
-    return float(ratios.mean()), float(ratios.std(ddof=1)) if ratios.size > 1 else 0.0
+    if ratios.size < 2:
+        return float(ratios.mean()), 0.0
+    mean, scatter = float(ratios.mean()), float(ratios.std(ddof=1))
+    left = math.sqrt(max(0.0, mean**2 - scatter**2 / ratios.size))
+    return math.copysign(left, mean), scatter
 
 
 def _spread(rows: Sequence[Record]) -> float:
