@@ -1,7 +1,7 @@
 r"""One shift of a stand with its truth, in MuJoCo, and what the stand reads of it.
 
 MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the
-crests meet, with ``STEP``. Between steps three things are set that MuJoCo has as constants: the
+crests meet, with ``STEP``. Between steps four things are set that MuJoCo has as constants: the
 coefficient of friction by the last slip *v*,
 
 .. math:: \mu(v) = \left(\mu_d + \frac{\mu_s - \mu_d}{2} \Big(1 - \frac{z}{\sqrt{1+z^2}}\Big)
@@ -9,7 +9,8 @@ coefficient of friction by the last slip *v*,
 
 where the stand creeps below :math:`v_s` as the published one (below ``HELD`` dogs are held, as
 MuJoCo does it, and the dynamic coefficient acts); the friction of a spline by the torque of the
-dogs on the ring; and applied forces (detent, ripple).
+dogs on the ring; the contact's spring and damper, one for faces and one for flanks; and applied
+forces (detent, ripple).
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.blind.model import FLIGHT_STEP, STEP, contact_reference, model_text
+from diagnosis.blind.model import FLIGHT_STEP, STEP, contact_references, model_text
 from diagnosis.blind.stand import Point, Stand, Truth
 from sim.errors import InputError
 
@@ -32,6 +33,7 @@ HELD = 5e-3  #: m/s, speeds of stiction below it count as none
 TOGETHER = 2  #: steps between two settings of friction and force
 NEAR = 0.9  #: share of the gap that is flown coarsely
 LOOK = 0.01  #: s between two looks at whether anything moves
+FLAT = 0.9  #: axial part of a normal above which faces touch
 DETENT_WIDTH = 1e-3  #: m
 SPLINE_PLACE = 0.8  #: radius of the spline over the inner radius of the dogs
 
@@ -126,6 +128,7 @@ class Engine:
         self._near = NEAR * gap - self.truth.high_dog
         self._travel = gap + stand.height - stand.seated - self.truth.high_dog
         shares = 1.0 - stand.mass * stand.radius**2 / stand.sliding_inertia
+        self._flank = self._face = (-1.0, -1.0)
         self._spline = max(0.0, shares) / (SPLINE_PLACE * stand.inner_radius)
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
@@ -162,7 +165,8 @@ class Engine:
         mismatch = point.mismatch + sign * truth.mismatch_offset
         self._rate[output] = self.stand.sliding_speed + mismatch
         self._rate[output] += truth.ripple * math.sin(draw.phase)
-        model.pair_solref[:] = contact_reference(self.stand, truth, point)
+        self._flank, self._face = contact_references(self.stand, truth, point)
+        model.pair_solref[:] = self._flank
         self._set_friction(self.stand.radius * abs(point.mismatch))
 
     def _set_friction(self, slip: float) -> None:
@@ -187,7 +191,9 @@ class Engine:
             model.dof_frictionloss[shift] = truth.friction
 
     def _after_contact(self) -> None:
-        """Set friction by the slip and the torque of the step that was made."""
+        """Set friction by the slip and the torque of the step that was made, and what touches."""
+        flat = abs(float(self._data.contact.frame[0, 2])) > FLAT
+        self._model.pair_solref[:] = self._face if flat else self._flank
         if self._law[2]:
             # Rows of the last contact: normal speed and both components of the slip.
             along, across = self._data.efc_vel[-2:].tolist()

@@ -112,22 +112,37 @@ def deepest(ratio: float) -> float:
     return math.exp(-z / root * inverse)
 
 
-def contact_reference(stand: Stand, truth: Truth, point: Point) -> tuple[float, float]:
-    r"""Return ``solref`` of the dogs at an operating point: stiffness and damping over mass.
+Reference = tuple[float, float]  #: stiffness and damping over mass, negative as MuJoCo wants them
 
-    A flank is hit half way down, by mismatch and axial speed, by the mass *m* that it feels. The
-    contact of the stand presses with k A x (1 + d v), from which follow the restitution and the
-    depth :math:`x^2 = 2 m (dv - \ln(1 + dv))/(k A d^2)`; spring and damper get both.
+
+def contact_references(stand: Stand, truth: Truth, point: Point) -> tuple[Reference, Reference]:
+    """Return ``solref`` of the dogs at an operating point: on a flank, and face on face.
+
+    A flank is hit half way down, by mismatch and axial speed, by the mass that it feels; a face
+    at the end of the gap by the ring alone.
     """
     lean = stand.traction if point.mismatch >= 0.0 else stand.braking
     mass = stand.mass + truth.added_mass
-    speed = _flank_speed(stand, truth, point, lean, mass)
     both = stand.sliding_inertia * stand.output_inertia
     turning = stand.radius**2 * (stand.sliding_inertia + stand.output_inertia) / both
     felt = 1.0 / (math.cos(lean) ** 2 * turning + math.sin(lean) ** 2 / mass)
+    around = abs(point.mismatch + truth.mismatch_offset) * stand.radius
+    gap = stand.gap + truth.gap_offset
+    axial = _axial_speed(truth, point, gap + 0.5 * stand.height, mass)
+    hit = math.cos(lean) * around + math.sin(lean) * axial
+    landing = _axial_speed(truth, point, gap, mass)
+    return _reference(stand, truth, felt, hit), _reference(stand, truth, mass, landing)
+
+
+def _reference(stand: Stand, truth: Truth, mass: float, speed: float) -> Reference:
+    r"""Return spring and damper that stop a mass in kg, at a speed in m/s, as the contact does.
+
+    The contact of the stand presses with k A x (1 + d v). From that follow the restitution and
+    the depth of a blow, :math:`x^2 = 2 m (dv - \ln(1 + dv))/(k A d^2)`.
+    """
     area = (stand.outer_radius - stand.inner_radius) * 0.5 * stand.height * stand.count
     approach = truth.dissipation * speed
-    depth = 2.0 * felt * (approach - math.log1p(approach)) / (truth.stiffness * area)
+    depth = 2.0 * mass * (approach - math.log1p(approach)) / (truth.stiffness * area)
     depth = math.sqrt(depth) / truth.dissipation
     ratio = damping_ratio(restitution(approach))
     rate = speed * deepest(ratio) / depth
@@ -136,19 +151,16 @@ def contact_reference(stand: Stand, truth: Truth, point: Point) -> tuple[float, 
     return -damping * min(rate / (2.0 * ratio), 0.25 / STEP), -damping
 
 
-def _flank_speed(stand: Stand, truth: Truth, point: Point, lean: float, mass: float) -> float:
-    """Return the normal speed in m/s at which a flank is hit half way down."""
+def _axial_speed(truth: Truth, point: Point, way: float, mass: float) -> float:
+    """Return about the speed in m/s of the free ring after a way in m."""
     force = max(1.0, truth.force_factor * point.force - truth.friction)
-    way = stand.gap + 0.5 * stand.height
     # A force that rises as t^2 at first makes F t^4 / (4 m T^2) of way.
-    time = (4.0 * way * mass * point.rise**2 / force) ** 0.25
-    axial = 3.6 * way / time
-    mismatch = abs(point.mismatch + truth.mismatch_offset)
-    return math.cos(lean) * mismatch * stand.radius + math.sin(lean) * axial
+    time = (4.0 * max(way, 1e-5) * mass * point.rise**2 / force) ** 0.25
+    return 3.6 * way / time
 
 
 def model_text(stand: Stand, truth: Truth) -> str:
-    """Return the model as MJCF; contact parameters are those of ``contact_reference`` later."""
+    """Return the model as MJCF; contact parameters are those of ``contact_references`` later."""
     travel = stand.gap + truth.gap_offset + stand.height
     dogs = ["low", "high"] if truth.high_dog else ["low"]
     pairs = "".join(

@@ -139,13 +139,18 @@ def manifest_of(folder: Path) -> Record:
 
 
 def run(
-    folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance | None = None
+    folder: Path,
+    diagnose: Diagnose,
+    jobs: int = 1,
+    advance: Advance | None = None,
+    first: Diagnose | None = None,
 ) -> dict[str, Record]:
     """Diagnose what is not diagnosed yet and return all results by case.
 
     ``diagnose`` gets the folder of a case and returns the record of a diagnosis; where it refuses
-    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one; the
-    first case goes alone, since it may have to make a bank of simulations for all.
+    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one. The
+    first case goes alone, by ``first`` where that is given, since it may have to make a bank of
+    simulations for all.
     """
     manifest = manifest_of(folder)
     results = folder / "results"
@@ -153,10 +158,10 @@ def run(
     left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
     _require_untouched(folder, manifest, left)
     (advance or _ignore)(len(manifest["cases"]) - len(left))
-    for batch in (left[:1], left[1:]):
+    for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
         with _pool(jobs if len(batch) > 1 else 1) as submit:
             pending = [
-                _told(submit(_diagnosed, folder, name, diagnose, manifest), advance)
+                _told(submit(_diagnosed, folder, name, way, manifest), advance)
                 for name in batch
             ]
             for future in as_completed(pending):
