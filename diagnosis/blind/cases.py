@@ -107,7 +107,9 @@ def cases_of(which: str, size: str, seed: int | None = None) -> tuple[Case, ...]
     """
     for name, value, valid in (("set", which, STRENGTHS), ("size", size, ("small", "full"))):
         if value not in valid:
-            raise InputError(f"--{name} is '{value}', which there is not; {did_you_mean(value, valid)}")
+            raise InputError(
+                f"--{name} is '{value}', which there is not; {did_you_mean(value, valid)}"
+            )
     generator = np.random.default_rng(SEEDS[which] if seed is None else seed)
     maker = _Maker(STRENGTHS[which], generator)
     found = list(_small(maker) if size == "small" else _full(maker))

@@ -84,5 +84,3 @@ def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
     least = min(aicc.values())
     raw = {h: float(np.exp(-0.5 * (value - least))) for h, value in aicc.items()}
     return {h: w / sum(raw.values()) for h, w in raw.items()}
-
-

@@ -72,7 +72,7 @@ def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = 
     folder.mkdir(parents=True, exist_ok=True)
     names = [f"case_{k:02d}" for k in range(len(cases))]
     work = [
-        (folder / "cases" / name, name, wanted.base, case)
+        (folder / "cases" / name, wanted.base, case)
         for name, case in zip(names, cases, strict=True)
     ]
     with _pool(jobs) as submit:
@@ -113,10 +113,10 @@ def _seal(
 
 
 def _one(
-    stand: Stand, points: tuple[Point, ...], folder: Path, name: str, base: Path, case: Case
+    stand: Stand, points: tuple[Point, ...], folder: Path, base: Path, case: Case
 ) -> list[list[float | None]]:
     series = simulate(stand, points, case)
-    write_case(folder, name, base, case, series)
+    write_case(folder, folder.name, base, case, series)
     return series.times
 
 
@@ -134,7 +134,9 @@ def manifest_of(folder: Path) -> Record:
     """Return the manifest of a set; StorageError where there is none or it is of another kind."""
     found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
     if found.get("format") != FORMAT or "cases" not in found:
-        raise StorageError(f"{folder / 'manifest.json'} is no manifest of blind cases; make it again")
+        raise StorageError(
+            f"{folder / 'manifest.json'} is no manifest of blind cases; make it again"
+        )
     return found
 
 
@@ -161,8 +163,7 @@ def run(
     for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
         with _pool(jobs if len(batch) > 1 else 1) as submit:
             pending = [
-                _told(submit(_diagnosed, folder, name, way, manifest), advance)
-                for name in batch
+                _told(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
             ]
             for future in as_completed(pending):
                 future.result()

@@ -42,7 +42,7 @@ def stand() -> Stand:
 
 def _flight(stand: Stand, point: Point = POINT, **truth: float) -> np.ndarray:
     """Return the motion (n, 5) of the ring over a gap so wide that it flies all the time."""
-    free = replace(stand, gap=FAR, timeout=0.07)
+    free = replace(stand, gap=FAR, timeout=0.061)
     return Engine(free, Truth(**truth)).shift(point, Draw(0.1), keep=True).motion  # type: ignore
 
 
@@ -128,10 +128,14 @@ def test_play_is_closed_before_the_ring_moves(stand: Stand) -> None:
 
 
 def test_detent_takes_the_work_of_its_hump(stand: Stand) -> None:
-    """Behind it nothing is lost, the ring only comes later; in it the force is less."""
-    plain, held = _flight(stand), _flight(stand, detent=20.0, detent_position=1.0 * MM)
-    assert _way(held, AT) < _way(plain, AT) - 0.05 * MM
-    assert _way(held, 0.02) == pytest.approx(_way(plain, 0.02), rel=1e-3)
+    """The energy over the way is the force's work less D w/2 (mean of the cosine's square)."""
+    peak, width = 20.0, 1.0 * MM
+    motion = _flight(stand, detent=peak, detent_position=1.0 * MM)
+    inside = motion[motion[:, 2] < 4.0 * MM]
+    way, speed = inside[:, 2], np.gradient(inside[:, 2], inside[:, 0])
+    force = np.array([signal(Truth(), POINT, t) for t in inside[:, 0]])
+    work = float(np.sum(0.5 * (force[1:-1] + force[:-2]) * np.diff(way[:-1])))
+    assert work - 0.5 * 0.3 * speed[-2] ** 2 == pytest.approx(0.5 * peak * width, rel=0.05)
 
 
 def test_mismatch_and_ripple_are_the_output_rings(stand: Stand) -> None:
@@ -169,7 +173,9 @@ def test_ranges_are_those_of_the_priors() -> None:
     effects = load()
     assert set(RANGES) == set(effects)
     for name, ranges in RANGES.items():
-        theirs = [(p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters]
+        theirs = [
+            (p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters
+        ]
         assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
         assert {r.name for r in ranges} <= set(FIELDS)
 
@@ -190,7 +196,7 @@ def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
     fast = Point(100.0 * RPM, 641.5, 0.12614)
     shown = {tuple(c.parameters) + tuple(c.outside): c for c in cases_of("tuning", "full")}
     for case in shown.values():
-        if len(case.parameters) < 2:
+        if len(case.parameters) < 2 and case.parameters.keys() | case.outside.keys():
             time = Engine(stand, case.truth).shift(fast, Draw(0.2)).time
             assert time is None or 0.015 < time <= 1.0, case
 
@@ -226,7 +232,9 @@ def test_traces_begin_with_time_zero_and_last_as_long_as_their_shift(
 
 
 def test_angles_prefer_their_centre_and_drift_takes_the_force(stand: Stand) -> None:
-    truth = truth_of({"relative_angle": {"concentration": 10.0, "centre_pitch": 0.3}}, {"drift": 1.0})
+    truth = truth_of(
+        {"relative_angle": {"concentration": 10.0, "centre_pitch": 0.3}}, {"drift": 1.0}
+    )
     found = [draw for mine in draws(truth, stand, 20, 10, 5) for draw in mine]
     places = np.array([draw.angle for draw in found]) / stand.pitch
     turn = np.angle(np.exp(2j * np.pi * places).mean()) / (2.0 * np.pi)
