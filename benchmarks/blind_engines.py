@@ -5,8 +5,8 @@
 The blind check takes its truth from MuJoCo (``diagnosis.blind``), the diagnosis simulates with
 Drake. At the same 16 even angles of each operating point of ``mq200_adams`` the table has both
 means, their difference, that over the shifts that take the same slot (``same``; another slot or
-bounce differs by more than a tenth), and the difference in sampling errors of a mean of ten. Drake's
-shifts are those of a bank's baseline, so that a bank's journal saves them; else 1344 shifts.
+bounce differs by more than a tenth), and the difference in sampling errors of a mean of ten.
+Drake's shifts are those of a bank's baseline, so that a bank's journal saves them; else 1344.
 """
 
 from __future__ import annotations
