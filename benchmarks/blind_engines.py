@@ -1,57 +1,53 @@
 """Both engines at the operating points of a bench without any effect: how far apart they are.
 
-    python -m benchmarks.blind_engines [SHIFTS.jsonl]
+    python -m benchmarks.blind_engines [ANGLES]
 
 The blind check takes its truth from MuJoCo (``diagnosis.blind``), the diagnosis simulates with
-Drake. At the same 16 even angles of each operating point of ``mq200_adams`` the table has both
+Drake. At the same even angles, 16 by default, of each operating point of ``mq200_adams`` the table has both
 means, their difference, that over the shifts that take the same slot (``same``; another slot or
 bounce differs by more than a tenth), and the difference in sampling errors of a mean of ten.
-Drake's shifts are those of a bank's baseline, so that a bank's journal saves them; else 1344.
+A minute and a half of processor time.
 """
 
 from __future__ import annotations
 
 import sys
 import time
-from itertools import islice
-from pathlib import Path
 
 import numpy as np
 
-from diagnosis.bank import Plan, blocks_of, settings_of, times_of
+from diagnosis.bank import settings_of, times_of
 from diagnosis.bench import load_bench
 from diagnosis.blind.engine import Draw, Engine
 from diagnosis.blind.stand import Point, read_stand
-from pipeline.executor import Executor, scratch_executor
-from pipeline.journal import ShiftJournal
+from pipeline.executor import scratch_executor
+from sim.blocks import even_block
 from sim.bundled import bundled_root
 from sim.units import RPM
 
-EVERY = 3  #: of the baseline's angles
+ANGLES = 16
 FLIP = 0.1
 SHIFTS = 10  #: of a mean
 
 
 def main() -> None:
     """Print the comparison."""
-    executor = (
-        Executor(ShiftJournal(Path(sys.argv[1])), 1) if len(sys.argv) > 1 else scratch_executor(1)
-    )
+    angles = int(sys.argv[1]) if len(sys.argv) > 1 else ANGLES
     bench = load_bench("mq200_adams")
     settings = settings_of(bench)
-    blocks = list(islice(blocks_of(Plan(()), bench), len(settings)))
-    rows = executor.run(blocks)
+    places = [even_block(s.clutch, s.point, angles, (1, k)) for k, s in enumerate(settings)]
+    rows = scratch_executor(1).run(places)
     engine = Engine(read_stand(bundled_root() / "bench" / "mq200_adams"))
     print("1/min      N   Drake  MuJoCo  difference    same  flipped  in errors")
     found, begin = [], time.process_time()
-    for setting, block, mine in zip(settings, blocks, rows, strict=True):
+    for setting, block, mine in zip(settings, places, rows, strict=True):
         profile = setting.point.profile
         point = Point(setting.point.mismatch, profile.force, profile.rise)
-        first = times_of(setting, mine)[::EVERY]
-        times = [engine.shift(point, Draw(angle)).time for angle in block.angles[::EVERY]]
+        first = times_of(setting, mine)
+        times = [engine.shift(point, Draw(angle)).time for angle in block.angles]
         second = np.array([np.nan if t is None else t for t in times])
         found.append(_row(point, first, second))
-    each = (time.process_time() - begin) / (len(settings) * len(first))
+    each = (time.process_time() - begin) / (len(settings) * angles)
     errors = np.array(found)
     print(f"root mean square: {np.sqrt((errors**2).mean()):.2f} sampling errors of ten shifts")
     print(f"MuJoCo takes {each * 1e3:.0f} ms of processor time a shift")

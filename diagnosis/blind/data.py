@@ -121,11 +121,14 @@ def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[st
     """Return ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of one point's rows."""
     mine = series.shifts[place]
     times = [shift.time for shift in mine if shift.time is not None]
+    found: list[tuple[str, ...]] = []
     if case.form == "means":
-        rows = [(str(len(times)), f"{np.mean(times):.6f}", "true", "")] if times else []
         failed = len(mine) - len(times)
-        return rows + ([(str(failed), "", "false", "")] if failed else [])
-    found = []
+        if times:
+            found.append((str(len(times)), f"{np.mean(times):.6f}", "true", ""))
+        if failed:
+            found.append((str(failed), "", "false", ""))
+        return found
     for k, shift in enumerate(mine):
         trace = ""
         if shift.motion is not None and shift.time is not None:

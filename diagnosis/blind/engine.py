@@ -137,7 +137,8 @@ class Engine:
         self._begin(point, draw)
         seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None
         limit = self.stand.timeout - delay
-        look, stood = point.rise + 6.0 * self.truth.lag + self.truth.stage_time, ()
+        stood: tuple[float, ...] = ()
+        look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
         while self._data.time < limit:
             self._step(point, draw)
             ring, sensor = self._places()

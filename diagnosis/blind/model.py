@@ -158,7 +158,7 @@ def _axial_speed(truth: Truth, point: Point, way: float, mass: float) -> float:
     force = max(1.0, truth.force_factor * point.force - truth.friction)
     # A force that rises as t^2 at first makes F t^4 / (4 m T^2) of way.
     time = (4.0 * max(way, 1e-5) * mass * point.rise**2 / force) ** 0.25
-    return 3.6 * way / time
+    return float(3.6 * way / time)
 
 
 def model_text(stand: Stand, truth: Truth) -> str:

@@ -26,7 +26,7 @@ from sim.effect import Effect
 
 Record = dict[str, Any]
 
-TRIED = {0: 1, 1: 41, 2: 11}  #: values of each parameter by their number
+TRIED = (1, 41, 11)  #: values of each parameter, for none, one and two of them
 LEAST = 0.5e-3  #: s, the least spread of single shifts
 
 
@@ -72,12 +72,11 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
 def _grid(space: Space) -> Array:
     """Return shares (m, p) that fill the prior and give a bench."""
     p = len(space.parameters)
-    steps = np.linspace(0.0, 1.0, TRIED.get(p, 11))
-    shares = np.array(list(itertools.product(steps, repeat=p))).reshape(-1, p)
-    possible = space.effects and Space(
-        space.effects, space.setting, frozenset(effect.name for effect in space.effects)
-    ).possible(space.values(shares))
-    return shares[possible] if space.effects else shares
+    steps = np.linspace(0.0, 1.0, TRIED[min(p, 2)])
+    shares = np.array(list(itertools.product(steps, repeat=p))).reshape(len(steps) ** p, p)
+    every = frozenset(effect.name for effect in space.effects)
+    bounded = Space(space.effects, space.setting, every)
+    return shares[bounded.possible(bounded.values(shares))]
 
 
 def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
