@@ -27,6 +27,7 @@ VERBS = {
     "fit": "pipeline.verbs.studies",
     "validate": "pipeline.verbs.benches",
     "gap": "pipeline.verbs.gaps",
+    "blind": "pipeline.verbs.blinds",
 }
 #: Plain text for people and programs alike.
 PLAIN: dict[str, Any] = {
@@ -43,9 +44,11 @@ class _Commands(UserDict[str, Any]):
     """
 
     def __getitem__(self, name: str) -> Any:
-        module = import_module(super().__getitem__(name))
+        found = getattr(import_module(super().__getitem__(name)), name)
+        if isinstance(found, typer.Typer):
+            return typer.main.get_command(found)
         program = typer.Typer(**PLAIN)
-        program.command(name)(getattr(module, name))
+        program.command(name)(found)
         return typer.main.get_command(program)
 
 

@@ -24,13 +24,14 @@ LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 class ShiftProgress:
     """Counts finished shifts; a context manager that clears its bar at the end.
 
-    ``most`` says that ``total`` is an upper bound.
+    ``most`` says that ``total`` is an upper bound, ``unit`` what is counted.
     """
 
-    def __init__(self, total: int, *, most: bool = False) -> None:
+    def __init__(self, total: int, *, most: bool = False, unit: str = "shifts") -> None:
         self._console = Console(stderr=True)
         self._total = total
         self._most = most
+        self._unit = unit
         self._done = 0
         self._start = self._said = time.monotonic()
         self._bar = Progress(
@@ -46,7 +47,7 @@ class ShiftProgress:
             transient=True,
         )
         self._task = self._bar.add_task(
-            "simulating", total=total, unit="shifts at most" if most else "shifts"
+            "simulating", total=total, unit=f"{unit} at most" if most else unit
         )
 
     def __enter__(self) -> ShiftProgress:
@@ -68,7 +69,7 @@ class ShiftProgress:
             self._said = now
             left = (now - self._start) / self._done * max(0, self._total - self._done)
             total = f"at most {self._total}" if self._most else f"{self._total}"
-            line = f"{self._done} of {total} shifts, about {left:.0f} s left"
+            line = f"{self._done} of {total} {self._unit}, about {left:.0f} s left"
             self._console.print(line, highlight=False)
 
     def extend(self, count: int) -> None:

@@ -62,12 +62,13 @@ GUARDED = {
         "pipeline/verbs/designs.py",
         "pipeline/verbs/studies.py",
         "pipeline/verbs/benches.py",
+        "pipeline/verbs/blinds.py",
         "pipeline/verbs/exploring.py",
         "pipeline/verbs/gaps.py",
     },
     "joblib": {"pipeline/executor.py"},
     "distributed": {"pipeline/executor.py"},
-    "mujoco": {"diagnosis/second_engine.py"},
+    "mujoco": {"diagnosis/second_engine.py", "diagnosis/blind/engine.py"},
     "nptdms": {"diagnosis/tdms.py"},
     "dynesty": {"diagnosis/nested.py"},
     "build123d": {"pipeline/cad.py"},
@@ -76,6 +77,9 @@ GUARDED = {
 }
 #: What takes so long to load that ``check`` must answer without it.
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")
+#: What the truth of blind cases may have of the project: no physics, no effects.
+APART = {"sim.errors", "sim.units"}
+TRUTH = ("stand", "model", "engine", "effects", "cases", "data")
 MODULES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 
 
@@ -98,6 +102,15 @@ def test_imports_keep_to_the_rooms(path: Path) -> None:
     assert imported & set(ROOMS) <= ALLOWED[room] | {room}
     for package, modules in GUARDED.items():
         assert package not in imported or name in modules, f"{name} imports {package}"
+
+
+@pytest.mark.parametrize("name", TRUTH)
+def test_truth_of_blind_cases_shares_no_code_with_the_diagnosis(name: str) -> None:
+    path = ROOT / "diagnosis" / "blind" / f"{name}.py"
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ROOMS:
+            own = (node.module or "").startswith("diagnosis.blind.")
+            assert own or node.module in APART, f"{name} imports {node.module}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))

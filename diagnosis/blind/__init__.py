@@ -1,0 +1,1 @@
+"""Proof of the diagnosis on data whose effect is withheld: truth, sealed cases and their score."""

@@ -1,0 +1,182 @@
+r"""What one case says of the diagnosis: truth beside what was found.
+
+The size of a case's gap is that of its means against the same engine without any effect, in
+sampling errors of the means, less what chance alone gives:
+
+.. math:: g^2 = \max(0, \overline{z^2} - 1), \qquad
+   z = (\bar t - \bar t_0) / (\sigma_0 / \sqrt n).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Record = dict[str, Any]
+Names = tuple[str, ...]
+
+LEAST = 0.5e-3  #: s, the least spread of single shifts
+CREDIBLE = 0.9
+#: Truths that no data of shifts can tell apart.
+UNKNOWN: Names = ("unknown",)
+
+
+@dataclass(frozen=True)
+class Mark:
+    """One case: ``truth`` and what was found; hypotheses are names in alphabetical order.
+
+    ``chances`` are probabilities by hypothesis, ``group`` the top's class, ``credible`` the 90 %
+    set. ``shrink``, ``true_shrink`` and ``rival_shrink`` are held-out shrinks of the leading
+    hypothesis, of the true one where the record has it, and of the best other one. ``inside`` has
+    for each true parameter whether its 90 % interval holds it. ``plain`` and ``weights`` are what
+    the plain baselines say. A refusal of the data has no chances.
+    """
+
+    name: str
+    kind: str
+    strength: str
+    form: str
+    truth: Names
+    outside: Names
+    gap: float
+    verdict: str
+    causes: Names
+    chances: dict[Names, float]
+    group: frozenset[Names]
+    credible: tuple[Names, ...]
+    shrink: float | None
+    true_shrink: float | None
+    rival_shrink: float | None
+    inside: tuple[bool, ...]
+    plain: Names | None
+    weights: dict[Names, float]
+    time: float
+
+    @property
+    def refused(self) -> bool:
+        """Whether the data were refused as impossible."""
+        return self.verdict == "refused"
+
+    @property
+    def top(self) -> Names:
+        """The most probable hypothesis; unknown where the data were refused."""
+        return max(self.chances, key=lambda h: self.chances[h]) if self.chances else UNKNOWN
+
+    @property
+    def right(self) -> bool:
+        """Whether the top is the truth."""
+        return self.top == self.truth
+
+    @property
+    def right_class(self) -> bool:
+        """Whether the truth is the top or in its class."""
+        return self.right or self.truth in self.group
+
+    @property
+    def named(self) -> bool:
+        """Whether the diagnosis names a cause."""
+        return self.verdict == "effect"
+
+    @property
+    def named_right(self) -> bool:
+        """Whether what it names is the truth, no more and no less."""
+        return self.named and tuple(sorted(self.causes)) == self.truth
+
+    @property
+    def found(self) -> int:
+        """How many true causes the verdict or the top has."""
+        return len(set(self.truth) & ({*self.causes} | {*self.top}))
+
+
+def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
+    """Hold one result against the truth of its case (of the key)."""
+    found: Record = result.get("diagnosis", {})
+    chances = {_names(h["effects"]): float(h["probability"]) for h in found.get("hypotheses", [])}
+    top = max(chances, key=lambda h: chances[h]) if chances else UNKNOWN
+    causes = _names(truth["causes"])
+    gap = found.get("gap", {})
+    shrinks = {top: gap.get("shrink")}
+    if gap.get("rival") is not None:
+        shrinks[_names(gap["rival"])] = gap.get("rival_shrink")
+    plain = found.get("plain", {})
+    smallest = plain.get("smallest_rmse")
+    return Mark(
+        name=name,
+        kind=truth["kind"],
+        strength=truth["strength"],
+        form=truth["form"],
+        truth=causes,
+        outside=tuple(truth["outside"]),
+        gap=gap_size(truth["times_s"], key["reference_s"]),
+        verdict=found.get("verdict", "refused"),
+        causes=tuple(found.get("causes", ())),
+        chances=chances,
+        group=_group(top, found.get("confusable", [])),
+        credible=_credible(found, chances),
+        shrink=gap.get("shrink"),
+        true_shrink=shrinks.get(causes),
+        rival_shrink=gap.get("rival_shrink"),
+        inside=tuple(_inside(found, truth)),
+        plain=None if smallest is None else _names(smallest),
+        weights={_names(w["effects"]): w["weight"] for w in plain.get("aicc", [])},
+        time=float(result["time_s"]),
+    )
+
+
+def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[Any]]) -> float:
+    """Return the size of a gap in sampling errors, from times (points, n) in s with None."""
+    squares = []
+    for mine, without in zip(times, free, strict=True):
+        bench = [t for t in mine if t is not None]
+        base = [t for t in without if t is not None]
+        if not bench or not base:
+            return math.inf if bool(bench) != bool(base) else 0.0
+        spread = max(LEAST, float(np.std(base, ddof=1)) if len(base) > 1 else LEAST)
+        z = (np.mean(bench) - np.mean(base)) / (spread / math.sqrt(len(bench)))
+        squares.append(float(z) ** 2)
+    return math.sqrt(max(0.0, float(np.mean(squares)) - 1.0))
+
+
+def _names(effects: Sequence[str]) -> Names:
+    return tuple(sorted(effects))
+
+
+def _parsed(text: str) -> Names:
+    return () if text == "none" else _names(text.split(" + "))
+
+
+def _group(top: Names, confusable: Sequence[Sequence[str]]) -> frozenset[Names]:
+    """Return all that stands in a class with the top, in words of the record."""
+    groups = [{_parsed(text) for text in group} for group in confusable]
+    return frozenset({top}.union(*(group for group in groups if top in group)))
+
+
+def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:
+    if "credible_set" in found:
+        return tuple(_names(h) for h in found["credible_set"])
+    chosen: list[Names] = []
+    whole = 0.0
+    for hypothesis in sorted(chances, key=lambda h: -chances[h]):
+        if whole >= CREDIBLE:
+            break
+        chosen.append(hypothesis)
+        whole += chances[hypothesis]
+    return tuple(chosen)
+
+
+def _inside(found: Record, truth: Record) -> list[bool]:
+    """Tell for each parameter whether the true hypothesis' interval holds the true value."""
+    mine = [h for h in found.get("hypotheses", []) if list(h["effects"]) == truth["causes"]]
+    if not mine:
+        return []
+    values = {n: v for one in truth["parameters"].values() for n, v in one.items()}
+    given = mine[0].get("parameters", {})
+    return [
+        given[name]["low"] <= value <= given[name]["high"]
+        for name, value in values.items()
+        if name in given
+    ]

@@ -1,0 +1,191 @@
+"""The score of a diagnosis on sealed cases: opened once, every figure with its interval.
+
+Shares have Wilson's 95 % interval, means a bootstrap's over cases. ``visible`` are the cases whose
+gap is at least two sampling errors of the means (root mean square over the operating points).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.blind.intervals import calibration, mean, share
+from diagnosis.blind.marks import Mark, Names, mark_of
+from diagnosis.blind.sealed import opened, results_of
+
+Record = dict[str, Any]
+
+VISIBLE = 2.0  #: sampling errors
+STRENGTHS = ("none", "barely", "clear", "gross")
+FORMS = ("means", "singles", "traces")
+
+
+def score(folder: Path) -> Record:
+    """Open the key of a set whose cases are all diagnosed, and score.
+
+    Raises StorageError where the key is not the sealed one, InputError where results are missing.
+    """
+    results = results_of(folder)
+    key = opened(folder)
+    return scored([mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()])
+
+
+def scored(marks: Sequence[Mark]) -> Record:
+    """Return all figures from the marks of the cases."""
+    visible = [m for m in marks if m.gap >= VISIBLE]
+    return {
+        "cases": len(marks),
+        "all": figures(marks),
+        "visible": figures(visible),
+        "singles_by_strength": _split(
+            [m for m in marks if m.kind == "single"], lambda m: m.strength, STRENGTHS[1:]
+        ),
+        "by_form": _split(marks, lambda m: m.form, FORMS),
+        "none": _none(marks),
+        "pairs": _pairs(marks),
+        "outside": _outside(marks),
+        "shrink": _shrink(marks),
+        "plain": _plain(marks),
+        "confusion": _confusion(marks),
+        "time_s": {
+            "mean": mean(m.time for m in marks),
+            "largest": max((m.time for m in marks), default=None),
+        },
+        "marks": [_row(m) for m in marks],
+    }
+
+
+def figures(marks: Sequence[Mark]) -> Record:
+    """Return the figures that any group of cases has."""
+    told = [m for m in marks if not m.refused]
+    return {
+        "n": len(marks),
+        "top_1": share(m.right for m in marks),
+        "top_class": share(m.right_class for m in marks),
+        "named": share(m.named for m in marks),
+        "precision_when_named": share(m.named_right for m in marks if m.named),
+        "coverage_90": share(m.truth in m.credible for m in told),
+        "size_90": mean(float(len(m.credible)) for m in told),
+        "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
+        "calibration_error": calibration([_pairs_of(m) for m in told]),
+        "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in told]),
+        "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in told),
+    }
+
+
+def _pairs_of(mark: Mark) -> list[tuple[float, bool]]:
+    return [(p, h == mark.truth) for h, p in mark.chances.items()]
+
+
+def _split(
+    marks: Sequence[Mark], key: Callable[[Mark], str], groups: Sequence[str]
+) -> dict[str, Record]:
+    parts = {group: [m for m in marks if key(m) == group] for group in groups}
+    return {group: figures(part) for group, part in parts.items() if part}
+
+
+def _none(marks: Sequence[Mark]) -> Record:
+    mine = [m for m in marks if m.kind == "none"]
+    return {
+        "n": len(mine),
+        "false_alarms": share(m.named for m in mine),
+        "verdict_none": share(m.verdict == "none" for m in mine),
+        "verdict_unknown": share(m.verdict == "unknown" for m in mine),
+    }
+
+
+def _pairs(marks: Sequence[Mark]) -> Record:
+    mine = [m for m in marks if m.kind == "pair"]
+    return {
+        "n": len(mine),
+        "both_found": share(m.found == 2 for m in mine),
+        "one_found_or_both": share(m.found >= 1 for m in mine),
+        "top_is_the_pair": share(m.right for m in mine),
+        "wrong_effect_named": share(m.named and not set(m.causes) & set(m.truth) for m in mine),
+    }
+
+
+def _outside(marks: Sequence[Mark]) -> Record:
+    mine = [m for m in marks if m.kind == "outside"]
+    names = sorted({name for m in mine for name in m.outside})
+    return {
+        "n": len(mine),
+        "recognised": share(m.verdict in ("unknown", "refused") for m in mine),
+        "refused": share(m.refused for m in mine),
+        "wrong_effect_named": share(m.named for m in mine),
+        "verdicts": {n: [m.verdict for m in mine if n in m.outside] for n in names},
+    }
+
+
+def _shrink(marks: Sequence[Mark]) -> Record:
+    """Return held-out shrinks; those of the best wrong effect show why shrink names nothing."""
+    real = [m for m in marks if m.kind in ("single", "pair") and m.gap >= VISIBLE]
+    return {
+        "n": len(real),
+        "leading": mean(m.shrink for m in real),
+        "true": mean(m.true_shrink for m in real),
+        "leading_where_wrong": mean(m.shrink for m in real if not m.right),
+        "best_rival_where_right": mean(m.rival_shrink for m in real if m.right),
+        "true_where_right": mean(m.true_shrink for m in real if m.right),
+    }
+
+
+def _plain(marks: Sequence[Mark]) -> Record:
+    """Return how often both plain baselines are right, beside the diagnosis on the same cases.
+
+    Only cases of one effect count: neither baseline knows pairs or things outside the list.
+    """
+    mine = [m for m in marks if m.kind == "single" and m.plain is not None]
+    seen = [m for m in mine if m.gap >= VISIBLE]
+    return {name: _beside(part) for name, part in (("singles", mine), ("visible", seen))}
+
+
+def _beside(marks: Sequence[Mark]) -> Record:
+    best = [(m, max(m.weights, key=lambda h: m.weights[h])) for m in marks if m.weights]
+    sure = [(m, h) for m, h in best if m.weights[h] > 0.8]
+    return {
+        "n": len(marks),
+        "diagnosis": share(m.right for m in marks),
+        "smallest_rmse": share(m.plain == m.truth for m in marks),
+        "aicc": share(h == m.truth for m, h in best),
+        "aicc_calibration_error_of_top": calibration(
+            [[(m.weights[h], h == m.truth)] for m, h in best]
+        ),
+        "aicc_precision_above_0.8": share(h == m.truth for m, h in sure),
+    }
+
+
+def _confusion(marks: Sequence[Mark]) -> dict[str, dict[str, int]]:
+    """Return how often each top was found, by truth."""
+    table: dict[str, Counter[str]] = {}
+    for mark in marks:
+        table.setdefault(_text(mark.truth), Counter())[_text(mark.top)] += 1
+    return {truth: dict(table[truth].most_common()) for truth in sorted(table)}
+
+
+def _text(names: Names) -> str:
+    return " + ".join(names) or "none"
+
+
+def _row(mark: Mark) -> Record:
+    return {
+        "case": mark.name,
+        "kind": mark.kind,
+        "strength": mark.strength,
+        "form": mark.form,
+        "truth": list(mark.truth),
+        "outside": list(mark.outside),
+        "gap_in_errors": mark.gap if np.isfinite(mark.gap) else None,
+        "verdict": mark.verdict,
+        "top": list(mark.top),
+        "probability": mark.chances.get(mark.top),
+        "probability_of_truth": mark.chances.get(mark.truth, 0.0),
+        "right": mark.right,
+        "right_class": mark.right_class,
+        "shrink": mark.shrink,
+        "time_s": mark.time,
+    }

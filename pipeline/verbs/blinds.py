@@ -1,0 +1,106 @@
+"""``blind``: cases whose effect is withheld, their diagnosis, and its score."""
+
+from __future__ import annotations
+
+import os
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from diagnosis.blind.score import score as score_of
+from diagnosis.blind.sealed import Wanted, manifest_of, points_for
+from diagnosis.blind.sealed import make as make_cases
+from diagnosis.blind.sealed import run as run_cases
+from pipeline.console import emit, verb
+from pipeline.options import Jobs, Json
+from pipeline.progress import ShiftProgress
+from pipeline.tables.blinds import made_lines, run_table, score_table
+from sim.bundled import bundled_root
+from sim.errors import InputError
+
+blind = typer.Typer(
+    name="blind",
+    help="Cases whose effect is withheld: make them, diagnose them, open the key and score.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the set of cases")]
+
+
+@blind.command()
+@verb
+def make(
+    folder: Folder,
+    bench: Annotated[
+        str, typer.Option(help="data set whose clutch and operating points are taken")
+    ] = "mq200_adams",
+    which: Annotated[str, typer.Option(help="published or tuning: strengths and draws")] = (
+        "published"
+    ),
+    size: Annotated[str, typer.Option(help="full (106 cases) or small (5)")] = "full",
+    seed: Annotated[int | None, typer.Option(min=0, help="default: that of the set")] = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Write data of cases with known effects from a second engine, and the sealed key.
+
+    Example: dogshape blind make results/blind --size small
+    """
+    wanted = Wanted(_base(bench), which, size, seed)
+    points_for(wanted)  # refuses a bad stand before anything is simulated
+    with ShiftProgress(_count(wanted), unit="cases") as progress:
+        manifest = make_cases(folder, wanted, _processes(jobs), progress.advance)
+    emit(manifest, json, lambda: made_lines(folder, manifest))
+
+
+@blind.command()
+@verb
+def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
+    """Diagnose each case from its data alone; goes on where it was stopped.
+
+    Example: dogshape blind run results/blind
+    """
+    total = len(manifest_of(folder)["cases"])
+    from pipeline.diagnosing import diagnose_folder  # noqa: PLC0415 - loads the simulation
+
+    alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
+    with ShiftProgress(total, unit="cases") as progress:
+        found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)
+    emit({"cases": found}, json, lambda: run_table(found))
+
+
+@blind.command()
+@verb
+def score(folder: Folder, json: Json = False) -> None:
+    """Open the key and say how often the diagnosis was right, with intervals.
+
+    Example: dogshape blind score results/blind --json
+    """
+    found = score_of(folder)
+    emit(found, json, lambda: score_table(found))
+
+
+def _base(bench: str) -> Path:
+    """Return the folder of a data set, given or bundled."""
+    for folder in (Path(bench), bundled_root() / "bench" / bench):
+        if (folder / "bench.toml").is_file() and (folder / "shifts.csv").is_file():
+            return folder
+    raise InputError(
+        f"--bench is '{bench}', but there is no data set of that name; give a folder with "
+        "bench.toml and shifts.csv, or mq200_adams"
+    )
+
+
+def _processes(jobs: int) -> int:
+    return jobs or os.cpu_count() or 1
+
+
+def _count(wanted: Wanted) -> int:
+    from diagnosis.blind.cases import cases_of  # noqa: PLC0415
+
+    return len(cases_of(wanted.which, wanted.size, wanted.seed))

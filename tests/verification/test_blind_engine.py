@@ -1,0 +1,251 @@
+"""MuJoCo's own mechanisms against closed forms of the free flight, and the data written of them."""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.bench import load_bench
+from diagnosis.blind.cases import Case, cases_of
+from diagnosis.blind.data import Series, draws, write_case
+from diagnosis.blind.effects import FIELDS, OUTSIDE, RANGES, truth_of
+from diagnosis.blind.engine import Draw, Engine, Shift, signal
+from diagnosis.blind.model import damping_ratio, dog_corners, restitution
+from diagnosis.blind.stand import Point, Stand, Truth, read_points, read_stand
+from diagnosis.second_engine import engine_available
+from sim.bundled import bundled_root
+from sim.effects import load
+from sim.geometry import Dog
+from sim.mesh import dog_solid
+from sim.units import MM, RPM
+from tests.conftest import needed
+
+BASE = bundled_root() / "bench" / "mq200_adams"
+FAR = 0.2  #: m of gap: nothing is touched before
+POINT = Point(10.0 * RPM, 469.0, 0.1766)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _mujoco() -> None:
+    needed(engine_available(), "mujoco")
+
+
+@pytest.fixture(scope="module")
+def stand() -> Stand:
+    return read_stand(BASE)
+
+
+def _flight(stand: Stand, point: Point = POINT, **truth: float) -> np.ndarray:
+    """Return the motion (n, 5) of the ring over a gap so wide that it flies all the time."""
+    free = replace(stand, gap=FAR, timeout=0.061)
+    return Engine(free, Truth(**truth)).shift(point, Draw(0.1), keep=True).motion  # type: ignore
+
+
+def _way(motion: np.ndarray, time: float, column: int = 2) -> float:
+    return float(np.interp(time, motion[:, 0], motion[:, column]))
+
+
+def _free(point: Point, mass: float, time: float) -> float:
+    """A cubic step has moved a free mass by F T^2/m (s^4/4 - s^5/10)."""
+    s = time / point.rise
+    return point.force * point.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
+
+
+AT = 0.04  #: s
+
+
+def test_force_mass_and_delay_in_free_flight(stand: Stand) -> None:
+    """Within 0.5 %: half a step of 0.1 ms over 40 ms enters by its fourth power."""
+    assert _way(_flight(stand), AT) == pytest.approx(_free(POINT, 0.3, AT), rel=5e-3)
+    heavy = _free(POINT, 1.3, AT)
+    assert _way(_flight(stand, added_mass=1.0), AT) == pytest.approx(heavy, rel=5e-3)
+    strong = 1.25 * _free(POINT, 0.3, AT)
+    assert _way(_flight(stand, force_factor=1.25), AT) == pytest.approx(strong, rel=5e-3)
+    late = _flight(stand, delay=0.02)
+    assert _way(late, AT + 0.02) == pytest.approx(_free(POINT, 0.3, AT), rel=5e-3)
+    assert _way(late, 0.02) == 0.0
+
+
+def test_lag_of_first_order(stand: Stand) -> None:
+    """The way through a lag is that of y' = (u - y)/tau, integrated finely."""
+    lag, step = 0.02, 1e-5
+    times = np.arange(0.0, AT, step)
+    forces = np.array([signal(Truth(), POINT, t) for t in times])
+    y = np.zeros_like(forces)
+    for k in range(1, len(times)):
+        y[k] = y[k - 1] + (forces[k - 1] - y[k - 1]) * (1.0 - math.exp(-step / lag))
+    way = np.cumsum(np.cumsum(y)) * step**2 / 0.3
+    assert _way(_flight(stand, lag=lag), AT) == pytest.approx(way[-1], rel=1e-2)
+
+
+def test_friction_holds_then_takes_a_constant_force(stand: Stand) -> None:
+    """From the time at which the force beats it, m x'' = F(t) - R."""
+    friction, step = 60.0, 1e-5
+    times = np.arange(0.0, 0.06, step)
+    net = np.array([signal(Truth(), POINT, t) for t in times]) - friction
+    begin = int(np.argmax(net > 0.0))
+    way = np.cumsum(np.cumsum(net[begin:])) * step**2 / 0.3
+    motion = _flight(stand, friction=friction)
+    assert _way(motion, 0.06) == pytest.approx(way[-1], rel=1e-2)
+    # Held friction creeps at the rate of the constraint, micrometres before it is beaten.
+    assert abs(_way(motion, times[begin])) < 0.01 * MM
+
+
+def test_viscous_damping(stand: Stand) -> None:
+    """m v' = F - c v under the rising force, integrated finely."""
+    c, step, v, x = 80.0, 1e-5, 0.0, 0.0
+    for k in range(round(AT / step)):
+        v += step * (signal(Truth(), POINT, k * step) - c * v) / 0.3
+        x += step * v
+    assert _way(_flight(stand, damping=c), AT) == pytest.approx(x, rel=1e-2)
+
+
+def test_sensor_of_a_soft_linkage_leads_by_the_force_over_its_stiffness(stand: Stand) -> None:
+    """Both masses keep what they were; the spring carries what the ring's share needs."""
+    compliance = 3e-6
+    motion = _flight(stand, compliance=compliance)
+    lead = _way(motion, AT, 1) - _way(motion, AT)
+    ring = 0.85 * signal(Truth(), POINT, AT)
+    assert lead == pytest.approx(compliance * ring, rel=0.05)
+    assert 0.85 * _way(motion, AT) + 0.15 * _way(motion, AT, 1) == pytest.approx(
+        _free(POINT, 0.3, AT), rel=5e-3
+    )
+
+
+def test_play_is_closed_before_the_ring_moves(stand: Stand) -> None:
+    """The actuator's side flies alone by the play; afterwards it is ahead by that play."""
+    play = 0.5 * MM
+    motion = _flight(stand, free_play=play)
+    begin = (4.0 * play * 0.3 * 0.15 * POINT.rise**2 / POINT.force) ** 0.25
+    assert abs(_way(motion, 0.9 * begin)) < 1e-7
+    assert _way(motion, 1.3 * begin) > 0.01 * MM
+    assert _way(motion, AT, 1) - _way(motion, AT) == pytest.approx(play, rel=0.05)
+
+
+def test_detent_takes_the_work_of_its_hump(stand: Stand) -> None:
+    """The energy over the way is the force's work less D w/2 (mean of the cosine's square)."""
+    peak, width = 20.0, 1.0 * MM
+    motion = _flight(stand, detent=peak, detent_position=1.0 * MM)
+    inside = motion[motion[:, 2] < 4.0 * MM]
+    way, speed = inside[:, 2], np.gradient(inside[:, 2], inside[:, 0])
+    force = np.array([signal(Truth(), POINT, t) for t in inside[:, 0]])
+    work = float(np.sum(0.5 * (force[1:-1] + force[:-2]) * np.diff(way[:-1])))
+    assert work - 0.5 * 0.3 * speed[-2] ** 2 == pytest.approx(0.5 * peak * width, rel=0.05)
+
+
+def test_mismatch_and_ripple_are_the_output_rings(stand: Stand) -> None:
+    motion = _flight(stand, mismatch_offset=2.0 * RPM)
+    assert motion[-1, 4] / RPM == pytest.approx(12.0)
+    swing = _flight(stand, ripple=3.0 * RPM, ripple_rate=200.0)[:, 4] / RPM
+    assert (swing.min(), swing.max()) == pytest.approx((7.0, 13.0), abs=0.3)
+
+
+def test_two_stages_and_the_end_of_both(stand: Stand) -> None:
+    truth = Truth(stage=0.4, stage_time=0.5)
+    assert signal(truth, POINT, 0.4) == pytest.approx(0.4 * POINT.force)
+    assert signal(truth, POINT, 0.5 + POINT.rise) == pytest.approx(POINT.force)
+
+
+def test_restitution_and_its_damping_ratio() -> None:
+    """1 - 2/3 dv for slow blows, 1/(dv) for fast ones; the ratio gives it back at z < 1."""
+    assert restitution(0.01) == pytest.approx(1.0 - 0.02 / 3.0, abs=1e-4)
+    assert restitution(50.0) == pytest.approx(1.0 / 50.0, rel=0.02)
+    z = damping_ratio(0.5)
+    root = math.sqrt(1.0 - z * z)
+    angle = math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)
+    assert math.exp(-z / root * angle) == pytest.approx(0.5, rel=1e-9)
+
+
+def test_dog_is_that_of_the_project(stand: Stand) -> None:
+    """Two derivations of the eight corners agree to a nanometre."""
+    dog = Dog(15, stand.chamfer, stand.traction, stand.braking, 3.7e-3, 52e-3, 44e-3, 1e-3)
+    mine, theirs = dog_corners(stand, stand.chamfer), dog_solid(dog).vertices
+    apart = np.linalg.norm(mine[:, None] - theirs[None], axis=2).min(axis=1)
+    assert apart.max() < 1e-9
+
+
+def test_ranges_are_those_of_the_priors() -> None:
+    effects = load()
+    assert set(RANGES) == set(effects)
+    for name, ranges in RANGES.items():
+        theirs = [
+            (p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters
+        ]
+        assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
+        assert {r.name for r in ranges} <= set(FIELDS)
+
+
+def test_sets_differ_in_strengths_and_draws_and_cover_the_list() -> None:
+    published, tuning = cases_of("published", "full"), cases_of("tuning", "full")
+    assert published == cases_of("published", "full")
+    for cases in (published, tuning):
+        assert {name for c in cases for name in c.parameters} == set(RANGES)
+        assert {name for c in cases for name in c.outside} == set(OUTSIDE)
+    values = [{str(c.parameters) for c in cases if c.parameters} for cases in (published, tuning)]
+    assert not values[0] & values[1]
+    assert not {c.seed for c in published} & {c.seed for c in tuning}
+
+
+def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
+    """Each truth ends as a time or not engaged, never as a number that is none."""
+    fast = Point(100.0 * RPM, 641.5, 0.12614)
+    shown = {tuple(c.parameters) + tuple(c.outside): c for c in cases_of("tuning", "full")}
+    for case in shown.values():
+        if len(case.parameters) < 2 and case.parameters.keys() | case.outside.keys():
+            time = Engine(stand, case.truth).shift(fast, Draw(0.2)).time
+            assert time is None or 0.015 < time <= 1.0, case
+
+
+def test_data_of_a_case_can_be_read_and_say_nothing_of_it(tmp_path: Path) -> None:
+    points = read_points(BASE)[4:6]
+    shifts = ((Shift(0.15), Shift(0.17)), (Shift(None), Shift(0.12)))
+    case = Case("single", "means", 1, "clear", {"moving_mass": {"added_mass_kg": 1.0}})
+    write_case(tmp_path / "case_00", "case_00", BASE, case, Series(points, shifts))
+    bench = load_bench(tmp_path / "case_00")
+    assert [cell.time for cell in bench.cells] == pytest.approx([0.16, 0.12])
+    assert [cell.failed for cell in bench.cells] == [0, 1]
+    assert bench.sensor.displacement_at == "actuator"
+    assert bench.relative_angles is None
+    text = "".join(p.read_text() for p in (tmp_path / "case_00").iterdir())
+    assert "mass_kg = 0.3" in text
+    assert "moving" not in text
+
+
+def test_traces_begin_with_time_zero_and_last_as_long_as_their_shift(
+    stand: Stand, tmp_path: Path
+) -> None:
+    case = Case("single", "traces", 1, "clear", {"actuation_delay": {"delay_s": 0.05}})
+    point = Point(100.0 * RPM, 641.5, 0.12614)
+    shift = Engine(stand, case.truth).shift(point, Draw(0.2), keep=True)
+    write_case(tmp_path / "c", "c", BASE, case, Series((point,), ((shift,),)))
+    (cell,) = load_bench(tmp_path / "c").cells
+    (trace,) = cell.traces
+    assert trace.time[0] == 0.0
+    assert abs(np.interp(0.05, trace.time, trace.displacement)) < 0.02 * MM
+    assert trace.displacement.max() == pytest.approx(4.65 * MM, abs=0.03 * MM)
+    assert trace.time[-1] >= (cell.time or math.inf)
+
+
+def test_angles_prefer_their_centre_and_drift_takes_the_force(stand: Stand) -> None:
+    truth = truth_of(
+        {"relative_angle": {"concentration": 10.0, "centre_pitch": 0.3}}, {"drift": 1.0}
+    )
+    found = [draw for mine in draws(truth, stand, 20, 10, 5) for draw in mine]
+    places = np.array([draw.angle for draw in found]) / stand.pitch
+    turn = np.angle(np.exp(2j * np.pi * places).mean()) / (2.0 * np.pi)
+    assert turn == pytest.approx(0.3, abs=0.02)
+    assert (found[0].fade, found[-1].fade) == pytest.approx((1.0, 0.5))
+
+
+def test_a_swapped_column_has_other_rises_beside_the_forces(tmp_path: Path) -> None:
+    points = read_points(BASE)[:4]
+    case = Case("outside", "means", 1, outside={"swapped_column": 1.0})
+    write_case(tmp_path / "c", "c", BASE, case, Series(points, ((Shift(0.2),),) * 4))
+    with (tmp_path / "c" / "shifts.csv").open() as file:
+        rises = [float(row["force_rise_s"]) for row in csv.DictReader(file)]
+    assert rises == sorted(point.rise for point in points)
