@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from diagnosis.bank import Bank
 from diagnosis.curves import Curves, fit_curves
+from diagnosis.flight_table import FlightTables
 from diagnosis.gap import unseen_tail
 from diagnosis.levels import Axes, Level
 from diagnosis.sampling import (
@@ -37,7 +38,8 @@ from diagnosis.sampling import (
     residuals,
     with_dense,
 )
-from diagnosis.spread import Hypothesis, Spread
+from diagnosis.spread import Hypothesis, Marks, Spread
+from sim.actuation import ForceProfile
 from sim.effect import Effect
 from sim.errors import InputError, did_you_mean
 
@@ -190,6 +192,7 @@ class BankEmulator:
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
         self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
+        self.flights = FlightTables(self.effects, bank.settings)
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point.
@@ -208,6 +211,11 @@ class BankEmulator:
             whole = _together(base, reaches, self._change_variances(parts, weighted, cell))
             whole = self._doubted(whole, base, reaches)
         return self._spread(whole, delay, len(values), cell)
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
+        self._parts(hypothesis, values)
+        return self.flights.at(hypothesis, values, profile)
 
     def _parts(self, hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
         """Return the values of each effect, (m, p) each."""
