@@ -3,7 +3,9 @@ r"""Tables of flights over the values of effects, and what they say between thei
 Effects that move the flight are let fly at even shares of their priors, pairs at the grid of both:
 no rule of combination is needed. The logarithms of the marks are splines through the nodes, cubic
 in each parameter. Left with every other node only, the spline misses the nodes between; a quarter
-of that, the largest nearby, is the error of the whole one. A delay adds to all marks, exactly.
+of that, the largest nearby, is the error of the whole one. The law of an effect (the shape of a
+detent, one lag for a pneumatic cylinder) is taken to err by ``LAW`` of what it changes. A delay
+adds to all marks, exactly.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
-from diagnosis.flight import changes_flight, fly
+from diagnosis.flight import Flight, changes_flight, fly
 from diagnosis.levels import Level
 from diagnosis.marks import SIZE, WAYS
 from diagnosis.spread import Array, Hypothesis, Marks
@@ -30,6 +32,7 @@ MANY = 3  #: nodes along each of more than three parameters
 ALONE = (17, 17)  #: of one effect with two parameters
 HALF = 0.25  #: error of a spline over what it misses with every other node only
 TOUCHED = 0.02  #: s, error of a mark behind the first touch
+LAW = 0.02  #: error of an effect's law, over what it changes
 TRIED = (0.0, 0.3, 0.9, 1.0)  #: shares of priors at which an effect may move the flight
 
 
@@ -145,20 +148,24 @@ class FlightTables:
         self.effects = effects
         self.settings = {setting.point.profile: setting for setting in reversed(settings)}
         self._tables: dict[tuple[Hypothesis, ForceProfile], Table] = {}
+        self._flights: dict[ForceProfile, Flight] = {}
 
     def at(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks at values (m, p); KeyError for a profile of no operating point."""
         setting = self.settings[profile]
         moving = tuple(name for name in hypothesis if self._moves(name, setting))
+        marks = still = self._still(setting, len(values))
         if moving:
             marks = self._table(moving, profile).at(values[:, self._columns(hypothesis, moving)])
-        else:
-            marks = self._still(setting, len(values))
+            marks = replace(marks, error=marks.error + LAW * abs(marks.times - still.times))
         delay = self._delays(hypothesis, values, setting)
         return replace(marks, times=marks.times + delay[:, None])
 
     def _still(self, setting: Setting, count: int) -> Marks:
-        flight = fly(setting, setting.clutch.dog.axial_gap, setting.point.profile.force)
+        profile = setting.point.profile
+        if profile not in self._flights:
+            self._flights[profile] = fly(setting, setting.clutch.dog.axial_gap, profile.force)
+        flight = self._flights[profile]
         times, creep = (np.tile(one, (count, 1)) for one in (flight.times, flight.creep))
         return Marks(times, np.zeros_like(times), creep)
 
