@@ -13,8 +13,9 @@ every effect and pair can be let fly at many values. Simulated shifts in Drake h
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -76,8 +77,12 @@ def _creep(setting: Setting, levels: list[float]) -> Array:
     """
     if setting.clutch.mechanism.friction == 0.0:
         return np.zeros(len(levels))
-    stiff = setting.with_mechanism(compliance=0.0, free_play=0.0)
-    free, held = (_way_marks(stiff, levels, held=hold)[0] for hold in (False, True))
+    return _freed(setting.with_mechanism(compliance=0.0, free_play=0.0), tuple(levels))
+
+
+@lru_cache(maxsize=4096)
+def _freed(setting: Setting, levels: tuple[float, ...]) -> Array:
+    free, held = (_way_marks(setting, levels, held=hold)[0] for hold in (False, True))
     return CREEP * (free - held)
 
 
@@ -96,7 +101,7 @@ def _moving(setting: Setting) -> tuple[object, ...]:
     return setting.point.profile, mechanism, gap, mass, clutch.timeout, setting.sensor
 
 
-def _way_marks(setting: Setting, levels: list[float], *, held: bool) -> tuple[Array, Array]:
+def _way_marks(setting: Setting, levels: Sequence[float], *, held: bool) -> tuple[Array, Array]:
     """Return when the displacement at the sensor passes levels, s, and the way left to a touch."""
     clutch = setting.clutch
     time, ring, actuator = _motion(clutch, setting.point.profile, levels[-1], held)

@@ -2,7 +2,7 @@ r"""Tables of flights over the values of effects, and what they say between thei
 
 Effects that move the flight are let fly at even shares of their priors, pairs at the grid of both:
 no rule of combination is needed. The logarithms of the marks are splines through the nodes, cubic
-in each parameter. Left with every other node only, the spline misses the nodes between; a quarter
+in each parameter. Left with every other node only, the spline misses the nodes between; half
 of that, the largest nearby, is the error of the whole one. The law of an effect (the shape of a
 detent, one lag for a pneumatic cylinder) is taken to err by ``LAW`` of what it changes. A delay
 adds to all marks, exactly.
@@ -27,10 +27,10 @@ from sim.effect import Effect, Parameter
 from sim.errors import DogshapeError
 from sim.setting import Setting
 
-NODES = {1: (17,), 2: (9, 7), 3: (7, 5, 5)}  #: along each parameter, by their number
+NODES = {1: (17,), 2: (7, 5), 3: (5, 3, 5)}  #: along each parameter, by their number
 MANY = 3  #: nodes along each of more than three parameters
-ALONE = (17, 17)  #: of one effect with two parameters
-HALF = 0.25  #: error of a spline over what it misses with every other node only
+ALONE = (9, 17)  #: of one effect with two parameters
+HALF = 0.5  #: error of a spline over what it misses with every other node only
 TOUCHED = 0.02  #: s, error of a mark behind the first touch
 LAW = 0.02  #: error of an effect's law, over what it changes
 TRIED = (0.0, 0.3, 0.9, 1.0)  #: shares of priors at which an effect may move the flight
