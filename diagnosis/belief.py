@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, priors_of
-from diagnosis.scoring import Predicted, Problem, Scored, predict
+from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.signature import VISIBLE, Metric, squared
 from diagnosis.spread import Array, Hypothesis
 
@@ -94,7 +94,7 @@ def _pair(
 
 def _alone(problem: Problem, both: Space, one: Space, shares: Array, name: str) -> Predicted:
     part = one.values(shares[:, both.columns(name)])
-    return predict(problem.said((name,), part))
+    return problem.predicted((name,), part)
 
 
 def inclusion(folded: Probabilities) -> dict[str, float]:

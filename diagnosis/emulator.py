@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from diagnosis.bank import Bank
 from diagnosis.curves import Curves, fit_curves
+from diagnosis.flight_table import FlightTables
 from diagnosis.gap import unseen_tail
 from diagnosis.levels import Axes, Level
 from diagnosis.sampling import (
@@ -38,7 +39,8 @@ from diagnosis.sampling import (
     residuals,
     with_dense,
 )
-from diagnosis.spread import Hypothesis, Spread
+from diagnosis.spread import Hypothesis, Marks, Spread
+from sim.actuation import ForceProfile
 from sim.effect import Effect
 from sim.errors import InputError, did_you_mean
 from sim.setting import angle_weights
@@ -193,6 +195,7 @@ class BankEmulator:
         simulated = {level.hypothesis[0] for level in bank.levels}
         self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
         self._readings = lru_cache(maxsize=4)(self._readings_of)
+        self.flights = FlightTables(self.effects, bank.settings)
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point.
@@ -211,6 +214,11 @@ class BankEmulator:
             whole = _together(base, reaches, self._change_variances(parts, weighted, cell))
             whole = self._doubted(whole, base, reaches)
         return self._spread(whole, delay, len(values), cell)
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
+        self._parts(hypothesis, values)
+        return self.flights.at(hypothesis, values, profile)
 
     def _parts(self, hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
         """Return the values of each effect, (m, p) each."""

@@ -1,8 +1,9 @@
 """Whether a hypothesis can have made the data at all: its posterior predictive p-value.
 
 Of values drawn from the posterior, each cell gives a normal score for its times and one for its
-share engaged; the sum of their squares is chi-square where the hypothesis holds. The p-value is
-the mean over the posterior (Gelman, Meng and Stern 1996, realised discrepancies).
+share engaged, and each force profile one for the marks of its flight; the sum of their squares is
+chi-square where the hypothesis holds. The p-value is the mean over the posterior (Gelman, Meng
+and Stern 1996, realised discrepancies).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import betabinom, chi2
 
+from diagnosis.flight_likelihood import flight_scores
 from diagnosis.likelihood import Observed, Said, beta_of, time_score
 from diagnosis.scoring import Problem, Scored
 from diagnosis.spread import Array
@@ -23,11 +25,16 @@ MOST = 1e-12  #: least probability that is told from none
 def p_value(problem: Problem, found: Scored) -> float:
     """Return the posterior predictive p-value of a hypothesis."""
     rows, counts = np.unique(found.draw(DRAWN, np.random.default_rng(1)), return_counts=True)
-    said = problem.said(found.hypothesis, found.space.values(found.rows.shares[rows]))
+    values = found.space.values(found.rows.shares[rows])
+    said = problem.said(found.hypothesis, values)
     seen = problem.seen
     telling = (seen.tried > 0) & ((seen.failed > 0) | (said.engaged.min(axis=1) < 0.98))
     scores = np.vstack(
-        [time_score(seen, said)[seen.shifts > 0], _engaged_score(seen, said)[telling]]
+        [
+            time_score(seen, said)[seen.shifts > 0],
+            _engaged_score(seen, said)[telling],
+            flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
+        ]
     )
     if not len(scores):
         return 1.0

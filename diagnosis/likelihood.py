@@ -29,6 +29,7 @@ import numpy as np
 from scipy.special import betaln, gammaln, log_ndtr, ndtr, ndtri
 
 from diagnosis.bench import Bench
+from diagnosis.marks import SeenFlight, flights_of
 from diagnosis.reading import Cell
 from diagnosis.spread import Array, Spread
 from sim.clutch import Clutch
@@ -72,6 +73,7 @@ class Observed:
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
     timeout : s.
+    flights : marks of the traces, one for each force profile that has any.
     """
 
     singles: tuple[Array, ...]
@@ -82,6 +84,7 @@ class Observed:
     unknown: Array
     wait: Array
     timeout: float
+    flights: tuple[SeenFlight, ...] = ()
 
     @property
     def cells(self) -> int:
@@ -120,7 +123,8 @@ def observe(bench: Bench) -> Observed:
     engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
     singles = tuple(cell.times for cell in bench.cells)
     counted = engaged, failed, unknown
-    return Observed(singles, mean, n, *counted, np.array(waits), bench.clutch.timeout)
+    flights = flights_of(bench)
+    return Observed(singles, mean, n, *counted, np.array(waits), bench.clutch.timeout, flights)
 
 
 def _grand_mean(cell: Cell) -> tuple[float, int]:

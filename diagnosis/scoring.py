@@ -6,13 +6,17 @@ show) is a weighted sum over these rows, so the emulator is asked once for each 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from diagnosis.hypotheses import Space
+from diagnosis.flight_likelihood import SaidFlight, log_flights, said_flight, to_cells
+from diagnosis.hypotheses import NONE, Space
 from diagnosis.likelihood import Observed, Rules, Said, log_as_failed, log_likelihood, log_sum
-from diagnosis.spread import Array, Emulator, Hypothesis
+from diagnosis.marks import SeenFlight
+from diagnosis.spread import Array, Emulator, FlightEmulator, Hypothesis, Marks
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 
@@ -22,6 +26,7 @@ class Predicted:
     """What is said of each cell, each (m, cells); times in s.
 
     ``bulk`` is the logarithm of the distance of the quartiles, ``error`` that of the mean.
+    ``flight`` are the marks of all force profiles, (m, K), None without traces.
     """
 
     mean: Array
@@ -30,10 +35,23 @@ class Predicted:
     bulk: Array
     engaged: Array
     engaged_error: Array
+    flight: Array | None = None
 
     def rows(self, which: np.ndarray) -> Predicted:
         """Return some of the values."""
-        return Predicted(*(getattr(self, name)[which] for name in self.__dataclass_fields__))
+        parts = {name: part[which] for name, part in self._parts.items()}
+        return replace(self, **parts)
+
+    def joined(self, other: Predicted) -> Predicted:
+        """Return these values and others below them."""
+        both = {name: np.vstack([part, other._parts[name]]) for name, part in self._parts.items()}
+        return replace(self, **both)
+
+    @property
+    def _parts(self) -> dict[str, Array]:
+        """What there is, by name."""
+        every = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {name: part for name, part in every.items() if part is not None}
 
 
 @dataclass(frozen=True)
@@ -47,14 +65,11 @@ class Rows:
 
     def joined(self, other: Rows) -> Rows:
         """Return these rows and others below them."""
-        names = Predicted.__dataclass_fields__
-        mine, theirs = self.predicted, other.predicted
-        both = [np.vstack([getattr(mine, n), getattr(theirs, n)]) for n in names]
         return Rows(
             np.vstack([self.shares, other.shares]),
             np.vstack([self.log_likelihood, other.log_likelihood]),
             np.vstack([self.as_failed, other.as_failed]),
-            Predicted(*both),
+            self.predicted.joined(other.predicted),
         )
 
     def only(self, which: np.ndarray) -> Rows:
@@ -80,23 +95,52 @@ class Problem:
         cells = range(self.seen.cells)
         return Said.of([self.emulator.at(hypothesis, values, k) for k in cells], self.rules)
 
+    @cached_property
+    def flights(self) -> tuple[SeenFlight, ...]:
+        """Marks of traces, none where the emulator knows no flight."""
+        return self.seen.flights if isinstance(self.emulator, FlightEmulator) else ()
+
+    def flown(self, hypothesis: Hypothesis, values: Array) -> list[SaidFlight]:
+        """Return what a hypothesis with values (m, p) says of the marks of each profile."""
+        return [
+            said_flight(seen, self._marks(hypothesis, values, seen), plain)
+            for seen, plain in zip(self.flights, self._plain, strict=True)
+        ]
+
+    @cached_property
+    def _plain(self) -> list[Marks]:
+        return [self._marks(NONE, np.zeros((1, 0)), seen) for seen in self.flights]
+
+    def _marks(self, hypothesis: Hypothesis, values: Array, seen: SeenFlight) -> Marks:
+        assert isinstance(self.emulator, FlightEmulator)
+        return self.emulator.flight(hypothesis, values, seen.profile)
+
+    def predicted(self, hypothesis: Hypothesis, values: Array) -> Predicted:
+        """Return what a hypothesis with values (m, p) says in short."""
+        return predict(self.said(hypothesis, values), self.flown(hypothesis, values))
+
 
 def score(problem: Problem, space: Space, shares: Array) -> Rows:
     """Score a hypothesis at shares (m, p) of its priors."""
     values = space.values(shares)
     said = problem.said(space.hypothesis, values)
+    flown = problem.flown(space.hypothesis, values)
     table = log_likelihood(problem.seen, said).T.copy()
+    if flown:
+        logs = log_flights(problem.flights, flown)
+        table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
-    return Rows(shares, table, log_as_failed(problem.seen, said).T, predict(said))
+    return Rows(shares, table, log_as_failed(problem.seen, said).T, predict(said, flown))
 
 
-def predict(said: Said) -> Predicted:
-    """Return what is said of all cells in short."""
+def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
+    """Return what is said of all cells and of the marks of flights in short."""
     size = said.times.shape[2]
     low, high = (said.times[..., int(share * size)] for share in (0.25, 0.75))
     bulk = np.log(np.maximum(high - low, 1e-3))
-    parts = said.mean, said.sd, said.error, bulk, said.engaged, said.engaged_error
-    return Predicted(*(part.T for part in parts))
+    flight = np.hstack([one.times for one in flown]) if flown else None
+    mean, sd, error, wide = said.mean.T, said.sd.T, said.error.T, bulk.T
+    return Predicted(mean, sd, error, wide, said.engaged.T, said.engaged_error.T, flight)
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,9 @@
 The signature of a prediction has a coordinate for each cell with times (the mean), each cell with
 single shifts (the logarithm of the distance of its quartiles) and each cell with shares engaged,
 each over its standard error at the data set's number of shifts, errors of the simulation among
-them. Half the squared distance of two signatures is about the expected logarithm of the Bayes
-factor between them, and a squared distance of 4 two standard errors in all.
+them; and one for each mark of the flight, made independent. Half the squared distance of two
+signatures is about the expected logarithm of the Bayes factor between them, and a squared distance
+of 4 two standard errors in all.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.flight_likelihood import whitening
 from diagnosis.likelihood import Observed
 from diagnosis.scoring import Predicted
 from diagnosis.spread import Array
@@ -24,11 +26,15 @@ SHAPE = 0.1  #: error of the emulated logarithm of that distance
 
 @dataclass(frozen=True)
 class Metric:
-    """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing."""
+    """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing.
+
+    ``flight`` (K, K) makes the marks of the flight independent, of standard error 1.
+    """
 
     mean: Array
     bulk: Array
     engaged: Array
+    flight: Array | None = None
 
     def of(self, predicted: Predicted) -> Array:
         """Return signatures, (m, coordinates)."""
@@ -37,7 +43,10 @@ class Metric:
             (self.mean, self.bulk, self.engaged),
             strict=True,
         )
-        return np.hstack([np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts])
+        found = [np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts]
+        if self.flight is not None and predicted.flight is not None:
+            found.append(predicted.flight @ self.flight.T)
+        return np.hstack(found)
 
 
 def known(errors: Array) -> np.ndarray:
@@ -53,7 +62,8 @@ def metric_of(seen: Observed, baseline: Predicted) -> Metric:
         mean = np.sqrt(baseline.sd[0] ** 2 / shifts + baseline.error[0] ** 2)
         bulk = np.hypot(QUARTILES / np.sqrt(np.where(singles > 3, singles, 0.0)), SHAPE)
         engaged = np.sqrt(share * (1.0 - share) / tried + baseline.engaged_error[0] ** 2)
-    return Metric(np.where(np.isfinite(mean), mean, np.inf), bulk, engaged)
+    flight = whitening(seen.flights) if baseline.flight is not None else None
+    return Metric(np.where(np.isfinite(mean), mean, np.inf), bulk, engaged, flight)
 
 
 def squared(one: Array, other: Array) -> Array:

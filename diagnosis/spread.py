@@ -8,10 +8,12 @@ effects, effect by effect, in the units that the parameters' names end in.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sim.actuation import ForceProfile
 
 Array = NDArray[np.float64]
 Hypothesis = tuple[str, ...]  #: effects by name, () for none
@@ -41,4 +43,29 @@ class Emulator(Protocol):
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
+        ...
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Marks of the flight (``diagnosis.marks``) for m values of a hypothesis, s, (m, SIZE) each.
+
+    Parameters
+    ----------
+    times : when displacement and force pass the marks' values.
+    error : standard errors of each on its own.
+    creep : standard error that all have in common.
+    """
+
+    times: Array
+    error: Array
+    creep: Array
+
+
+@runtime_checkable
+class FlightEmulator(Emulator, Protocol):
+    """An emulator that also says the marks of the flight under a force profile."""
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return what a hypothesis with ``values`` (m, p) says of the marks."""
         ...

@@ -9,7 +9,8 @@ mismatch,
 with *w* one, or the baseline's mean time over its average. The likelihood of a cell as a function
 of its offset is put into the form :math:`S_c N(b_c; m_c, v_c)`, exact for means, so that the
 evidence is :math:`\prod S_c \cdot N(m; 0, V + K)`, summed over a grid of *A*, :math:`\ell`, *w*
-and stretch. A cell's share engaged is the baseline's or anything, half and half.
+and stretch. A cell's share engaged is the baseline's or anything, half and half. The marks of the
+flight have offsets of their own (``diagnosis.flight_likelihood``).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.bench import Bench
+from diagnosis.flight_likelihood import log_unknown
 from diagnosis.likelihood import Observed, Said, log_engaged, log_sum, log_times
 from diagnosis.scoring import Problem
 from diagnosis.spread import Array
@@ -88,23 +90,24 @@ class Unknown:
     """The hypothesis with its evidence.
 
     ``engaged`` and ``as_failed`` are the logarithms of what is said of the shares, (cells,), the
-    latter with the unknown shifts read as failed.
+    latter with the unknown shifts read as failed; ``flight`` that of the marks of flights.
     """
 
     models: tuple[Model, ...]
     baseline: Array
     engaged: Array
     as_failed: Array
+    flight: float = 0.0
 
     @property
     def log_evidence(self) -> float:
         """Logarithm of the evidence of all cells."""
-        return self._total() + float(self.engaged.sum())
+        return self._total() + float(self.engaged.sum()) + self.flight
 
     @property
     def log_evidence_as_failed(self) -> float:
         """The same with the unknown shifts read as failed."""
-        return self._total() + float(self.as_failed.sum())
+        return self._total() + float(self.as_failed.sum()) + self.flight
 
     def _total(self) -> float:
         cells = np.ones(self.baseline.size, dtype=bool)
@@ -139,7 +142,8 @@ def unknown(problem: Problem, bench: Bench) -> Unknown:
         offsets = _offsets(seen, _stretched(said, stretch))
         models += _grid(places, means, offsets, np.log(weight))
     plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
-    return Unknown(tuple(models), means, plain, failed)
+    flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
+    return Unknown(tuple(models), means, plain, failed, flight)
 
 
 def _grid(

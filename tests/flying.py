@@ -1,0 +1,104 @@
+"""Benches whose traces come from simulated shifts, and an emulator that knows the flight alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from diagnosis.bank import settings_of
+from diagnosis.bench import Bench, load_bench
+from diagnosis.flight_table import FlightTables
+from diagnosis.reading import Reading, gather
+from diagnosis.spread import Hypothesis, Marks, Spread
+from diagnosis.traces import BenchTrace
+from sim.actuation import ForceProfile
+from sim.clutch import Solver
+from sim.effects import load
+from sim.engagement import engage
+from sim.plant import ClutchPlant
+from sim.setting import Setting
+from sim.trace import Trace
+from sim.units import RPM
+
+Array = NDArray[np.float64]
+
+EFFECTS = load()
+MISMATCHES = (25.0, 149.0)
+NOISE = {"way": 1e-5, "force": 1.5}  #: m and N, scatter of the sensors
+
+
+def settings() -> tuple[Setting, ...]:
+    """Return some operating points of the published bench, with the scheme that is exact in flight.
+
+    It knows one coefficient of contact friction, which no flight meets.
+    """
+    every = settings_of(load_bench("mq200_adams"))
+    return tuple(
+        replace(setting, clutch=replace(setting.clutch, solver=Solver()))
+        for setting in every
+        if round(setting.point.mismatch / RPM, 6) in MISMATCHES
+    )
+
+
+def sampled(
+    trace: Trace, setting: Setting, step: float, noise: float, rng: np.random.Generator
+) -> BenchTrace:
+    """Return a simulated trace as a bench samples it every ``step`` s, with scatter.
+
+    ``noise`` is a factor of that of the sensors. Before the setting's delay nothing moves.
+    """
+    end = float(trace.time[-1]) + setting.delay
+    time = np.arange(0.0, end + 2.0 * step, step)
+    way = trace.actuator_displacement if setting.sensor == "actuator" else trace.displacement
+    series = (way, trace.shift_force, trace.sliding_speed, trace.output_speed)
+    found = [np.interp(time - setting.delay, trace.time, one) for one in series]
+    found[0] = found[0] + noise * NOISE["way"] * rng.standard_normal(time.size)
+    found[1] = found[1] + noise * NOISE["force"] * rng.standard_normal(time.size)
+    return BenchTrace(Path(), time, *found)
+
+
+def flying_bench(
+    name: str | None,
+    values: Mapping[str, float],
+    *,
+    shifts: int = 2,
+    step: float = 1e-3,
+    noise: float = 1.0,
+    seed: int = 1,
+) -> Bench:
+    """Return a bench with an effect whose shifts are simulated, each with its trace."""
+    rng = np.random.default_rng(seed)
+    readings = []
+    plants: dict[str, ClutchPlant] = {}
+    for plain in settings():
+        setting = EFFECTS[name].apply(plain, values) if name else plain
+        plant = plants.setdefault("only", ClutchPlant(setting.clutch))
+        for angle in rng.uniform(0.0, setting.clutch.dog.pitch_angle, shifts):
+            shift = engage(plant, setting.point, float(angle))
+            trace = sampled(shift.trace, setting, step, noise, rng)
+            time = None if shift.shift_time is None else shift.shift_time + setting.delay
+            row = len(readings) + 2
+            readings.append(Reading(row, plain.point, 1, time, time is not None, trace))
+    bench = load_bench("mq200_adams")
+    return replace(bench, name="flying", cells=gather(readings), relative_angles=None)
+
+
+class FlightOnly:
+    """An emulator by which all hypotheses say the same of times, and their own of the flight."""
+
+    def __init__(self) -> None:
+        self.tables = FlightTables(EFFECTS, settings())
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return times that tell nothing."""
+        one = np.ones(len(values))
+        times = np.linspace(0.05, 0.4, 24) * one[:, None]
+        return Spread(times, 0.95 * one, 0.1 * one, 0.02 * one)
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return the marks of the flight."""
+        return self.tables.at(hypothesis, values, profile)
