@@ -38,7 +38,8 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
     """
     cells = [k for k, cell in enumerate(bench.cells) if cell.time is not None]
     fits: dict[Hypothesis, tuple[float, float]] = {}
-    for hypothesis in [(), *((name,) for name in effects)]:
+    hypotheses: list[Hypothesis] = [(), *((name,) for name in effects)]
+    for hypothesis in hypotheses:
         space = Space(tuple(effects[name] for name in hypothesis), setting_of(bench))
         fits[hypothesis] = _fit(bench, emulator, space, cells)
     alone = {h: fit[0] for h, fit in fits.items() if h}
@@ -76,7 +77,8 @@ def _grid(space: Space) -> Array:
     shares = np.array(list(itertools.product(steps, repeat=p))).reshape(len(steps) ** p, p)
     every = frozenset(effect.name for effect in space.effects)
     bounded = Space(space.effects, space.setting, every)
-    return shares[bounded.possible(bounded.values(shares))]
+    inside: Array = shares[bounded.possible(bounded.values(shares))]
+    return inside
 
 
 def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:
