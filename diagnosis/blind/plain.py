@@ -38,11 +38,12 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
     """
     cells = [k for k, cell in enumerate(bench.cells) if cell.time is not None]
     fits: dict[Hypothesis, tuple[float, float]] = {}
-    hypotheses: list[Hypothesis] = [(), *((name,) for name in effects)]
-    for hypothesis in hypotheses:
+    nothing: Hypothesis = ()
+    singles: list[Hypothesis] = [(name,) for name in effects]
+    for hypothesis in [nothing, *singles]:
         space = Space(tuple(effects[name] for name in hypothesis), setting_of(bench))
         fits[hypothesis] = _fit(bench, emulator, space, cells)
-    alone = {h: fit[0] for h, fit in fits.items() if h}
+    alone = {h: fit[0] for h, fit in fits.items() if h != nothing}
     weights = _weights({h: fit[1] for h, fit in fits.items()})
     return {
         "smallest_rmse": list(min(alone, key=lambda h: alone[h])) if alone else None,
