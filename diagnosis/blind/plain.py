@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.bench import Bench
-from diagnosis.hypotheses import Space
+from diagnosis.hypotheses import NONE, Space
 from diagnosis.next_test import setting_of
 from diagnosis.spread import Array, Emulator, Hypothesis
 from sim.effect import Effect
@@ -38,12 +38,12 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
     """
     cells = [k for k, cell in enumerate(bench.cells) if cell.time is not None]
     fits: dict[Hypothesis, tuple[float, float]] = {}
-    nothing: Hypothesis = ()
-    singles: list[Hypothesis] = [(name,) for name in effects]
-    for hypothesis in [nothing, *singles]:
+    hypotheses: list[Hypothesis] = [NONE]
+    hypotheses.extend((name,) for name in effects)
+    for hypothesis in hypotheses:
         space = Space(tuple(effects[name] for name in hypothesis), setting_of(bench))
         fits[hypothesis] = _fit(bench, emulator, space, cells)
-    alone = {h: fit[0] for h, fit in fits.items() if h != nothing}
+    alone = {h: fit[0] for h, fit in fits.items() if h != NONE}
     weights = _weights({h: fit[1] for h, fit in fits.items()})
     return {
         "smallest_rmse": list(min(alone, key=lambda h: alone[h])) if alone else None,
