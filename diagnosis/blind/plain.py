@@ -46,7 +46,7 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
     alone = {h: fit[0] for h, fit in fits.items() if h != NONE}
     weights = _weights({h: fit[1] for h, fit in fits.items()})
     return {
-        "smallest_rmse": list(min(alone, key=lambda h: alone[h])) if alone else None,
+        "smallest_rmse": list(min(alone, key=alone.__getitem__)) if alone else None,
         "rmse_s": {h[0]: rmse for h, rmse in alone.items()},
         "aicc": [
             {"effects": list(h), "weight": weights[h]}
