@@ -44,9 +44,10 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
         space = Space(tuple(effects[name] for name in hypothesis), setting_of(bench))
         fits[hypothesis] = _fit(bench, emulator, space, cells)
     alone = {h: fit[0] for h, fit in fits.items() if h != NONE}
+    closest: Hypothesis | None = min(alone, key=lambda h: alone[h], default=None)
     weights = _weights({h: fit[1] for h, fit in fits.items()})
     return {
-        "smallest_rmse": list(min(alone, key=alone.__getitem__)) if alone else None,
+        "smallest_rmse": None if closest is None else list(closest),
         "rmse_s": {h[0]: rmse for h, rmse in alone.items()},
         "aicc": [
             {"effects": list(h), "weight": weights[h]}
