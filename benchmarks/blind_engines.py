@@ -3,9 +3,9 @@
     python -m benchmarks.blind_engines [ANGLES]
 
 The blind check takes its truth from MuJoCo (``diagnosis.blind``), the diagnosis simulates with
-Drake. At the same even angles, 16 by default, of each operating point of ``mq200_adams`` the table has both
-means, their difference, that over the shifts that take the same slot (``same``; another slot or
-bounce differs by more than a tenth), and the difference in sampling errors of a mean of ten.
+Drake. At the same even angles, 16 by default, of each operating point of ``mq200_adams`` the table
+has both means, their difference, that over the shifts that take the same slot (``same``; another
+slot or bounce differs by more than a tenth), and it in sampling errors of a mean of ten.
 A minute and a half of processor time.
 """
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from diagnosis.bench import Bench
-from diagnosis.hypotheses import Space
+from diagnosis.hypotheses import NONE, Space
 from diagnosis.next_test import setting_of
 from diagnosis.spread import Array, Emulator, Hypothesis
 from sim.effect import Effect
@@ -38,13 +38,16 @@ def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Re
     """
     cells = [k for k, cell in enumerate(bench.cells) if cell.time is not None]
     fits: dict[Hypothesis, tuple[float, float]] = {}
-    for hypothesis in [(), *((name,) for name in effects)]:
+    hypotheses: list[Hypothesis] = [NONE]
+    hypotheses.extend((name,) for name in effects)
+    for hypothesis in hypotheses:
         space = Space(tuple(effects[name] for name in hypothesis), setting_of(bench))
         fits[hypothesis] = _fit(bench, emulator, space, cells)
-    alone = {h: fit[0] for h, fit in fits.items() if h}
+    alone = {h: fit[0] for h, fit in fits.items() if h != NONE}
+    closest: Hypothesis | None = min(alone, key=lambda h: alone[h], default=None)
     weights = _weights({h: fit[1] for h, fit in fits.items()})
     return {
-        "smallest_rmse": list(min(alone, key=lambda h: alone[h])) if alone else None,
+        "smallest_rmse": None if closest is None else list(closest),
         "rmse_s": {h[0]: rmse for h, rmse in alone.items()},
         "aicc": [
             {"effects": list(h), "weight": weights[h]}
@@ -76,7 +79,8 @@ def _grid(space: Space) -> Array:
     shares = np.array(list(itertools.product(steps, repeat=p))).reshape(len(steps) ** p, p)
     every = frozenset(effect.name for effect in space.effects)
     bounded = Space(space.effects, space.setting, every)
-    return shares[bounded.possible(bounded.values(shares))]
+    inside: Array = shares[bounded.possible(bounded.values(shares))]
+    return inside
 
 
 def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:

