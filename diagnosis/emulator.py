@@ -26,7 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.bank import Bank
+from diagnosis.combination import INTERACTION, Reach, interaction_of, log_mean, together
 from diagnosis.curves import Curves, fit_curves
+from diagnosis.flight_store import FlightStore
 from diagnosis.flight_table import FlightTables
 from diagnosis.gap import unseen_tail
 from diagnosis.levels import Axes, Level
@@ -48,24 +50,9 @@ from sim.setting import angle_weights
 Array = NDArray[np.float64]
 
 SHARES = 24  #: at which times are given
-INTERACTION = 0.5  #: missed of the smaller change, where no pair was simulated
-LEAST_INTERACTION = 0.2  #: the least, since a few pairs may agree by luck
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
 NONE = 10.0  #: relative error of a mean that no shift tells
-
-
-@dataclass(frozen=True)
-class Reach:
-    """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
-
-    ``variance`` is that of the logarithm of the mean.
-    """
-
-    times: Array
-    engaged: Array
-    variance: Array
-    engaged_variance: Array
 
 
 @dataclass(frozen=True)
@@ -189,13 +176,13 @@ def _share_curves(curves: Curves, shares: Array, doubts: Array) -> Curves:
 class BankEmulator:
     """Says the spread at each operating point for any values of a hypothesis (``Emulator``)."""
 
-    def __init__(self, bank: Bank) -> None:
+    def __init__(self, bank: Bank, flights: FlightStore | None = None) -> None:
         self.bank = bank
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
         self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
         self._readings = lru_cache(maxsize=4)(self._readings_of)
-        self.flights = FlightTables(self.effects, bank.settings)
+        self.flights = FlightTables(self.effects, bank.settings, flights)
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point.
@@ -211,7 +198,7 @@ class BankEmulator:
         if len(reaches) == 1:
             whole = reaches[0]
         else:
-            whole = _together(base, reaches, self._change_variances(parts, weighted, cell))
+            whole = together(base, reaches, self._change_variances(parts, weighted, cell))
             whole = self._doubted(whole, base, reaches)
         return self._spread(whole, delay, len(values), cell)
 
@@ -300,7 +287,7 @@ class BankEmulator:
         """Return the same with what the combination may miss."""
         if len(reaches) < 2:
             return whole
-        changes = np.sort([abs(_log_mean(one) - _log_mean(base)) for one in reaches], axis=0)
+        changes = np.sort([abs(log_mean(one) - log_mean(base)) for one in reaches], axis=0)
         missed = (self.interaction * changes[-2]) ** 2
         return Reach(whole.times, whole.engaged, whole.variance + missed, whole.engaged_variance)
 
@@ -308,7 +295,7 @@ class BankEmulator:
     def interaction(self) -> float:
         """What the combination misses over the smaller change, from pairs that were simulated."""
         places = [k for k, level in enumerate(self.bank.levels) if len(level.hypothesis) > 1]
-        return _interaction(self.bank, places) if places else INTERACTION
+        return interaction_of(self.bank, places) if places else INTERACTION
 
     def _spread(self, whole: Reach, delay: Array, count: int, cell: int) -> Spread:
         base = self._baseline(cell)
@@ -338,55 +325,6 @@ class BankEmulator:
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
         variance: float = tail**2 / count + spread**2 * (mean**2 + scatter**2 / count)
         return variance
-
-
-def _log_mean(reach: Reach) -> Array:
-    mean: Array = np.log(reach.times.mean(axis=1))
-    return mean
-
-
-def _together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
-    """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    times, odds = np.log(base.times), _logit(base.engaged)
-    doubt, variance = base.engaged_variance, base.variance
-    for one, own in zip(reaches, variances, strict=True):
-        times = times + np.log(one.times) - np.log(base.times)
-        odds = odds + _logit(one.engaged) - _logit(base.engaged)
-        doubt, variance = doubt + one.engaged_variance, variance + own
-    return Reach(np.sort(np.exp(times), axis=1), 1.0 / (1.0 + np.exp(-odds)), variance, doubt)
-
-
-def _logit(share: Array) -> Array:
-    inside = np.clip(share, 1e-3, 1.0 - 1e-3)
-    odds: Array = np.log(inside / (1.0 - inside))
-    return odds
-
-
-def _interaction(bank: Bank, places: list[int]) -> float:
-    """Return the root mean square of what pairs differ by over their smaller change."""
-    missed = small = 0.0
-    for k in places:
-        level = bank.levels[k]
-        alone = [_same(bank, level, place) for place in range(len(level.hypothesis))]
-        four = np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)])
-        mean, series = np.log(engaged_mean(four)), residuals(four)
-        changes = mean[2:] - mean[0]
-        left = mean[1] - mean[0] - changes.sum(axis=0)
-        noise = even_variance(series[1] - series[0] - (series[2:] - series[0]).sum(axis=0))
-        known = np.isfinite(left)
-        missed += float((left**2 - noise)[known].sum())
-        small += float((np.sort(abs(changes), axis=0)[-2] ** 2)[known].sum())
-    if small == 0.0:
-        return INTERACTION
-    return max(LEAST_INTERACTION, float(np.sqrt(max(missed, 0.0) / small)))
-
-
-def _same(bank: Bank, level: Level, place: int) -> int:
-    """Return the place of the level that has one effect of a pair alone."""
-    counts = [len(e.parameters) for n in level.hypothesis for e in bank.effects if e.name == n]
-    start = sum(counts[:place])
-    values = level.values[start : start + counts[place]]
-    return bank.levels.index(Level((level.hypothesis[place],), values))
 
 
 def _repeated(spread: Spread, count: int) -> Spread:

@@ -19,6 +19,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from diagnosis.flight import Flight, changes_flight, fly
+from diagnosis.flight_store import FlightStore, key_of
 from diagnosis.levels import Level
 from diagnosis.marks import SIZE, WAYS
 from diagnosis.spread import Array, Hypothesis, Marks
@@ -144,8 +145,14 @@ def _missed(nodes: Sequence[Array], logs: Array) -> Array:
 class FlightTables:
     """Says the marks of the flight for any values of a hypothesis; flies when first asked."""
 
-    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
+    def __init__(
+        self,
+        effects: Mapping[str, Effect],
+        settings: Sequence[Setting],
+        store: FlightStore | None = None,
+    ) -> None:
         self.effects = effects
+        self.store = store or FlightStore()
         self.settings = {setting.point.profile: setting for setting in reversed(settings)}
         self._tables: dict[tuple[Hypothesis, ForceProfile], Table] = {}
         self._flights: dict[ForceProfile, Flight] = {}
@@ -172,9 +179,23 @@ class FlightTables:
     def _table(self, moving: Hypothesis, profile: ForceProfile) -> Table:
         key = (moving, profile)
         if key not in self._tables:
-            effects = [self.effects[name] for name in moving]
-            self._tables[key] = table_of(effects, self.settings[profile])
+            self._tables[key] = self._stored(moving, self.settings[profile])
         return self._tables[key]
+
+    def _stored(self, moving: Hypothesis, setting: Setting) -> Table:
+        """Return the table of some effects from the store, or else let them fly."""
+        effects = [self.effects[name] for name in moving]
+        tried = [setting, *(one for name in moving for one in self._tried(name, setting))]
+        key = key_of(moving, tried, _sizes(effects))
+        kept = self.store.get(key)
+        if kept is None:
+            table = table_of(effects, setting)
+            kept = self.store.add(
+                key, np.array([table.logs, table.errors, table.creep, table.margin])
+            )
+        parameters = tuple(p for effect in effects for p in effect.parameters)
+        nodes = tuple(np.linspace(0.0, 1.0, size) for size in _sizes(effects))
+        return Table(parameters, nodes, *kept)
 
     def _columns(self, hypothesis: Hypothesis, moving: Hypothesis) -> list[int]:
         owners = [name for name in hypothesis for _ in self.effects[name].parameters]

@@ -1,10 +1,11 @@
 """From a bench data set to its diagnosis: the bank of simulations first, then the inference.
 
 The package brings the bank of the published clutch at the operating points of its tables
-(``studies/bench/bank.json``). What it lacks is simulated once and kept in a folder:
+(``studies/bench``). What it lacks is simulated once and kept in a folder:
 
 ``shifts.jsonl``  every finished shift; an interrupted bank goes on from it
 ``bank.json``     the times of finished banks, of any clutch
+``flights.npz``   the ring's flight up to the first touch, for data sets with traces
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from diagnosis.bank_store import BankStore
 from diagnosis.bench import Bench, load_bench
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
+from diagnosis.flight_store import FlightStore
 from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
 from pipeline.lock import writing
@@ -31,6 +33,7 @@ from sim.effects import load
 from sim.records import Record
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
+TIMES, FLIGHTS = "bank.json", "flights.npz"
 
 
 def _silent(_: str) -> None:
@@ -55,15 +58,19 @@ class Means:
     say: Callable[[str], None] = field(default=_silent)
 
 
-def brought() -> Path:
-    """Return the file of the bank that the package brings."""
-    return bundled_root() / "bench" / "bank.json"
+def brought(name: str) -> Path:
+    """Return a file of the bank that the package brings."""
+    return bundled_root() / "bench" / name
 
 
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     """Return the diagnosis of a data set; simulates what no bank has."""
     effects = load(means.effects)
-    return diagnose(bench, BankEmulator(bank_of(bench, effects, means)), effects)
+    flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
+    emulator = BankEmulator(bank_of(bench, effects, means), flights)
+    found = diagnose(bench, emulator, effects)
+    flights.save()
+    return found
 
 
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
@@ -74,7 +81,7 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
     """Return the bank of a data set: what files have of it, and the rest simulated."""
     plan = Plan(tuple(effects.values()))
-    store = BankStore((brought(), means.bank / "bank.json"))
+    store = BankStore((brought(TIMES), means.bank / TIMES))
     left = sum(len(block.angles) for block in store.missing(blocks_of(plan, bench)))
     if not left:
         return store.bank(plan, bench, _none_left)
