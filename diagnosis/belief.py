@@ -7,27 +7,35 @@ one, so that effects which the data cannot see neither gain nor lose.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import logsumexp
 
+from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, priors_of
 from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.signature import VISIBLE, Metric, squared
 from diagnosis.spread import Array, Hypothesis
 
-DRAWN = 48  #: values drawn from a pair's posterior
-NEGLIGIBLE = 1e-4  #: probability below which a pair is not looked into
+DRAWN = 48  #: values drawn from the posterior of several effects
+NEGLIGIBLE = 1e-4  #: probability below which several effects are not looked into
 
 Probabilities = dict[Hypothesis, float]
 
 
-def probabilities(logs: Mapping[Hypothesis, float]) -> Probabilities:
-    """Return posterior probabilities from the logarithms of evidences."""
-    priors = priors_of(list(logs))
-    log = np.array([logs[h] + np.log(priors[h]) for h in logs])
+def probabilities(
+    logs: Mapping[Hypothesis, float], like: Mapping[Hypothesis, Hypothesis] | None = None
+) -> Probabilities:
+    """Return posterior probabilities from the logarithms of evidences.
+
+    ``like`` says which hypotheses are, before the data, as probable as which others.
+    """
+    as_others = like or {}
+    priors = priors_of([h for h in logs if h not in as_others])
+    log = np.array([logs[h] + np.log(priors[as_others.get(h, h)]) for h in logs])
     values = np.exp(log - logsumexp(log))
     return dict(zip(logs, values.tolist(), strict=True))
 
@@ -60,41 +68,53 @@ def folding(
             weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < VISIBLE
             share = float(one.weights()[weak].sum())
             found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
-        elif len(one.hypothesis) == 2 and raw[one.hypothesis] > NEGLIGIBLE:
-            found[one.hypothesis] = _pair(problem, one, spaces, metric, nothing)
+        elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
+            found[one.hypothesis] = _several(problem, one, spaces, metric, nothing)
     return Folding(found)
 
 
-def _pair(
+def _several(
     problem: Problem,
-    pair: Scored,
+    whole: Scored,
     spaces: Mapping[Hypothesis, Space],
     metric: Metric,
     nothing: Array,
 ) -> Mapping[Hypothesis, float]:
-    """Return the shares of a pair's posterior that are none, one partner, or both."""
-    drawn = pair.rows.only(pair.draw(DRAWN, np.random.default_rng(1)))
-    whole = metric.of(drawn.predicted)
+    """Return the shares of a posterior that are none, all effects but one, or all."""
+    drawn = whole.rows.only(whole.draw(DRAWN, np.random.default_rng(1)))
+    places = metric.of(drawn.predicted)
     targets: list[Hypothesis] = [NONE]
-    apart = [squared(whole, nothing)[:, 0]]
-    for name in pair.hypothesis:
-        alone = _alone(problem, pair.space, spaces[(name,)], drawn.shares, name)
-        apart.append(((whole - metric.of(alone)) ** 2).sum(axis=1))
-        targets.append((name,))
+    apart = [squared(places, nothing)[:, 0]]
+    for part in itertools.combinations(whole.hypothesis, len(whole.hypothesis) - 1):
+        if part in spaces:
+            alone = _alone(problem, whole.space, spaces[part], drawn.shares)
+            apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
+            targets.append(part)
     table = np.stack(apart)
-    # The nearer partner has it where either alone would do; none before either.
+    # The nearer part has it where either alone would do; none before either.
     table[0] = np.where(table[0] < VISIBLE, -1.0, table[0])
     nearest = np.argmin(table, axis=0)
     hidden = table.min(axis=0) < VISIBLE
     shares = {
         target: float((hidden & (nearest == place)).mean()) for place, target in enumerate(targets)
     }
-    return {**shares, pair.hypothesis: float(1.0 - hidden.mean())}
+    return {**shares, whole.hypothesis: float(1.0 - hidden.mean())}
 
 
-def _alone(problem: Problem, both: Space, one: Space, shares: Array, name: str) -> Predicted:
-    part = one.values(shares[:, both.columns(name)])
-    return problem.predicted((name,), part)
+def _alone(problem: Problem, whole: Space, part: Space, shares: Array) -> Predicted:
+    columns = [shares[:, whole.columns(effect.name)] for effect in part.effects]
+    return problem.predicted(part.hypothesis, part.values(np.hstack(columns)))
+
+
+def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabilities:
+    """Return probabilities in which what cannot have made the data counts as unknown.
+
+    Evidence only ranks what was thought of; the best of them may still miss the data. A hypothesis
+    keeps the share that its predictive p-value has of the limit below which it fails.
+    """
+    kept = {h: p * min(1.0, fits.get(h, ADEQUATE) / ADEQUATE) for h, p in folded.items()}
+    kept[UNKNOWN] = kept.get(UNKNOWN, 0.0) + sum(folded.values()) - sum(kept.values())
+    return dict(sorted(kept.items(), key=lambda item: -item[1]))
 
 
 def inclusion(folded: Probabilities) -> dict[str, float]:

@@ -8,21 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.belief import Folding, Probabilities, folding, inclusion, probabilities
+from diagnosis.belief import Probabilities, inclusion
 from diagnosis.bench import Bench
-from diagnosis.classes import PLAUSIBLE, Confusion, confusable, confusion, invisible
-from diagnosis.evidence import evidence, with_width
-from diagnosis.facts import against, facts_of, log_agreement
-from diagnosis.fit import p_value
-from diagnosis.heldout import HeldOut, by_effects, by_unknown, held_out
-from diagnosis.hypotheses import NONE, UNKNOWN, spaces_of
+from diagnosis.classes import Confusion, confusable, confusion, invisible
+from diagnosis.facts import against, facts_of
+from diagnosis.heldout import HeldOut, by_effects, held_out
+from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.likelihood import Rules, observe
-from diagnosis.next_test import Foretold, NextTest, Standing, choose, foretold, setting_of, why
+from diagnosis.next_test import Foretold, NextTest, Standing, choose, foretold, why
 from diagnosis.parameters import Bound, Interval, bounds, intervals
+from diagnosis.ranking import Ranking, rank
 from diagnosis.scoring import Predicted, Problem, Scored
-from diagnosis.signature import Metric, metric_of
+from diagnosis.sensitivity import readings
+from diagnosis.signature import Metric
 from diagnosis.spread import Emulator, Hypothesis
-from diagnosis.unknown import Unknown, unknown
 from diagnosis.verdict import Verdict, decide
 from diagnosis.words import Found, headline, in_words
 from sim.effect import Effect
@@ -37,9 +36,11 @@ class Diagnosis:
 
     Parameters
     ----------
-    belief : probability of each hypothesis, the largest first, weak effects counted as none.
+    belief : probability of each hypothesis, the largest first, weak effects counted as none and
+        what cannot have made the data as unknown.
     raw : before that.
     scored : every hypothesis but unknown with its evidence.
+    leading : the most probable of these; where nothing known fits, the nearest.
     fits : predictive p-values of plausible hypotheses.
     before_after, rival : held-out gaps of the leading hypothesis, and of the best other one.
     hidden : for each effect, the share of its prior that the data cannot tell from none.
@@ -54,6 +55,7 @@ class Diagnosis:
     belief: Probabilities
     raw: Probabilities
     scored: Mapping[Hypothesis, Scored]
+    leading: Hypothesis
     confusion: Confusion
     fits: Mapping[Hypothesis, float]
     before_after: HeldOut
@@ -80,6 +82,7 @@ class Diagnosis:
             "hypotheses": [self._hypothesis(h) for h in self.belief],
             "confusable": confusable(self.confusion, aliases),
             "gap": {
+                "hypothesis": list(self.leading),
                 "baseline_rmse_s": self.before_after.baseline,
                 "heldout_rmse_s": self.before_after.held_out,
                 "floor_rmse_s": self.before_after.floor,
@@ -121,15 +124,12 @@ class Diagnosis:
         }
 
     @property
-    def leading(self) -> Hypothesis:
-        """The most probable hypothesis."""
-        return next(iter(self.belief))
-
-    @property
     def found(self) -> Found:
         """What is put into words."""
         gaps, test = self.before_after, self.tests[0]
-        return Found(self.verdict, self.belief, self.intervals, gaps, test, self.effects)
+        return Found(
+            self.verdict, self.belief, self.intervals, gaps, test, self.effects, self.leading
+        )
 
     @property
     def intervals(self) -> Mapping[Hypothesis, Mapping[str, Interval]]:
@@ -187,96 +187,40 @@ def diagnose(
     pairs : of them, the plausible ones by default.
     """
     problem = Problem(observe(bench), emulator, rules or Rules())
-    scored = _all_scored(problem, bench, effects, pairs)
-    free = unknown(problem, bench)
-    raw = _beliefs(scored, free)
-    baseline = scored[NONE].rows.predicted
-    metric = metric_of(problem.seen, baseline)
-    fold = folding(problem, list(scored.values()), metric, raw)
-    belief = fold.fold(raw)
-    parts = confusion([scored[h] for h in belief if h != UNKNOWN], metric, belief)
-    fits = {
-        h: p_value(problem, scored[h]) for h, p in belief.items() if h != UNKNOWN and p > PLAUSIBLE
-    }
-    verdict = decide(belief, parts, fits)
-    standing = Standing(bench, problem.seen, scored, free, belief, effects)
-    gaps = _gaps(standing, metric)
+    ranking = rank(problem, bench, effects, pairs)
+    belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
+    known = [scored[h] for h in ranking.folded if h != UNKNOWN]
+    parts = confusion(known, metric, ranking.folded)
+    standing = Standing(bench, problem.seen, scored, ranking.free, belief, effects, ranking.leading)
+    gaps = _gaps(standing, ranking)
     return Diagnosis(
         bench=bench,
-        verdict=verdict,
+        verdict=decide(belief, parts, ranking.fits),
         belief=belief,
-        raw=raw,
+        raw=ranking.raw,
         scored=scored,
+        leading=ranking.leading,
         confusion=parts,
-        fits=fits,
+        fits=ranking.fits,
         before_after=gaps[0][1],
         rival=gaps[1] if len(gaps) > 1 else None,
         hidden=invisible(list(scored.values()), metric),
         bounds=bounds(list(scored.values()), metric),
-        other=_others(problem, bench, scored, free, fold),
+        other=readings(problem, bench, ranking, effects),
         tests=choose(standing),
-        baseline=baseline,
+        baseline=scored[NONE].rows.predicted,
         metric=metric,
         effects=effects,
-        foretold=foretold(standing, next(iter(belief))),
+        foretold=foretold(standing, ranking.leading),
     )
 
 
-def _all_scored(
-    problem: Problem,
-    bench: Bench,
-    effects: Mapping[str, Effect],
-    pairs: Sequence[Hypothesis] | None,
-) -> dict[Hypothesis, Scored]:
-    """Return evidences, single effects first, so that hopeless pairs are left early."""
-    found: dict[Hypothesis, Scored] = {}
-    best = -np.inf
-    for space in spaces_of(effects, setting_of(bench), pairs):
-        found[space.hypothesis] = evidence(problem, space, best)
-        best = max(best, found[space.hypothesis].log_evidence)
-    return found
-
-
-def _beliefs(scored: Mapping[Hypothesis, Scored], free: Unknown) -> Probabilities:
-    logs = {h: one.log_evidence for h, one in scored.items()}
-    return probabilities({**logs, UNKNOWN: free.log_evidence})
-
-
-def _others(
-    problem: Problem,
-    bench: Bench,
-    scored: Mapping[Hypothesis, Scored],
-    free: Unknown,
-    fold: Folding,
-) -> dict[str, Probabilities]:
-    """Return the probabilities given each fact, under other priors, and with unknown as failed."""
-    found = {}
-    for fact in facts_of(bench):
-        agreed = {h: one.log_evidence + log_agreement(one, fact) for h, one in scored.items()}
-        nothing = float(fact.log_density(np.array([fact.neutral]))[0])
-        agreed[UNKNOWN] = free.log_evidence + nothing
-        found[f"given_{fact.parameter}"] = fold.fold(probabilities(agreed))
-    for key, factor in (("priors_halved", 0.5), ("priors_doubled", 2.0)):
-        changed = {h: with_width(one, factor) for h, one in scored.items()}
-        found[key] = fold.fold(_beliefs(changed, free))
-    if problem.seen.unknown.any():
-        failed = {h: one.read_as_failed() for h, one in scored.items()}
-        logs = {h: one.log_evidence for h, one in failed.items()}
-        logs[UNKNOWN] = free.log_evidence_as_failed
-        found["unknown_as_failed"] = fold.fold(probabilities(logs))
-    return found
-
-
-def _gaps(standing: Standing, metric: Metric) -> list[tuple[Hypothesis, HeldOut]]:
+def _gaps(standing: Standing, ranking: Ranking) -> list[tuple[Hypothesis, HeldOut]]:
     """Return held-out gaps of the leading hypothesis and its best rival."""
-    leading = next(iter(standing.belief))
-    rivals = [h for h in standing.belief if h not in (leading, UNKNOWN, NONE)][:1]
+    leading = ranking.leading
+    rivals = [h for h in ranking.folded if h not in (leading, UNKNOWN, NONE)][:1]
     bench, seen, baseline = standing.bench, standing.seen, standing.scored[NONE].rows.predicted
-    found = []
-    for hypothesis in [leading, *rivals]:
-        if hypothesis == UNKNOWN:
-            predict = by_unknown(standing.unknown)
-        else:
-            predict = by_effects(standing.scored[hypothesis])
-        found.append((hypothesis, held_out(bench, seen, baseline, metric, predict)))
-    return found
+    return [
+        (h, held_out(bench, seen, baseline, ranking.metric, by_effects(standing.scored[h])))
+        for h in [leading, *rivals]
+    ]

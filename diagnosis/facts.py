@@ -11,12 +11,11 @@ at the sleeve are off.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.bench import Bench
-from diagnosis.likelihood import log_sum
 from diagnosis.parameters import intervals
 from diagnosis.scoring import Scored
 from diagnosis.spread import Array, Hypothesis
@@ -103,16 +102,20 @@ def _scale(start: float, error: float, ratio: float, travel: float) -> Fact:
     return Fact("force_scale", "force_factor", 1.0, value, spread, sentence)
 
 
-def log_agreement(found: Scored, fact: Fact) -> float:
-    """Return the logarithm of the density of a fact under a hypothesis, given the shifts.
+def given(found: Scored, fact: Fact) -> Scored:
+    """Return a hypothesis with its evidence where a fact is known beside the shifts.
 
     Without the effect the parameter has its neutral value.
     """
-    space = found.space
-    if fact.effect in found.hypothesis:
-        values = space.values(found.rows.shares)[:, space.columns(fact.effect)][:, 0]
-        with np.errstate(divide="ignore"):
-            return float(log_sum(np.log(found.weights()) + fact.log_density(values), axis=0))
+    if fact.effect not in found.hypothesis:
+        return replace(found, log_evidence=found.log_evidence + log_neutral(fact))
+    values = found.space.values(found.rows.shares)[:, found.space.columns(fact.effect)][:, 0]
+    log = found.log_prior + fact.log_density(values)
+    return replace(found, log_prior=log).with_table(found.rows.log_likelihood)
+
+
+def log_neutral(fact: Fact) -> float:
+    """Return the logarithm of the density of a fact where its effect is absent."""
     return float(fact.log_density(np.array([fact.neutral]))[0])
 
 

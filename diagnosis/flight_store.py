@@ -55,7 +55,7 @@ class FlightStore:
         if not self.fresh or not self.paths:
             return
         path = self.paths[-1]
-        part = path.with_name(path.name + ".part")
+        part = path.with_name(f"{path.name}.{os.getpid()}.part")
         mine = {**(_read(path) if path.exists() else {}), **self.fresh}
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -17,7 +17,6 @@ from diagnosis.likelihood import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.signature import Metric, known
 from diagnosis.spread import Array
-from diagnosis.unknown import Unknown
 
 Predict = Callable[[np.ndarray], Array]  #: mean times of all cells from the data of some
 
@@ -61,11 +60,6 @@ def by_effects(found: Scored) -> Predict:
         return means
 
     return predict
-
-
-def by_unknown(found: Unknown) -> Predict:
-    """Return what a free gap predicts after a refit."""
-    return lambda cells: found.predict(cells)[0]
 
 
 def held_out(

@@ -4,12 +4,14 @@ Any two effects may come together, but only some pairs are plausible before anyt
 dead time of an actuator comes with every bench and every actuator, dry friction with every ring
 on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
 none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
-what nobody has thought of.
+what nobody has thought of. Three effects together are looked at where no pair can have made the
+data, the best pair with each further effect; each has the probability before of any such three.
 """
 
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +25,7 @@ UNKNOWN: Hypothesis = ("unknown",)
 NONE: Hypothesis = ()
 COMMON = ("actuation_delay", "sleeve_friction")  #: that come with any other
 WEIGHTS = {"none": 0.25, "single": 0.45, "pair": 0.15, "unknown": 0.15}
+THREE = 0.03  #: probability of all threes with a common effect together, over that of the rest
 TRIED = 7  #: values of each parameter that are tried for whether there are such benches
 
 
@@ -112,23 +115,45 @@ def spaces_of(
     """Return the spaces of none, each effect, and the pairs (the plausible ones by default)."""
     single = [(name,) for name in sorted(effects)]
     pairs = pairs_of(list(effects)) if pairs is None else pairs
-    every: list[Hypothesis] = [NONE, *single, *pairs]
+    return spaces_for([NONE, *single, *pairs], effects, setting)
+
+
+def spaces_for(
+    hypotheses: Sequence[Hypothesis], effects: Mapping[str, Effect], setting: Setting
+) -> tuple[Space, ...]:
+    """Return the spaces of some hypotheses."""
     bounded = frozenset(name for name, e in effects.items() if _bounded(e, setting))
-    return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in every)
+    return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in hypotheses)
 
 
 def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
     """Return a hypothesis as people say it."""
     if hypothesis == UNKNOWN:
         return "something that no known effect explains"
-    return " together with ".join(effects[name].plain for name in hypothesis) or "no effect"
+    names = [effects[name].plain for name in hypothesis]
+    if len(names) > 2:
+        return f"{', '.join(names[:-1])} and {names[-1]} together"
+    return " together with ".join(names) or "no effect"
+
+
+def in_common(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """Return the effects that all of some hypotheses have, in alphabetical order."""
+    those = [set(h) for h in hypotheses if h != UNKNOWN]
+    common = set.intersection(*those) if those and len(those) == len(hypotheses) else set()
+    return tuple(sorted(common))
+
+
+def without(hypothesis: Hypothesis, some: Hypothesis) -> Hypothesis:
+    """Return a hypothesis less some of its effects."""
+    return tuple(name for name in hypothesis if name not in some)
 
 
 def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
     """Return the prior probability of each hypothesis, which add to one."""
     kinds = {h: _kind(h) for h in hypotheses}
     numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
-    raw = {h: WEIGHTS[kind] / numbers[kind] for h, kind in kinds.items()}
+    three = THREE / max(1, _threes(numbers["single"]))
+    raw = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
     whole = sum(raw.values())
     return {h: weight / whole for h, weight in raw.items()}
 
@@ -136,4 +161,14 @@ def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
 def _kind(hypothesis: Hypothesis) -> str:
     if hypothesis == UNKNOWN:
         return "unknown"
-    return ("none", "single", "pair")[len(hypothesis)]
+    return ("none", "single", "pair", "three")[len(hypothesis)]
+
+
+def _threes(effects: int) -> int:
+    """Return how many threes of some effects have a common one."""
+    return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
+
+
+def with_third(pair: Hypothesis, effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+    """Return a pair with each further effect, in alphabetical order."""
+    return tuple(tuple(sorted((*pair, name))) for name in sorted(effects) if name not in pair)

@@ -10,7 +10,8 @@ allow no parting of hypotheses, a direct test still does. Direct tests come from
 their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
 share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
 shifts at an operating point. The best has the most nats an hour; one is chosen even where nothing
-is in doubt: then it is the direct test of what was named.
+is in doubt: then it is the direct test of what was named. Where no known effect fits, nobody can
+say what a test would tell; then it is traces at the operating point that misses most.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from scipy.special import logsumexp
 
 from diagnosis.belief import Probabilities
 from diagnosis.bench import Bench
-from diagnosis.hypotheses import UNKNOWN, plain
+from diagnosis.hypotheses import UNKNOWN, in_common, plain, without
 from diagnosis.likelihood import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.spread import Array, Hypothesis
@@ -38,6 +39,7 @@ DRAWN = 400  #: outcomes drawn
 LEAST = 1e-3  #: probability from which a hypothesis takes part
 WORTH = 0.02  #: nats below which nothing is to be learnt
 SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
+TRACING, TRACED = 1.5, 10  #: hours to set up the recording of traces, and shifts recorded
 DIRECT = 3.0  #: hours of a direct test that is not in the table
 #: Hours of direct tests, by name: what a stand has at hand costs less than taking it apart.
 HOURS = {
@@ -69,18 +71,21 @@ class Outcome:
 
 @dataclass(frozen=True)
 class NextTest:
-    """A test with what it is expected to tell, nats, and its cost in hours."""
+    """A test with what it is expected to tell, nats, and its cost in hours.
+
+    ``information`` is None where nobody can foretell it.
+    """
 
     name: str
     how: str
-    information: float
+    information: float | None
     hours: float
     shows: tuple[str, ...] = ()
 
     @property
     def rate(self) -> float:
         """Information an hour, nats."""
-        return self.information / self.hours
+        return (self.information or 0.0) / self.hours
 
 
 def information(probabilities: Array, outcome: Outcome, seed: int = 1) -> float:
@@ -112,6 +117,7 @@ class Standing:
     unknown: Unknown
     belief: Probabilities
     effects: Mapping[str, Effect]
+    leading: Hypothesis
 
     @property
     def plausible(self) -> tuple[Hypothesis, ...]:
@@ -141,9 +147,32 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     ]
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
-    return tuple(
-        sorted(tests, key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
+    tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
+    first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
+    return (*first, *tests)
+
+
+def _look(standing: Standing) -> list[NextTest]:
+    """Return the test that shows where along the shift an unknown gap arises, if there is any."""
+    said, seen = foretold(standing, standing.leading), standing.seen
+    left = seen.time - said.mean
+    score = abs(left) / np.sqrt(said.variance + said.single / np.maximum(1.0, seen.shifts))
+    if not np.isfinite(score).any():
+        return []
+    place = int(np.nanargmax(score))
+    cell, where = standing.bench.cells[place], _where(standing.bench, place)
+    before = " more" if cell.traces else ""
+    name = f"traces of {TRACED}{before} shifts at {where}"
+    how = (
+        f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
+        f"{where}, where the nearest hypothesis misses the mean by {1e3 * left[place]:+.0f} ms."
     )
+    return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED)]
+
+
+def _where(bench: Bench, place: int) -> str:
+    point = bench.cells[place].point
+    return f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
 
 
 Offer = tuple[str, str, float, tuple[str, ...], Outcome]
@@ -191,9 +220,8 @@ def _more(standing: Standing) -> list[Offer]:
     """Return more shifts at each operating point of the data set."""
     found: list[Offer] = []
     said = [foretold(standing, hypothesis) for hypothesis in standing.plausible]
-    for place, cell in enumerate(standing.bench.cells):
-        point = cell.point
-        where = f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
+    for place in range(len(standing.bench.cells)):
+        where = _where(standing.bench, place)
         for count in MORE:
             mean = np.array([[one.mean[place]] for one in said])
             variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
@@ -238,13 +266,12 @@ def foretold(standing: Standing, hypothesis: Hypothesis) -> Foretold:
 
 def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) -> str:
     """Return in a sentence or two why a test is the next."""
-    doubt = [plain(h, effects) for h, p in belief.items() if p > 0.05][:4]
+    open_to = [h for h, p in belief.items() if p > 0.05][:4]
+    common = in_common(open_to)
+    doubt = [plain(without(h, common), effects) for h in open_to]
     cost = f"about {number(test.hours)} h of work"
-    if next(iter(belief)) == UNKNOWN and len(doubt) < 2:
-        return (
-            f"{test.how} It shows whether the gap stays ({cost}); traces of displacement and "
-            "force say where along the shift it arises."
-        )
+    if test.information is None:
+        return f"{test.how} They show where along the shift the rest arises ({cost})."
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"

@@ -1,6 +1,6 @@
 """The decision: a named effect, none, unknown, or ambiguous with what is left.
 
-- *effect*: one hypothesis has more than 0.8 and can have made the data;
+- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data;
 - *none*: effects that the data could show have less than 0.2 together, and none can have made
   the data; what each effect is at most stands beside it;
 - *unknown*: a gap of no known effect has more than 0.8, or no plausible hypothesis can have made
@@ -22,6 +22,8 @@ from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.spread import Hypothesis
 
 NAMED = 0.8  #: probability from which a hypothesis is named
+MOST = 2  #: effects that are named at once; of more, each that is part of the cause in any case
+PART = 0.95  #: probability from which an effect is part of the cause, whatever else is
 CREDIBLE = 0.9  #: probability of the set that is given where nothing is named
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
@@ -59,14 +61,14 @@ def decide(
     kind = _kind(belief, top, fits)
     causes: tuple[str, ...] = top if kind == "effect" else ()
     if kind == "ambiguous":
-        causes = tuple(name for name, p in inclusion(belief).items() if p > NAMED)
+        causes = tuple(name for name, p in inclusion(belief).items() if p > PART)
     return Verdict(kind, causes, _credible(belief), group, sum(belief[h] for h in group))
 
 
 def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
     if belief.get(UNKNOWN, 0.0) > NAMED or not any(p >= ADEQUATE for p in fits.values()):
         return "unknown"
-    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE:
+    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(top) > MOST:
         return "ambiguous"
     return "none" if top == NONE else "effect"
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from diagnosis.belief import Probabilities
 from diagnosis.heldout import HeldOut
-from diagnosis.hypotheses import NONE, UNKNOWN, plain
+from diagnosis.hypotheses import NONE, in_common, plain, without
 from diagnosis.next_test import NextTest, why
 from diagnosis.parameters import Interval
 from diagnosis.spread import Hypothesis
@@ -30,11 +30,18 @@ class Found:
     gaps: HeldOut
     test: NextTest
     effects: Effects
+    leading: Hypothesis
 
-    def named(self, hypotheses: Sequence[Hypothesis], *, chances: bool = False) -> str:
-        """Return hypotheses as people say them, with their probabilities where asked."""
+    def named(
+        self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
+    ) -> str:
+        """Return hypotheses as people say them, with their probabilities where asked.
+
+        ``less`` are effects that need no mention.
+        """
         words = [
-            plain(h, self.effects) + (f" ({chance(self.belief[h])})" if chances else "")
+            ("nothing more" if less and h == less else plain(without(h, less), self.effects))
+            + (f" ({chance(self.belief[h])})" if chances else "")
             for h in hypotheses
         ]
         return ", ".join(words[:-1]) + " or " + words[-1] if len(words) > 1 else words[0]
@@ -96,7 +103,7 @@ def _open_headline(found: Found) -> str:
         what = "answers" if NONE in group else "causes"
         return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
     if verdict.causes:
-        return f"Part of the cause found: {plain(verdict.causes, found.effects)}; the rest is open"
+        return f"Part of the cause found: {_listed(verdict.causes, found)}; the rest is open"
     likeliest = next(iter(found.belief))
     if found.belief[likeliest] > NAMED:
         return f"Not settled: {found.named([likeliest])} is likeliest, but does not fit all data"
@@ -141,34 +148,45 @@ def _cause(found: Found) -> str:
         )
     if verdict.kind == "unknown":
         return (
-            "None of the known effects, alone or in the pairs that were tried, explains all of "
-            "the data."
+            "None of the known effects, alone or together as far as they were tried, explains all "
+            "of the data."
         )
     return _open(found)
 
 
 def _open(found: Found) -> str:
-    causes = found.verdict.causes
-    part = f"{plain(causes, found.effects)} is part of the cause; " if causes else ""
-    possible = found.named(found.verdict.credible[:5], chances=True)
-    more = len(found.verdict.credible) - 5
+    causes, those = found.verdict.causes, found.verdict.credible
+    causes = tuple(sorted(causes))
+    common = causes if set(causes) <= set(in_common(those)) else ()
+    possible = found.named(those[:5], chances=True, less=common)
+    more = len(those) - 5
     rest = f", and {more} more" if more > 0 else ""
-    return f"The data leave open why: {part}possible are {possible}{rest}."
+    if not causes:
+        return f"The data leave open why: possible are {possible}{rest}."
+    verb = "are" if len(causes) > 1 else "is"
+    beside = "the rest is " if common else "the data leave open: "
+    named = _listed(causes, found)
+    return f"{named[0].upper()}{named[1:]} {verb} part of the cause; {beside}{possible}{rest}."
+
+
+def _listed(causes: Hypothesis, found: Found) -> str:
+    """Return effects as a list in words."""
+    names = [found.effects[name].plain for name in causes]
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _far(found: Found) -> str:
-    gaps, leading = found.gaps, next(iter(found.belief))
+    gaps, leading = found.gaps, found.leading
     if gaps.held_out is None or not gaps.shrink or leading == NONE:
         return ""
-    if found.verdict.kind == "unknown" and leading != UNKNOWN:
+    if found.verdict.kind == "unknown":
         nearest = plain(leading, found.effects)
         return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
-    having = "A free correction of each operating point" if leading == UNKNOWN else (
-        f"With {'it' if found.verdict.kind == 'effect' else plain(leading, found.effects)}"
-    )  # fmt: skip
-    verb = "leaves" if leading == UNKNOWN else "in the simulation,"
-    rest = "" if leading == UNKNOWN else " are left"
-    return f"{having} {verb} {ms(gaps.held_out)}{rest} at operating points that the fit never saw."
+    what = "it" if found.verdict.kind == "effect" else plain(leading, found.effects)
+    return (
+        f"With {what} in the simulation, {ms(gaps.held_out)} are left at operating points that the "
+        "fit never saw."
+    )
 
 
 def _next(found: Found) -> str:

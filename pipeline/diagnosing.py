@@ -19,6 +19,7 @@ from typing import Any
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore
 from diagnosis.bench import Bench, load_bench
+from diagnosis.blind.plain import plain
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.flight_store import FlightStore
@@ -66,16 +67,27 @@ def brought(name: str) -> Path:
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     """Return the diagnosis of a data set; simulates what no bank has."""
     effects = load(means.effects)
-    flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
-    emulator = BankEmulator(bank_of(bench, effects, means), flights)
+    emulator, flights = _emulator(bench, effects, means)
     found = diagnose(bench, emulator, effects)
     flights.save()
     return found
 
 
+def _emulator(
+    bench: Bench, effects: Mapping[str, Effect], means: Means
+) -> tuple[BankEmulator, FlightStore]:
+    """Return what foretells a data set, and the flights that are to be saved afterwards."""
+    flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
+    return BankEmulator(bank_of(bench, effects, means), flights), flights
+
+
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
-    """Return the record of the diagnosis of a data set's folder."""
-    return diagnosed(load_bench(folder), Means(jobs=jobs)).as_dict()
+    """Return the record of the diagnosis of a data set's folder, and what plain ways say of it."""
+    bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
+    emulator, flights = _emulator(bench, effects, means)
+    found = diagnose(bench, emulator, effects).as_dict()
+    flights.save()
+    return {**found, "plain": plain(bench, emulator, effects)}
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:

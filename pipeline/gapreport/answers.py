@@ -48,7 +48,8 @@ class Answer:
 def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
     """Return the hypotheses that are worth a line, most probable first."""
     worth = [h for h, p in found.belief.items() if p >= LEAST or h in found.verdict.credible]
-    return worth[:MOST]
+    # Where no known effect fits, the nearest still says what of it is likely.
+    return list(dict.fromkeys([*worth[:MOST], found.leading]))
 
 
 def answers_of(found: Diagnosis, remarks: Sequence[Remark]) -> list[Answer]:

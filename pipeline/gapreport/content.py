@@ -134,10 +134,10 @@ def _tests(found: Diagnosis) -> list[Row]:
             "name": test.name,
             "how": test.how,
             "shows": ", ".join(found.effects[name].plain for name in test.shows),
-            "information": f"{test.information:.2f}",
-            "share": chance(min(1.0, test.information / doubt)) if doubt > WORTH else "",
+            "information": "" if test.information is None else f"{test.information:.2f}",
+            "share": chance(min(1.0, test.rate * test.hours / doubt)) if doubt > WORTH else "",
             "hours": f"{test.hours:.2g}",
-            "rate": f"{test.rate:.2f}",
+            "rate": "" if test.information is None else f"{test.rate:.2f}",
         }
         for test in found.tests[:TESTS]
     ]

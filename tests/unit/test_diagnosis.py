@@ -8,7 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from diagnosis.belief import judged
 from diagnosis.diagnosis import Diagnosis, diagnose
+from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 
@@ -64,6 +66,41 @@ def test_a_pair_is_found() -> None:
     pairs = list(pairs_of(names))
     found = _found({"delay_s": 0.08, "friction_N": 80.0}, names, pairs)
     assert found.verdict.causes == ("actuation_delay", "sleeve_friction")
+
+
+def test_where_no_pair_fits_a_third_effect_is_tried() -> None:
+    names = ("actuation_delay", "sleeve_friction", "contact_friction", "drag_torque")
+    rubbing = {"static_friction": 0.4, "dynamic_friction": 0.33}
+    found = _found({"delay_s": 0.08, "friction_N": 80.0, **rubbing}, names, list(pairs_of(names)))
+    three = ("actuation_delay", "contact_friction", "sleeve_friction")
+    assert found.leading == three
+    assert found.belief[three] > 0.8
+    # Three effects are never named as a whole, but each of them is part of the cause.
+    assert (found.verdict.kind, found.verdict.causes) == ("ambiguous", three)
+    assert found.fits[three] > ADEQUATE
+    interval = found.intervals[three]["dynamic_friction"]
+    assert interval.low < 0.33 < interval.high
+
+
+def test_a_pair_that_fits_is_not_given_a_third() -> None:
+    names = ("actuation_delay", "sleeve_friction", "contact_friction")
+    found = _found({"delay_s": 0.08, "friction_N": 80.0}, names, list(pairs_of(names)))
+    assert max(len(h) for h in found.scored) == 2
+
+
+def test_what_cannot_have_made_the_data_counts_as_unknown() -> None:
+    folded = {NONE: 0.2, ("moving_mass",): 0.7, UNKNOWN: 0.1}
+    found = judged(folded, {NONE: 0.5, ("moving_mass",): 0.1 * ADEQUATE})
+    assert found == pytest.approx({UNKNOWN: 0.73, NONE: 0.2, ("moving_mass",): 0.07})
+    assert next(iter(found)) == UNKNOWN
+
+
+def test_an_unknown_gap_asks_for_traces_where_it_is_missed_most() -> None:
+    found = _found({}, extra=0.04 * np.sin(1.3 * np.arange(len(POINTS))))
+    assert found.leading != UNKNOWN
+    assert found.tests[0].name.startswith("traces of 10 shifts at ")
+    assert found.tests[0].information is None
+    assert "the nearest hypothesis misses the mean by" in found.as_dict()["next_test"]["why"]
 
 
 def test_a_partner_that_cannot_be_seen_takes_no_probability() -> None:

@@ -185,7 +185,7 @@ def test_the_leading_hypothesis_foretells_the_times(full: Diagnosis) -> None:
         pytest.param(
             {}, 0.04 * np.sin(1.3 * np.arange(len(POINTS))),
             "Unknown: no known effect explains the difference",
-            "None of the known effects, alone or in the pairs that were tried", id="unknown",
+            "None of the known effects, alone or together as far as they were tried", id="unknown",
         ),
     ],
 )  # fmt: skip
