@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 
@@ -11,6 +12,7 @@ from diagnosis.levels import Level
 from pipeline.config import Study, load_study
 from pipeline.consequence import ANGLES, angles_of, consequence, designs_of, shifts_of
 from sim.blocks import Block
+from sim.bundled import bundled_root
 from sim.effects import load
 from sim.records import Record
 from sim.setting import Setting
@@ -54,17 +56,23 @@ def test_a_dead_time_moves_every_time_and_no_choice(study: Study) -> None:
     assert (found.regret, found.standard_error) == (0.0, 0.0)
     for one in found.candidates:
         assert one.with_effect.mean - one.without.mean == pytest.approx(0.1)
-    assert found.sentence.startswith("The best design stays the best (flat)")
+    assert found.sentence.startswith("The chosen design stays the best (flat)")
 
 
 def test_the_kept_result_gives_the_designs(study: Study) -> None:
     designs = designs_of(study, 3)
     assert next(iter(designs)) == "prototype"
     assert len(designs) == 4
+    result = json.loads((bundled_root() / "mq200" / "result.json").read_text(encoding="utf-8"))
+    confirmed = result["confirmation"]
+    assert list(designs)[1] == f"design {confirmed['chosen']}"
+    failed = [d for d in confirmed["designs"] if not all(c["passed"] for c in d["checks"])]
+    assert failed
+    assert not {f"design {d['trial']}" for d in failed} & set(designs)
     assert shifts_of(study, designs) == 2 * ANGLES * len(study.points) * 4
 
 
-def testangles_of_follow_their_distribution(study: Study) -> None:
+def test_angles_of_follow_their_distribution(study: Study) -> None:
     setting = Setting(study.clutch, study.points[0], concentration=50.0, centre=0.5)
     pitch = study.clutch.dog.pitch_angle
     turns = [angle / pitch for angle in angles_of(setting, (1, 0))]
