@@ -9,9 +9,9 @@ from rich.table import Table
 
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.hypotheses import plain
+from diagnosis.words import chance, told
 from pipeline.console import columns, in_ms
 from pipeline.tables.benches import examined_lines
-from sim.errors import number
 
 SHOWN = 6  #: hypotheses in the table
 LEAST = 0.001  #: probability from which one is shown
@@ -38,17 +38,17 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
 def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
     table = columns("cause", "probability", "parameters (90 %)", "fits (p)")
     for one in record["hypotheses"][:SHOWN]:
-        if one["probability"] < LEAST:
+        hypothesis = tuple(one["effects"])
+        # Where no known effect fits, the nearest still says what of it is likely.
+        if one["probability"] < LEAST and hypothesis != found.leading:
             continue
-        values = "; ".join(
-            f"{name} {number(v['mean'])} ({number(v['low'])} to {number(v['high'])})"
-            for name, v in one["parameters"].items()
-        )
+        sizes = found.intervals.get(hypothesis, {})
+        values = "; ".join(told(name, value) for name, value in sizes.items())
         fit = one.get("predictive_p")
         p = "-" if fit is None else f"{fit:.2g}"
         table.add_row(
-            plain(tuple(one["effects"]), found.effects),
-            f"{one['probability']:.1%}",
+            plain(hypothesis, found.effects),
+            chance(one["probability"]),
             values or "-",
             p,
         )

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from diagnosis.bench import load_bench
+from pipeline.config import load_study
+from pipeline.consequence import designs_of
 from pipeline.console import emit, verb
 from pipeline.diagnosing import BANK, Means, diagnosed
 from pipeline.gapreport.gather import extras_of, price_of
@@ -45,12 +48,12 @@ def gap(
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
     given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, say)
-    found = diagnosed(given, means)
-    price = price_of(found, study, means)
-    report = None
-    if out is not None:
-        with writing(out):
-            report = publish(found, out, extras_of(found, price))
+    if study is not None:
+        designs_of(load_study(study))  # refuses a study without a result before the long work
+    with writing(out) if out is not None else nullcontext():
+        found = diagnosed(given, means)
+        price = price_of(found, study, means)
+        report = None if out is None else publish(found, out, extras_of(found, price))
     record = {
         **found.as_dict(),
         **examined_record(given),
