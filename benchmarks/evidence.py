@@ -1,0 +1,57 @@
+"""Evidence of the published stand's hypotheses by quadrature and sampling, and by nested sampling.
+
+Both must agree within their errors: what is compared is Z of single effects (quadrature) and of
+what leads (importance sampling), from the bank that the package brings.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+
+from diagnosis.bench import load_bench
+from diagnosis.emulator import BankEmulator
+from diagnosis.evidence import evidence
+from diagnosis.hypotheses import spaces_for
+from diagnosis.likelihood import Rules, observe
+from diagnosis.nested import nested_evidence
+from diagnosis.next_test import setting_of
+from diagnosis.scoring import Problem
+from diagnosis.spread import Hypothesis
+from pipeline.diagnosing import Means, bank_of
+from sim.effects import load
+
+COMPARED: tuple[Hypothesis, ...] = (
+    ("actuation_delay",),
+    ("actuation_lag",),
+    ("contact_friction",),
+    ("detent_force",),
+    ("actuation_delay", "sleeve_friction"),
+    ("actuation_delay", "drag_torque"),
+    ("actuation_delay", "drag_torque", "sleeve_friction"),
+    ("actuation_delay", "detent_force", "drag_torque"),
+)
+
+
+def main() -> None:
+    """Print the table."""
+    bench, effects = load_bench("mq200_stand"), load()
+    problem = Problem(observe(bench), BankEmulator(bank_of(bench, effects, Means())), Rules())
+    print(f"{'effects':52} {'ln Z':>9} {'error':>6} {'nested':>9} {'error':>6} {'apart':>6} s : s")
+    for space in spaces_for(COMPARED, effects, setting_of(bench)):
+        start = time.process_time()
+        mine = evidence(problem, space)
+        middle = time.process_time()
+        log, error = nested_evidence(problem, space)
+        end = time.process_time()
+        apart = (mine.log_evidence - log) / math.hypot(mine.error, error)
+        print(
+            f"{' + '.join(space.hypothesis):52} {mine.log_evidence:9.2f} {mine.error:6.2f} "
+            f"{log:9.2f} {error:6.2f} {apart:+6.1f} {middle - start:.1f} : {end - middle:.0f}",
+            flush=True,
+        )
+    print("\napart: difference over both errors; the last column has processor times")
+
+
+if __name__ == "__main__":
+    main()
