@@ -34,6 +34,7 @@ LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)
 STEPS = (1e-4, 1e-3, 0.01, 0.05, 0.2)  #: shares of the variance that steps may have
 SIZES = np.geomspace(1e-3, 3.0, 12)  #: standard deviations that the logarithm may have
 USUAL = (0.2, 1.5)  #: median of that deviation, and spread of its logarithm
+KEPT = 4  #: places whose correlations are kept
 FLOOR = 1e-4  #: relative error of a mean that is always there
 
 
@@ -99,9 +100,27 @@ class Curves:
         return Curves(self.sites, lengths, self.step, size, inverse, 1.0)
 
     def _covariance(self, cell: int, places: Array) -> Array:
-        apart = places[:, None] - self.sites[cell]
-        known: Array = self.size[cell] ** 2 * _kernel(apart, self.lengths, self.step)
+        known: Array = self.size[cell] ** 2 * self._correlation(cell, places)
         return known
+
+    def _correlation(self, cell: int, places: Array) -> Array:
+        """Return correlations of places and levels, (m, N); kept, since cells are asked in turn."""
+        key = (0 if self._alike else cell, places.tobytes())
+        if key not in self._kept:
+            if len(self._kept) >= KEPT:
+                self._kept.clear()
+            apart = places[:, None] - self.sites[cell]
+            self._kept[key] = _kernel(apart, self.lengths, self.step)
+        return self._kept[key]
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether levels lie at the same coordinates at all operating points."""
+        return bool((self.sites == self.sites[:1]).all())
+
+    @cached_property
+    def _kept(self) -> dict[tuple[int, bytes], Array]:
+        return {}
 
     def _solve(
         self, cell: int, known: Array, total: float, own: float | Array
