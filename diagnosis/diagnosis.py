@@ -93,7 +93,7 @@ class Diagnosis:
             },
             "where": self._where(),
             "next_test": {
-                "name": self.tests[0].name,
+                **self.tests[0].as_dict(),
                 "why": why(self.tests[0], self.belief, self.effects),
             },
             "tests": [

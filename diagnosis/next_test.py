@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from scipy.special import logsumexp
@@ -70,22 +71,71 @@ class Outcome:
 
 
 @dataclass(frozen=True)
+class Asked:
+    """What a test measures.
+
+    Parameters
+    ----------
+    kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
+        ``traces`` where nobody can say what comes out.
+    parameters : that a direct test measures, in the order of its outcome.
+    point : mismatch in rad/s and force in N of shifts or traces.
+    shifts : that are made.
+    """
+
+    kind: Literal["direct", "shifts", "traces"]
+    parameters: tuple[str, ...] = ()
+    point: tuple[float, float] | None = None
+    shifts: int = 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what it has, in the edge's units."""
+        record: dict[str, Any] = {"kind": self.kind}
+        if self.kind == "direct":
+            record["parameters"] = list(self.parameters)
+        if self.point is not None:
+            record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
+            record["shifts"] = self.shifts
+        return record
+
+
+@dataclass(frozen=True)
 class NextTest:
     """A test with what it is expected to tell, nats, and its cost in hours.
 
-    ``information`` is None where nobody can foretell it.
+    ``information`` is None where nobody can foretell it, and so is ``outcome``; else that has a
+    row for each of ``hypotheses``: shares of the priors for a direct test, s for more shifts.
     """
 
     name: str
     how: str
     information: float | None
     hours: float
+    asked: Asked
     shows: tuple[str, ...] = ()
+    hypotheses: tuple[Hypothesis, ...] = ()
+    outcome: Outcome | None = None
 
     @property
     def rate(self) -> float:
         """Information an hour, nats."""
         return (self.information or 0.0) / self.hours
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what it measures and what each hypothesis foretells of it."""
+        record = {"name": self.name, **self.asked.as_dict()}
+        if self.outcome is not None:
+            rows = zip(self.hypotheses, self.outcome.mean, self.outcome.variance, strict=True)
+            record["foretold"] = [
+                {"effects": list(h), "mean": _short(mean), "sd": _short(np.sqrt(variance))}
+                for h, mean, variance in rows
+            ]
+        return record
+
+
+def _short(values: Array) -> list[float]:
+    """Return values to six digits, which records need no more of."""
+    return [float(f"{value:.6g}") for value in values]
 
 
 def information(probabilities: Array, outcome: Outcome, seed: int = 1) -> float:
@@ -142,8 +192,8 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     shares = np.array([standing.belief[h] for h in names])
     shares = shares / shares.sum()
     tests = [
-        NextTest(name, how, information(shares, outcome), hours, shows)
-        for name, how, hours, shows, outcome in [*_direct(standing), *_more(standing)]
+        NextTest(name, how, information(shares, said), hours, asked, shows, names, said)
+        for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]
     ]
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
@@ -167,15 +217,21 @@ def _look(standing: Standing) -> list[NextTest]:
         f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
         f"{where}, where the nearest hypothesis misses the mean by {1e3 * left[place]:+.0f} ms."
     )
-    return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED)]
+    asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
+    return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED, asked)]
+
+
+def _point(bench: Bench, place: int) -> tuple[float, float]:
+    point = bench.cells[place].point
+    return point.mismatch, point.profile.force
 
 
 def _where(bench: Bench, place: int) -> str:
-    point = bench.cells[place].point
-    return f"{number(point.mismatch / RPM)} 1/min and {number(point.profile.force)} N"
+    mismatch, force = _point(bench, place)
+    return f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-Offer = tuple[str, str, float, tuple[str, ...], Outcome]
+Offer = tuple[str, str, float, Asked, tuple[str, ...], Outcome]
 
 
 def _direct(standing: Standing) -> list[Offer]:
@@ -187,6 +243,7 @@ def _direct(standing: Standing) -> list[Offer]:
             name,
             those[0].test.how,
             HOURS.get(name, DIRECT),
+            Asked("direct", tuple(p.name for effect in those for p in effect.parameters)),
             tuple(effect.name for effect in those),
             _parameters(standing, those),
         )
@@ -227,9 +284,10 @@ def _more(standing: Standing) -> list[Offer]:
             variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
             name = f"{count} more shifts at {where}"
             how = f"Record {count} more shifts at {where}, each with its own time."
-            if np.isfinite(mean).all():
+            if np.isfinite(mean).all() and np.isfinite(variance).all():
+                asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
                 outcome = Outcome(mean, variance)
-                found.append((name, how, SETUP + SHIFT * count, (), outcome))
+                found.append((name, how, SETUP + SHIFT * count, asked, (), outcome))
     return found
 
 

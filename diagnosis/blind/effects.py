@@ -41,6 +41,13 @@ class Range:
         end = self.high if upwards or self.neutral <= self.low else self.low
         return self.neutral + strength * (end - self.neutral)
 
+    def share(self, value: float) -> float:
+        """Return the share of the prior below a value, in [0, 1]."""
+        inside = min(max(value, self.low), self.high)
+        if self.log:
+            return math.log(inside / self.low) / math.log(self.high / self.low)
+        return (inside - self.low) / (self.high - self.low)
+
     def anywhere(self, generator: np.random.Generator) -> float:
         """Return a value drawn from the inner four fifths of the prior."""
         return self.low + (0.1 + 0.8 * float(generator.random())) * (self.high - self.low)

@@ -95,13 +95,13 @@ class Mark:
 def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
     """Hold one result against the truth of its case (of the key)."""
     found: Record = result.get("diagnosis", {})
-    chances = {_names(h["effects"]): float(h["probability"]) for h in found.get("hypotheses", [])}
+    chances = {names_of(h["effects"]): float(h["probability"]) for h in found.get("hypotheses", [])}
     top = max(chances, key=lambda h: chances[h]) if chances else UNKNOWN
-    causes = _names(truth["causes"])
+    causes = names_of(truth["causes"])
     gap = found.get("gap", {})
     shrinks = {top: gap.get("shrink")}
     if gap.get("rival") is not None:
-        shrinks[_names(gap["rival"])] = gap.get("rival_shrink")
+        shrinks[names_of(gap["rival"])] = gap.get("rival_shrink")
     plain = found.get("plain", {})
     smallest = plain.get("smallest_rmse")
     return Mark(
@@ -115,14 +115,14 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
         verdict=found.get("verdict", "refused"),
         causes=tuple(found.get("causes", ())),
         chances=chances,
-        group=_group(top, found.get("confusable", [])),
+        group=class_of(top, found.get("confusable", [])),
         credible=_credible(found, chances),
         shrink=gap.get("shrink"),
         true_shrink=shrinks.get(causes),
         rival_shrink=gap.get("rival_shrink"),
         inside=tuple(_inside(found, truth)),
-        plain=None if smallest is None else _names(smallest),
-        weights={_names(w["effects"]): w["weight"] for w in plain.get("aicc", [])},
+        plain=None if smallest is None else names_of(smallest),
+        weights={names_of(w["effects"]): w["weight"] for w in plain.get("aicc", [])},
         time=float(result["time_s"]),
     )
 
@@ -141,23 +141,24 @@ def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[An
     return math.sqrt(max(0.0, float(np.mean(squares)) - 1.0))
 
 
-def _names(effects: Sequence[str]) -> Names:
+def names_of(effects: Sequence[str]) -> Names:
+    """Return a hypothesis as marks have it, in alphabetical order."""
     return tuple(sorted(effects))
 
 
 def _parsed(text: str) -> Names:
-    return () if text == "none" else _names(text.split(" + "))
+    return () if text == "none" else names_of(text.split(" + "))
 
 
-def _group(top: Names, confusable: Sequence[Sequence[str]]) -> frozenset[Names]:
-    """Return all that stands in a class with the top, in words of the record."""
+def class_of(one: Names, confusable: Sequence[Sequence[str]]) -> frozenset[Names]:
+    """Return all that stands in a class with a hypothesis, itself too, by the record's words."""
     groups = [{_parsed(text) for text in group} for group in confusable]
-    return frozenset({top}.union(*(group for group in groups if top in group)))
+    return frozenset({one}.union(*(group for group in groups if one in group)))
 
 
 def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:
     if "credible_set" in found:
-        return tuple(_names(h) for h in found["credible_set"])
+        return tuple(names_of(h) for h in found["credible_set"])
     chosen: list[Names] = []
     whole = 0.0
     for hypothesis in sorted(chances, key=lambda h: -chances[h]):

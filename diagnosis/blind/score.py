@@ -7,7 +7,7 @@ gap is at least two sampling errors of the means (root mean square over the oper
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 
 from diagnosis.blind.intervals import calibration, mean, share
 from diagnosis.blind.marks import Mark, Names, mark_of
-from diagnosis.blind.sealed import opened, results_of
+from diagnosis.blind.sealed import Advance, opened, results_of
+from diagnosis.blind.settle import Advised, advised_tests, settled_figures
 
 Record = dict[str, Any]
 
@@ -24,18 +25,22 @@ STRENGTHS = ("none", "barely", "clear", "gross")
 FORMS = ("means", "singles", "traces")
 
 
-def score(folder: Path) -> Record:
+def score(folder: Path, advance: Advance | None = None) -> Record:
     """Open the key of a set whose cases are all diagnosed, and score.
+
+    Makes the tests that were advised where a case is ambiguous; ``advance`` counts cases.
 
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
     results = results_of(folder)
     key = opened(folder)
-    return scored([mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()])
+    marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
+    return scored(marks, advised_tests(folder, key, results, advance))
 
 
-def scored(marks: Sequence[Mark]) -> Record:
-    """Return all figures from the marks of the cases."""
+def scored(marks: Sequence[Mark], advised: Mapping[str, Advised] | None = None) -> Record:
+    """Return all figures from the marks of the cases, and what advised tests told, by case."""
+    told = advised or {}
     visible = [m for m in marks if m.gap >= VISIBLE]
     return {
         "cases": len(marks),
@@ -48,6 +53,10 @@ def scored(marks: Sequence[Mark]) -> Record:
         "none": _none(marks),
         "pairs": _pairs(marks),
         "outside": _outside(marks),
+        "advised_test": {
+            "all": _advised(marks, told),
+            "visible": _advised(visible, told),
+        },
         "shrink": _shrink(marks),
         "plain": _plain(marks),
         "confusion": _confusion(marks),
@@ -55,7 +64,7 @@ def scored(marks: Sequence[Mark]) -> Record:
             "mean": mean(m.time for m in marks),
             "largest": max((m.time for m in marks), default=None),
         },
-        "marks": [_row(m) for m in marks],
+        "marks": [_row(m, told.get(m.name)) for m in marks],
     }
 
 
@@ -121,6 +130,12 @@ def _outside(marks: Sequence[Mark]) -> Record:
     }
 
 
+def _advised(marks: Sequence[Mark], told: Mapping[str, Advised]) -> Record:
+    """Return how often the advised test settles what is ambiguous."""
+    mine = [m.name for m in marks if m.verdict == "ambiguous"]
+    return settled_figures(len(mine), [told[name] for name in mine if name in told])
+
+
 def _shrink(marks: Sequence[Mark]) -> Record:
     """Return held-out shrinks; those of the best wrong effect show why shrink names nothing."""
     real = [m for m in marks if m.kind in ("single", "pair") and m.gap >= VISIBLE]
@@ -171,7 +186,7 @@ def _text(names: Names) -> str:
     return " + ".join(names) or "none"
 
 
-def _row(mark: Mark) -> Record:
+def _row(mark: Mark, advised: Advised | None) -> Record:
     return {
         "case": mark.name,
         "kind": mark.kind,
@@ -187,5 +202,6 @@ def _row(mark: Mark) -> Record:
         "right": mark.right,
         "right_class": mark.right_class,
         "shrink": mark.shrink,
+        "advised_test": None if advised is None else advised.as_dict(),
         "time_s": mark.time,
     }

@@ -53,13 +53,18 @@ def score_table(found: Record) -> RenderableType:
 
 
 def _others(found: Record) -> RenderableType:
-    shrink, plain = found["shrink"], found["plain"]
+    shrink, plain, test = found["shrink"], found["plain"], found["advised_test"]
     rows: Iterable[tuple[str, Any]] = (
         ("an effect named where there is none", found["none"]["false_alarms"]),
         ("pairs: both causes found", found["pairs"]["both_found"]),
         ("pairs: one or both found", found["pairs"]["one_found_or_both"]),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
+        ("ambiguous: settled by the advised test", test["all"]["settled"]),
+        ("ambiguous: settled as the truth itself", test["all"]["settled_as_truth"]),
+        ("ambiguous: settled wrongly", test["all"]["wrongly_settled"]),
+        ("visible and ambiguous: settled by the advised test", test["visible"]["settled"]),
+        ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
         ("calibration error of probabilities", found["all"]["calibration_error"]),
         ("calibration error of the leading one", found["all"]["calibration_error_of_top"]),
         ("held-out shrink of the true hypothesis", shrink["true"]),

@@ -82,7 +82,9 @@ def score(folder: Folder, json: Json = False) -> None:
 
     Example: dogshape blind score results/blind --json
     """
-    found = score_of(folder)
+    total = len(manifest_of(folder)["cases"])
+    with ShiftProgress(total, unit="cases") as progress:
+        found = score_of(folder, progress.advance)
     emit(found, json, lambda: score_table(found))
 
 

@@ -88,6 +88,9 @@ def test_figures_count_what_they_say() -> None:
     assert found["outside"]["verdicts"] == {"drift": ["refused"]}
     assert found["confusion"]["sleeve_friction"] == {"viscous_damping": 1}
     assert found["time_s"]["largest"] == 3.0
+    # Two are ambiguous; their records say a next test without what is foretold of it.
+    assert found["advised_test"]["all"]["ambiguous"] == 2
+    assert found["advised_test"]["all"]["judged"] == 0
     json.dumps(found, allow_nan=False)
 
 

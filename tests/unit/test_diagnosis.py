@@ -12,6 +12,8 @@ from diagnosis.belief import judged
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
+from diagnosis.next_test import EXACT, LEAST
+from sim.units import RPM
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 
 SEPARATE = ("sleeve_friction", "moving_mass", "actuation_delay")
@@ -100,7 +102,9 @@ def test_an_unknown_gap_asks_for_traces_where_it_is_missed_most() -> None:
     assert found.leading != UNKNOWN
     assert found.tests[0].name.startswith("traces of 10 shifts at ")
     assert found.tests[0].information is None
-    assert "the nearest hypothesis misses the mean by" in found.as_dict()["next_test"]["why"]
+    test = found.as_dict()["next_test"]
+    assert "the nearest hypothesis misses the mean by" in test["why"]
+    assert (test["kind"], test["shifts"], "foretold" in test) == ("traces", 10, False)
 
 
 def test_a_partner_that_cannot_be_seen_takes_no_probability() -> None:
@@ -119,6 +123,34 @@ def test_aliases_stay_ambiguous_and_the_next_test_parts_them() -> None:
     record = found.as_dict()
     assert record["next_test"]["name"] == "force at the sleeve over time"
     assert ["actuation_delay", "a shifted time zero of the record"] in record["confusable"]
+
+
+def test_the_next_test_says_what_each_hypothesis_foretells() -> None:
+    found = _found({"delay_s": 0.08}, ("actuation_delay", "actuation_lag", "moving_mass"))
+    test = json.loads(json.dumps(found.as_dict()["next_test"], allow_nan=False))
+    assert (test["kind"], test["parameters"]) == ("direct", ["delay_s", "lag_s"])
+    foretold = {tuple(one["effects"]): one for one in test["foretold"]}
+    assert set(foretold) == {h for h, p in found.belief.items() if p > LEAST}
+    delay, lag = foretold[("actuation_delay",)], foretold[("actuation_lag",)]
+    assert delay["mean"] == pytest.approx([0.08 / 0.25, 0.0], abs=0.02)
+    assert lag["mean"][0] == 0.0
+    assert min(*delay["sd"], *lag["sd"]) == EXACT
+
+
+def test_more_shifts_foretell_the_mean_of_their_operating_point() -> None:
+    found = _found({"delay_s": 0.08}, ("actuation_delay", "actuation_lag", "moving_mass"))
+    test = next(t for t in found.tests if t.asked.kind == "shifts").as_dict()
+    place = next(
+        k
+        for k, cell in enumerate(found.bench.cells)
+        if (cell.point.mismatch / RPM, cell.point.profile.force)
+        == pytest.approx((test["mismatch_rpm"], test["force_N"]))
+    )
+    one = next(f for f in test["foretold"] if f["effects"] == list(found.leading))
+    said = found.foretold
+    spread = np.sqrt(said.variance[place] + said.single[place] / test["shifts"])
+    assert one["mean"] == pytest.approx([said.mean[place]], rel=1e-5)
+    assert one["sd"] == pytest.approx([spread], rel=1e-5)
 
 
 def test_the_record_keeps_the_contract_and_is_json() -> None:

@@ -193,7 +193,7 @@ def test_sets_differ_in_strengths_and_draws_and_cover_the_list() -> None:
 
 def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
     """Each truth ends as a time or not engaged, never as a number that is none."""
-    fast = Point(100.0 * RPM, 641.5, 0.12614)
+    fast = Point(249.0 * RPM, 641.5, 0.12614)  # the one that costs least
     shown = {tuple(c.parameters) + tuple(c.outside): c for c in cases_of("tuning", "full")}
     for case in shown.values():
         if len(case.parameters) < 2 and case.parameters.keys() | case.outside.keys():
