@@ -97,7 +97,12 @@ class Diagnosis:
                 "why": why(self.tests[0], self.belief, self.effects),
             },
             "tests": [
-                {"name": t.name, "information_nats": t.information, "hours": t.hours}
+                {
+                    "name": t.name,
+                    "information_nats": t.information,
+                    "chance_to_settle": t.settles if t.information is not None else None,
+                    "hours": t.hours,
+                }
                 for t in self.tests[:8]
             ],
             "inclusion": inclusion(self.belief),

@@ -6,12 +6,15 @@ is expected to tell is the mutual information of cause and outcome,
 .. math:: I = H(p) - E_y H(p | y),
 
 with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture; where the data
-allow no parting of hypotheses, a direct test still does. Direct tests come from the effects:
+allow no parting of hypotheses, a direct test still does. What counts where nothing has 0.8 is the
+chance that the true hypothesis has it afterwards, less a little for each hour of work: by nats an
+hour a cheap test that settles nothing would lead. Direct tests come from the effects:
 their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
 share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
-shifts at an operating point. The best has the most nats an hour; one is chosen even where nothing
-is in doubt: then it is the direct test of what was named. Where no known effect fits, nobody can
-say what a test would tell; then it is traces at the operating point that misses most.
+shifts at an operating point. One is chosen even where a hypothesis has 0.8: the one with the most
+nats an hour, and where nothing is to be learnt the direct test of what was named. Where no known
+effect fits, nobody can say what a test would tell; then it is traces at the operating point that
+misses most.
 """
 
 from __future__ import annotations
@@ -37,6 +40,8 @@ from sim.units import RPM
 
 EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
 DRAWN = 400  #: outcomes drawn
+SETTLED = 0.8  #: probability with which a hypothesis counts as found
+HOUR = 0.04  #: chance to settle that an hour of work has to earn
 LEAST = 1e-3  #: probability from which a hypothesis takes part
 WORTH = 0.02  #: nats below which nothing is to be learnt
 SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
@@ -103,8 +108,9 @@ class Asked:
 class NextTest:
     """A test with what it is expected to tell, nats, and its cost in hours.
 
-    ``information`` is None where nobody can foretell it, and so is ``outcome``; else that has a
-    row for each of ``hypotheses``: shares of the priors for a direct test, s for more shifts.
+    ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
+    where nobody can foretell it, and so is ``outcome``; else that has a row for each of
+    ``hypotheses``: shares of the priors for a direct test, s for more shifts.
     """
 
     name: str
@@ -115,6 +121,12 @@ class NextTest:
     shows: tuple[str, ...] = ()
     hypotheses: tuple[Hypothesis, ...] = ()
     outcome: Outcome | None = None
+    settles: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Chance to settle, less what the work has to earn."""
+        return self.settles - HOUR * self.hours
 
     @property
     def rate(self) -> float:
@@ -138,13 +150,13 @@ def _short(values: Array) -> list[float]:
     return [float(f"{value:.6g}") for value in values]
 
 
-def information(probabilities: Array, outcome: Outcome, seed: int = 1) -> float:
-    """Return the mutual information of hypothesis and outcome, nats."""
+def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, float]:
+    """Return the mutual information of hypothesis and outcome, nats, and the chance to settle."""
     generator = np.random.default_rng(seed)
     width = np.sqrt(outcome.variance)
     # As many draws of each hypothesis as its probability: less noise than drawing which.
     counts = np.maximum(1, np.round(DRAWN * probabilities)).astype(int)
-    gain = 0.0
+    gain = settled = 0.0
     log_prior = np.log(probabilities)
     for place, count in enumerate(counts):
         drawn = outcome.mean[place] + width[place] * generator.standard_normal(
@@ -154,7 +166,9 @@ def information(probabilities: Array, outcome: Outcome, seed: int = 1) -> float:
         log = (-0.5 * score**2 - np.log(width)).sum(axis=2)
         own = log[:, place] - logsumexp(log + log_prior, axis=1)
         gain += probabilities[place] * float(own.mean())
-    return max(0.0, gain)
+        after = own + log_prior[place]
+        settled += probabilities[place] * float((after > np.log(SETTLED)).mean())
+    return max(0.0, gain), settled
 
 
 @dataclass(frozen=True)
@@ -191,13 +205,15 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     names = standing.plausible
     shares = np.array([standing.belief[h] for h in names])
     shares = shares / shares.sum()
-    tests = [
-        NextTest(name, how, information(shares, said), hours, asked, shows, names, said)
-        for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]
-    ]
+    tests = []
+    for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]:
+        nats, settles = told(shares, said)
+        tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
+    if shares.max() <= SETTLED:
+        tests.sort(key=lambda t: -t.value)
     first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
     return (*first, *tests)
 
@@ -333,4 +349,9 @@ def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) ->
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    return f"{test.how} It tells most for its cost between {those} ({cost})."
+    if max(belief.values()) > SETTLED:
+        return f"{test.how} It tells most for its cost, open are {those} ({cost})."
+    return (
+        f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "
+        f"open are {those}."
+    )

@@ -1,6 +1,7 @@
 """The decision: a named effect, none, unknown, or ambiguous with what is left.
 
-- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data;
+- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data, and
+  each of its effects is part of the cause with more than 0.95, whatever else is;
 - *none*: effects that the data could show have less than 0.2 together, and none can have made
   the data; what each effect is at most stands beside it;
 - *unknown*: a gap of no known effect has more than 0.8, or no plausible hypothesis can have made
@@ -69,6 +70,10 @@ def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, floa
     if belief.get(UNKNOWN, 0.0) > NAMED or not any(p >= ADEQUATE for p in fits.values()):
         return "unknown"
     if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(top) > MOST:
+        return "ambiguous"
+    # Another hypothesis may share no cause with the most probable one: then that is not certain.
+    part = inclusion(belief)
+    if any(part[name] <= PART for name in top):
         return "ambiguous"
     return "none" if top == NONE else "effect"
 

@@ -6,13 +6,11 @@ import json
 from typing import Any
 from urllib.parse import quote
 
-import numpy as np
-
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.facts import against, facts_of
 from diagnosis.finding import Finding
 from diagnosis.hypotheses import NONE, plain
-from diagnosis.next_test import WORTH, why
+from diagnosis.next_test import why
 from diagnosis.words import chance, headline, in_words, ms, quantity
 from pipeline.exploring.labels import axis, label, value
 from pipeline.gapreport import alike, answers, before, cells, charts, gapmap
@@ -126,18 +124,15 @@ def _reading(key: str) -> str:
 
 
 def _tests(found: Diagnosis) -> list[Row]:
-    """Return the menu; what a test tells also as share of the doubt that is left."""
-    chances = np.array([p for p in found.belief.values() if p > 1e-6])
-    doubt = float(-(chances * np.log(chances)).sum())
+    """Return the menu, with what each test tells and its chance to settle the cause."""
     return [
         {
             "name": test.name,
             "how": test.how,
             "shows": ", ".join(found.effects[name].plain for name in test.shows),
             "information": "" if test.information is None else f"{test.information:.2f}",
-            "share": chance(min(1.0, test.rate * test.hours / doubt)) if doubt > WORTH else "",
+            "share": "" if test.information is None else chance(test.settles),
             "hours": f"{test.hours:.2g}",
-            "rate": "" if test.information is None else f"{test.rate:.2f}",
         }
         for test in found.tests[:TESTS]
     ]

@@ -12,7 +12,7 @@ from diagnosis.evidence import Sum, evidence, quadrature, sampled
 from diagnosis.hypotheses import spaces_of
 from diagnosis.likelihood import Rules, Said, log_times, observe
 from diagnosis.nested import nested, nested_evidence
-from diagnosis.next_test import Outcome, information, setting_of
+from diagnosis.next_test import Outcome, setting_of, told
 from diagnosis.scoring import Predicted, Problem, Rows
 from diagnosis.signature import squared
 from diagnosis.spread import Array, Spread
@@ -137,8 +137,8 @@ def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> N
     entropy = -float((shares * np.log(shares)).sum())
     far = Outcome(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1)))
     same = Outcome(np.zeros((3, 1)), np.ones((3, 1)))
-    assert information(shares, far) == pytest.approx(entropy, rel=1e-6)
-    assert information(shares, same) == pytest.approx(0.0, abs=1e-12)
+    assert told(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
+    assert told(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_squared_distances() -> None:
