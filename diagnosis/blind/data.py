@@ -79,14 +79,12 @@ def write_case(folder: Path, name: str, base: Path, case: Case, series: Series) 
     """Write the data of a case; nothing of its truth is in them."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bench.toml").write_text(_bench(base, name), encoding="utf-8")
-    rises = [point.rise for point in series.points]
-    if case.swapped:
-        rises = _swapped(series.points)
+    places = _swapped(series.points) if case.swapped else range(len(series.points))
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEAD)
-        for place, (point, rise) in enumerate(zip(series.points, rises, strict=True)):
-            given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{rise:.10g}")
+        for point, place in zip(series.points, places, strict=True):
+            given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{point.rise:.10g}")
             for row in _rows(folder, case, series, place):
                 table.writerow((*given, *row))
 
@@ -110,11 +108,15 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def _swapped(points: Sequence[Point]) -> list[float]:
-    """Return rise times in reverse order of the forces."""
-    of = {point.force: point.rise for point in points}
-    turned = dict(zip(sorted(of), [of[f] for f in sorted(of, reverse=True)], strict=True))
-    return [turned[point.force] for point in points]
+def _swapped(points: Sequence[Point]) -> list[int]:
+    """Return whose shifts stand beside each point: those of the forces in reverse order."""
+    found = list(range(len(points)))
+    for mismatch in {point.mismatch for point in points}:
+        mine = [k for k, point in enumerate(points) if point.mismatch == mismatch]
+        mine.sort(key=lambda k: points[k].force)
+        for place, source in zip(mine, reversed(mine), strict=True):
+            found[place] = source
+    return found
 
 
 def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[str, ...]]:

@@ -239,13 +239,16 @@ def test_angles_prefer_their_centre_and_drift_takes_the_force(stand: Stand) -> N
     places = np.array([draw.angle for draw in found]) / stand.pitch
     turn = np.angle(np.exp(2j * np.pi * places).mean()) / (2.0 * np.pi)
     assert turn == pytest.approx(0.3, abs=0.02)
-    assert (found[0].fade, found[-1].fade) == pytest.approx((1.0, 0.5))
+    assert (found[0].fade, found[-1].fade) == pytest.approx((1.0, 0.1))
 
 
-def test_a_swapped_column_has_other_rises_beside_the_forces(tmp_path: Path) -> None:
-    points = read_points(BASE)[:4]
+def test_a_swapped_column_has_the_times_of_other_forces(tmp_path: Path) -> None:
+    points = read_points(BASE)[:8]
     case = Case("outside", "means", 1, outside={"swapped_column": 1.0})
-    write_case(tmp_path / "c", "c", BASE, case, Series(points, ((Shift(0.2),),) * 4))
+    shifts = tuple((Shift(0.1 * (k + 1)),) for k in range(8))
+    write_case(tmp_path / "c", "c", BASE, case, Series(points, shifts))
     with (tmp_path / "c" / "shifts.csv").open() as file:
-        rises = [float(row["force_rise_s"]) for row in csv.DictReader(file)]
-    assert rises == sorted(point.rise for point in points)
+        rows = list(csv.DictReader(file))
+    times = [round(10.0 * float(row["shift_time_s"])) for row in rows]
+    assert [float(row["force_rise_s"]) for row in rows] == [point.rise for point in points]
+    assert times == [4, 3, 2, 1, 8, 7, 6, 5]
