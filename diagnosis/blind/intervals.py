@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -28,14 +28,23 @@ def share(flags: Iterable[bool]) -> Record:
 
 def mean(values: Iterable[float | None], seed: int = 0) -> Record:
     """Return a mean with a bootstrap's 95 % interval; None among the values are left out."""
+    return _bootstrap(values, np.mean, seed)
+
+
+def median(values: Iterable[float | None], seed: int = 0) -> Record:
+    """Return a median with a bootstrap's 95 % interval; None among the values are left out."""
+    return _bootstrap(values, np.median, seed)
+
+
+def _bootstrap(values: Iterable[float | None], statistic: Callable[..., Any], seed: int) -> Record:
     given = np.array([v for v in values if v is not None], dtype=float)
     n = len(given)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
     generator = np.random.default_rng(seed)
-    drawn = given[generator.integers(n, size=(DRAWS, n))].mean(axis=1)
+    drawn = statistic(given[generator.integers(n, size=(DRAWS, n))], axis=1)
     low, high = np.quantile(drawn, (0.025, 0.975))
-    return {"value": float(given.mean()), "low": float(low), "high": float(high), "n": n}
+    return {"value": float(statistic(given)), "low": float(low), "high": float(high), "n": n}
 
 
 def calibration(cases: list[list[tuple[float, bool]]], bins: int = 10, seed: int = 0) -> Record:

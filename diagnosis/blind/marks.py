@@ -87,6 +87,11 @@ class Mark:
         return self.named and tuple(sorted(self.causes)) == self.truth
 
     @property
+    def causes_true(self) -> bool:
+        """Whether all that it says to be a cause, or part of it, is one."""
+        return set(self.causes) <= set(self.truth)
+
+    @property
     def found(self) -> int:
         """How many true causes the verdict or the top has."""
         return len(set(self.truth) & ({*self.causes} | {*self.top}))
@@ -99,7 +104,8 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
     top = max(chances, key=lambda h: chances[h]) if chances else UNKNOWN
     causes = names_of(truth["causes"])
     gap = found.get("gap", {})
-    shrinks = {top: gap.get("shrink")}
+    # Where unknown leads, held out is the nearest of the known ones.
+    shrinks = {names_of(gap.get("hypothesis", top)): gap.get("shrink")}
     if gap.get("rival") is not None:
         shrinks[names_of(gap["rival"])] = gap.get("rival_shrink")
     plain = found.get("plain", {})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.blind.intervals import calibration, mean, share
+from diagnosis.blind.intervals import calibration, mean, median, share
 from diagnosis.blind.marks import Mark, Names, mark_of
 from diagnosis.blind.sealed import Advance, opened, results_of
 from diagnosis.blind.settle import Advised, advised_tests, settled_figures
@@ -52,7 +52,9 @@ def scored(marks: Sequence[Mark], advised: Mapping[str, Advised] | None = None) 
         "by_form": _split(marks, lambda m: m.form, FORMS),
         "none": _none(marks),
         "pairs": _pairs(marks),
+        "pairs_visible": _pairs(visible),
         "outside": _outside(marks),
+        "outside_visible": _outside(visible),
         "advised_test": {
             "all": _advised(marks, told),
             "visible": _advised(visible, told),
@@ -77,6 +79,7 @@ def figures(marks: Sequence[Mark]) -> Record:
         "top_class": share(m.right_class for m in marks),
         "named": share(m.named for m in marks),
         "precision_when_named": share(m.named_right for m in marks if m.named),
+        "named_causes_true": share(m.causes_true for m in marks if m.causes),
         "coverage_90": share(m.truth in m.credible for m in told),
         "size_90": mean(float(len(m.credible)) for m in told),
         "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
@@ -143,6 +146,9 @@ def _shrink(marks: Sequence[Mark]) -> Record:
         "n": len(real),
         "leading": mean(m.shrink for m in real),
         "true": mean(m.true_shrink for m in real),
+        "leading_over_true": median(
+            (m.shrink or 0.0) / m.true_shrink for m in real if m.true_shrink
+        ),
         "leading_where_wrong": mean(m.shrink for m in real if not m.right),
         "best_rival_where_right": mean(m.rival_shrink for m in real if m.right),
         "true_where_right": mean(m.true_shrink for m in real if m.right),
