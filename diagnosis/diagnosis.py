@@ -86,6 +86,7 @@ class Diagnosis:
                 "baseline_rmse_s": self.before_after.baseline,
                 "heldout_rmse_s": self.before_after.held_out,
                 "floor_rmse_s": self.before_after.floor,
+                "leading_floor_rmse_s": self.chance,
                 "shrink": self.before_after.shrink,
                 "rival": list(self.rival[0]) if self.rival else None,
                 "rival_heldout_rmse_s": from_rival.held_out if from_rival else None,
@@ -129,11 +130,27 @@ class Diagnosis:
         }
 
     @property
+    def chance(self) -> float | None:
+        """What scatter and errors alone would leave, were the leading hypothesis true, rms, s."""
+        counts = np.array([cell.n for cell in self.bench.cells], dtype=float)
+        having = np.array([cell.time is not None for cell in self.bench.cells])
+        squares = self.foretold.variance + self.foretold.single / np.maximum(1.0, counts)
+        those = squares[having & np.isfinite(squares)]
+        return float(np.sqrt(those.mean())) if those.size else None
+
+    @property
     def found(self) -> Found:
         """What is put into words."""
         gaps, test = self.before_after, self.tests[0]
         return Found(
-            self.verdict, self.belief, self.intervals, gaps, test, self.effects, self.leading
+            self.verdict,
+            self.belief,
+            self.intervals,
+            gaps,
+            test,
+            self.effects,
+            self.leading,
+            self.chance,
         )
 
     @property

@@ -31,6 +31,7 @@ class Found:
     test: NextTest
     effects: Effects
     leading: Hypothesis
+    chance: float | None
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -184,10 +185,11 @@ def _far(found: Found) -> str:
     if found.verdict.kind == "unknown":
         nearest = plain(leading, found.effects)
         return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
+    alone = f"; chance alone would leave {ms(found.chance)}" if found.chance else ""
     what = "it" if found.verdict.kind == "effect" else plain(leading, found.effects)
     return (
         f"With {what} in the simulation, {ms(gaps.held_out)} are left at operating points that the "
-        "fit never saw."
+        f"fit never saw{alone}."
     )
 
 
