@@ -31,7 +31,7 @@ lint: $(VENV)/complete
 	$(BIN)/mypy sim surrogate diagnosis pipeline
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
-  load_height workers effects blind_engines
+  load_height workers effects blind_engines bank evidence
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
