@@ -58,10 +58,11 @@ def answers_of(found: Diagnosis, remarks: Sequence[Remark]) -> list[Answer]:
 
 
 def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
-    """Return the name of a hypothesis for an axis, on two lines where it is a pair."""
+    """Return the name of a hypothesis for an axis, a line for each effect."""
     if hypothesis == UNKNOWN:
         return "unknown: no known effect"
-    return plain(hypothesis, found.effects).replace(" together with ", ",<br>")
+    names = [found.effects[name].plain for name in hypothesis]
+    return ",<br>".join(names) or plain(hypothesis, found.effects)
 
 
 def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark]) -> Answer:

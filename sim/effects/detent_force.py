@@ -40,7 +40,7 @@ EFFECT = Effect(
     change=_change,
     test=BenchTest(
         "slow push of the free ring",
-        "Push the free ring slowly over its travel and record force over "
-        "displacement: the hump shows.",
+        "Push the free ring slowly along its shaft, both ways, and record force over "
+        "displacement: a level force is dry friction, a hump a detent.",
     ),
 )

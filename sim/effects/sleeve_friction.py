@@ -29,6 +29,7 @@ EFFECT = Effect(
     change=_change,
     test=BenchTest(
         "slow push of the free ring",
-        "Pull the free ring along its shaft slowly with a spring balance, both ways.",
+        "Push the free ring slowly along its shaft, both ways, and record force over "
+        "displacement: a level force is dry friction, a hump a detent.",
     ),
 )

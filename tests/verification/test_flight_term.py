@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from diagnosis.bench import Bench
-from diagnosis.diagnosis import setting_of
+from diagnosis.next_test import setting_of
 from diagnosis.evidence import evidence
 from diagnosis.fit import p_value
 from diagnosis.flight_likelihood import log_flights, log_unknown, to_cells
