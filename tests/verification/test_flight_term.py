@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from diagnosis.bench import Bench
-from diagnosis.next_test import setting_of
 from diagnosis.evidence import evidence
 from diagnosis.fit import p_value
 from diagnosis.flight_likelihood import log_flights, log_unknown, to_cells
 from diagnosis.hypotheses import NONE, UNKNOWN, Space
 from diagnosis.likelihood import Rules, observe
 from diagnosis.marks import WAYS
+from diagnosis.next_test import setting_of
 from diagnosis.parameters import intervals
 from diagnosis.reading import gather
 from diagnosis.scoring import Problem, Scored
