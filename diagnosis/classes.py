@@ -2,7 +2,8 @@
 
 A imitates B as well as its best values do. Where half the squared distance of their signatures
 (``diagnosis.signature``) stays below a limit both ways, no data of this kind and number would
-part them, and they are one class. A dead time and a shifted time zero of the record are one class
+part them, and they are one class. What the error of emulation alone adds to the distance is taken
+off: by it no data part them. A dead time and a shifted time zero of the record are one class
 in any case.
 """
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from diagnosis.belief import Probabilities
 from diagnosis.hypotheses import NONE
-from diagnosis.scoring import Scored
+from diagnosis.scoring import Predicted, Scored
 from diagnosis.signature import VISIBLE, Metric, squared
 from diagnosis.spread import Array, Hypothesis
 
@@ -43,14 +44,61 @@ class Confusion:
         return (hypothesis,)
 
 
-def confusion(scored: Sequence[Scored], metric: Metric, belief: Probabilities) -> Confusion:
-    """Return classes among the plausible hypotheses; unknown is in none."""
+@dataclass(frozen=True)
+class _Placed:
+    """Signatures (m, k), and the squared distance that errors of emulation make, (m,)."""
+
+    points: Array
+    noise: Array
+
+    def rows(self, which: np.ndarray) -> _Placed:
+        return _Placed(self.points[which], self.noise[which])
+
+
+def _placed(
+    predicted: Predicted, metric: Metric, baseline: Predicted, model_error: float
+) -> _Placed:
+    # What the errors have in common with the baseline's is common to all hypotheses, and the error
+    # of the model is none of the emulation's.
+    own = _emulated(predicted, model_error) - _emulated(baseline, model_error)
+    noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.mean**2).sum(axis=1)
+    return _Placed(metric.of(predicted), noise)
+
+
+def _emulated(predicted: Predicted, model_error: float) -> Array:
+    """Return the variance of emulated means (m, cells), without that of the model."""
+    variance: Array = predicted.error**2 - (model_error * predicted.mean) ** 2
+    return variance
+
+
+def _nearest(mine: _Placed, theirs: _Placed) -> Array:
+    """Return the squared distance of each of mine from the nearest of theirs, (m,)."""
+    whole = squared(mine.points, theirs.points)
+    # Chosen with the noise in: values of large error would else be the nearest to anything.
+    place = whole.argmin(axis=1)
+    left: Array = whole[np.arange(len(place)), place] - mine.noise - theirs.noise[place]
+    return np.maximum(0.0, left)
+
+
+def confusion(
+    scored: Sequence[Scored],
+    metric: Metric,
+    belief: Probabilities,
+    baseline: Predicted,
+    model_error: float,
+) -> Confusion:
+    """Return classes among the plausible hypotheses; unknown is in none.
+
+    ``model_error`` is the share of a mean time that enters all errors of ``scored``.
+    """
     those = [one for one in scored if belief.get(one.hypothesis, 0.0) > PLAUSIBLE]
     generator = np.random.default_rng(1)
-    every = [metric.of(one.rows.predicted) for one in those]
-    drawn = [points[one.draw(DRAWN, generator)] for one, points in zip(those, every, strict=True)]
+    every = [_placed(one.rows.predicted, metric, baseline, model_error) for one in those]
+    drawn = [
+        placed.rows(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
+    ]
     apart = np.array(
-        [[0.5 * squared(mine, theirs).min(axis=1).mean() for theirs in every] for mine in drawn]
+        [[0.5 * _nearest(mine, theirs).mean() for theirs in every] for mine in drawn]
     ).reshape(len(those), len(those))
     names = tuple(one.hypothesis for one in those)
     return Confusion(names, apart, _groups(names, np.maximum(apart, apart.T) < APART))

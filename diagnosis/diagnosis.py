@@ -212,7 +212,8 @@ def diagnose(
     ranking = rank(problem, bench, effects, pairs)
     belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
-    parts = confusion(known, metric, ranking.folded)
+    plain = scored[NONE].rows.predicted
+    parts = confusion(known, metric, ranking.folded, plain, problem.rules.model_error)
     standing = Standing(bench, problem.seen, scored, ranking.free, belief, effects, ranking.leading)
     gaps = _gaps(standing, ranking)
     return Diagnosis(
@@ -230,7 +231,7 @@ def diagnose(
         bounds=bounds(list(scored.values()), metric),
         other=readings(problem, bench, ranking, effects),
         tests=choose(standing),
-        baseline=scored[NONE].rows.predicted,
+        baseline=plain,
         metric=metric,
         effects=effects,
         foretold=foretold(standing, ranking.leading),

@@ -99,14 +99,14 @@ def headline(found: Found) -> str:
 
 def _open_headline(found: Found) -> str:
     verdict, group = found.verdict, _worth(found)
-    if len(group) > 1 and verdict.group_probability > NAMED:
-        count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
-        what = "answers" if NONE in group else "causes"
-        return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
     if verdict.causes and set(verdict.causes) == set(found.leading):
         return f"Likely causes: {_listed(verdict.causes, found)}"
     if verdict.causes:
         return f"Part of the cause found: {_listed(verdict.causes, found)}; the rest is open"
+    if len(group) > 1 and verdict.group_probability > NAMED:
+        count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
+        what = "answers" if NONE in group else "causes"
+        return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
     likeliest = next(iter(found.belief))
     if found.belief[likeliest] > NAMED:
         return f"Not settled: {found.named([likeliest])} is likeliest"
