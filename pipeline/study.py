@@ -1,4 +1,4 @@
-"""A whole study: search, confirmation at fresh angles, surrogate, report."""
+"""A whole study: search, replication, confirmation at fresh angles, surrogate, report."""
 
 from __future__ import annotations
 
@@ -25,9 +25,10 @@ from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.known import digest_of, joining
-from pipeline.plans import most_to_confirm, most_to_search, whole_plan
+from pipeline.plans import most_to_confirm, most_to_replicate, most_to_search, whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.records import check_record, expectation_record
+from pipeline.replication import Replication, replicate, replication_record
 from pipeline.reporting.publish import publish
 from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
@@ -86,7 +87,10 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
 
 
 def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
-    """Run a search to its end and confirm its best; return the result and how to say more."""
+    """Run a search to its end, replicate what is unclear of it and confirm its best.
+
+    Return the result and how to say more.
+    """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
     with ShiftProgress(most, most=True) as progress:
@@ -99,10 +103,11 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         executor = Executor(journal, how.jobs, progress.advance, how.cluster)
         with progress.kept_in(folder.root, "--resume goes on"):
             run(search, sampler_of, executor, after_round)
+            replication = _replicate(search, executor, progress)
             confirmation = _confirm(search, executor, progress)
     if search.claims.worker is not None:
         write_json(folder.others, {"rows": search.rows})
-    result = collect(search, journal)
+    result = collect(search, journal, replication)
     if confirmation is not None:
         chosen = confirmation["chosen"]
         result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
@@ -131,16 +136,21 @@ def _most(search: Search) -> tuple[int, str]:
     partial = search.guide is not None and search.guide.partial
     new = not any(trial.user_attrs.get("prototype") for trial in search.trials)
     confirm = settings.confirm_designs
-    most = most_to_search(study, left, partial, left > 0 and new) + most_to_confirm(study, confirm)
+    most = most_to_search(study, left, partial, left > 0 and new)
+    again = most_to_replicate(study, search.spent + most)
+    most += again + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
     return most, (
-        f"at most {most} shifts: {left} designs at {points} operating points, then prototype and "
-        f"up to {confirm} of the front at all of them to confirm"
+        f"at most {most} shifts: {left} designs at {points} operating points, then {again} where "
+        f"the front is unclear, then prototype and up to {confirm} of the front at all of them to "
+        "confirm"
     )
 
 
-def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
-    """Return what a search has found so far."""
+def collect(
+    search: Search, journal: ShiftJournal, replication: Replication | None = None
+) -> dict[str, Any]:
+    """Return what a search has found so far, and what replication changed, None before it."""
     study = search.study
     stand, best, shown = standings(search), best_trial(search), front(search)
     # Last, so that it has every trial of the others, whatever runs elsewhere tell meanwhile.
@@ -163,6 +173,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "n_simulated_designs": len(distinct(search.simulated)),
         "n_simulated_shifts": search.shifts(journal.rows),
         "failed_shifts": failed_shifts(journal),
+        "replication": replication and replication_record(search, replication, stand),
         "confirmation": None,
         "surrogate": None,
         "versions": versions(),
@@ -195,6 +206,7 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
+        "shifts": sum(search.plan(trial)) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible and told,
         "failed": design.failed or ([] if told else [UNKNOWN]),
@@ -212,6 +224,20 @@ def _margins(design: Design) -> dict[str, Any]:
         "weakest_check": weakest.name,
         "margins": {c.name: c.margin for c in design.checks},
     }
+
+
+def _replicate(search: Search, executor: Executor, progress: ShiftProgress) -> Replication | None:
+    """Give designs more angles of which it is unclear whether they are on the front."""
+    settings = search.study.file.search
+    if best_trial(search) is None or not settings.replicate:
+        return None
+    confirm = most_to_confirm(search.study, settings.confirm_designs)
+
+    def told(left: int, line: str) -> None:
+        progress.rest(left + confirm)
+        progress.say(line)
+
+    return replicate(search, executor, told)
 
 
 def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dict[str, Any] | None:
