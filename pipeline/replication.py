@@ -50,13 +50,15 @@ class Replication:
     """What replication took and changed.
 
     ``budget`` and ``shifts`` that it may take and took, ``rounds``, trials that were ``unclear``
-    before and after. By trial: the shifts of the search, how designs stood, and the front then.
+    before and after, and how many designs were expected on the wrong side (``misplaced``). By
+    trial: the shifts of the search, how designs stood, and the front then.
     """
 
     budget: int
     shifts: int
     rounds: int
     unclear: tuple[list[int], list[int]]
+    misplaced: tuple[float, float]
     searched: dict[int, int]
     before: dict[int, Standing]
     front: list[int]
@@ -64,19 +66,29 @@ class Replication:
 
 def replicate(search: Search, executor: Executor, told: Told) -> Replication:
     """Give unclear designs of an ended search more angles, until none is or the budget is spent."""
-    drawn, searched = draw(search), {t.number: sum(search.plan(t)) for t in search.simulated}
-    before, on_front = standings(search, drawn), [trial.number for trial in front(search)]
-    first, rounds, start = unclear(drawn), 0, search.spent
+    first, searched = draw(search), {t.number: sum(search.plan(t)) for t in search.simulated}
+    before, on_front = standings(search, first), [trial.number for trial in front(search)]
+    drawn, rounds, start = first, 0, search.spent
     budget = most_to_replicate(search.study, start)
     while plans := _next_plans(search, drawn, executor, budget - (search.spent - start)):
         _simulate(search, plans, executor)
         drawn, rounds = draw(search), rounds + 1
         spent, left = search.spent - start, len(unclear(drawn))
         told(budget - spent, f"replication, {spent} of at most {budget} shifts: {left} unclear")
-    numbers = tuple([t.number for t in trials] for trials in (first, unclear(drawn)))
     return Replication(
-        budget, search.spent - start, rounds, (numbers[0], numbers[1]), searched, before, on_front
+        budget=budget,
+        shifts=search.spent - start,
+        rounds=rounds,
+        unclear=(_numbers(unclear(first)), _numbers(unclear(drawn))),
+        misplaced=(first.misplaced, drawn.misplaced),
+        searched=searched,
+        before=before,
+        front=on_front,
     )
+
+
+def _numbers(trials: Sequence[FrozenTrial]) -> list[int]:
+    return [trial.number for trial in trials]
 
 
 def replication_record(
@@ -106,6 +118,8 @@ def replication_record(
         "budget_shifts": done.budget,
         "shifts": done.shifts,
         "rounds": done.rounds,
+        "misplaced_before": done.misplaced[0],
+        "misplaced": done.misplaced[1],
         "unclear_before": done.unclear[0],
         "unclear": done.unclear[1],
         "designs": designs,
@@ -155,8 +169,7 @@ def telling(drawn: Drawn, place: int) -> float:
     on_front = np.zeros((len(sizes), drawn.on_front.shape[1]))
     np.add.at(on_front, cells, drawn.on_front)
     known = np.minimum(on_front, sizes[:, None] - on_front).sum() / len(cells)
-    chance = drawn.probabilities
-    return float(np.minimum(chance, 1.0 - chance).sum() - known)
+    return float(drawn.misplaced - known)
 
 
 def _cells(losses: Array) -> Places:
@@ -195,13 +208,18 @@ def most_of_variance(search: Search, found: Simulated, plan: Plan) -> list[int]:
 
 
 def _extended(plan: Plan, order: Sequence[int], angles: int, left: int) -> Plan:
-    """Return a plan with twice the angles at some points, as long as there are shifts left."""
-    extended = list(plan)
+    """Return a plan with twice the angles at some points, within the shifts that are left.
+
+    A point that has none gets as many as the search gave. There are no more than half as many
+    shifts more, but for the first point: where they serve best is then asked anew.
+    """
+    extended, most = list(plan), sum(plan) // 2
     for place in order:
         more = plan[place] or angles
-        if plan[place] + more <= MOST and more <= left:
+        first = extended == plan
+        if plan[place] + more <= MOST and more <= left and (first or more <= most):
             extended[place] += more
-            left -= more
+            left, most = left - more, most - more
     return extended
 
 

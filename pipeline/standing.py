@@ -20,7 +20,7 @@ from pipeline.search import Search, losses, value_of
 from surrogate.covariance import Array, Mask
 from surrogate.model import interval
 
-DRAWS = 2000
+DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
 
 
 @dataclass(frozen=True)
@@ -46,6 +46,12 @@ class Drawn:
         shares: Array = self.on_front.mean(axis=0)
         return shares
 
+    @property
+    def misplaced(self) -> float:
+        """How many designs are expected on the wrong side where each is put on its likelier one."""
+        chance = self.probabilities
+        return float(np.minimum(chance, 1.0 - chance).sum())
+
 
 def draw(search: Search) -> Drawn:
     """Draw what is known of the feasible designs of a search; they may be none."""
@@ -54,7 +60,8 @@ def draw(search: Search) -> Drawn:
         return Drawn([], np.zeros((DRAWS, 0, 1)), np.zeros((DRAWS, 0), dtype=bool))
     rng = np.random.default_rng(search.study.file.search.seed)
     losses = _draws(search, trials, rng)
-    return Drawn(trials, losses, np.array([not_dominated(one) for one in losses]))
+    parts = np.array_split(losses, PARTS)
+    return Drawn(trials, losses, np.concatenate([not_dominated(part) for part in parts]))
 
 
 def standings(search: Search, drawn: Drawn | None = None) -> dict[int, Standing]:

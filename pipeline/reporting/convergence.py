@@ -37,13 +37,15 @@ class Course:
 
 def course(result: Row, shifts: Shifts) -> Course:
     """Return the course of a search; designs that land too hard cost shifts, too."""
-    angles = shifts.study.file.expectation.angles
+    angles, done = shifts.study.file.expectation.angles, result.get("replication")
+    before = {one["trial"]: one["shifts_before"] for one in (done or {}).get("designs", ())}
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
             continue
         design = {name: row[name] for name in shifts.study.variables}
-        total += len(shifts.searched(design)) or row["points"] * angles
+        told = before.get(row["trial"]) or len(shifts.searched(design))
+        total += told or row["points"] * angles
         if row["feasible"]:
             rows.append(row)
             spent.append(total)
