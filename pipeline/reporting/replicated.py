@@ -28,21 +28,21 @@ def replicated_words(result: Row) -> str:
     if not done:
         return ""
     before, after = len(done["unclear_before"]), len(done["unclear"])
+    more = sum(one["shifts"] > one["shifts_before"] for one in done["designs"])
     if not before:
         return "No place on the front was unclear after the search, so nothing was replicated."
-    places = "1 design" if before == 1 else f"{before} designs"
-    left = "none" if not after else str(after)
+    left = "none is" if not after else "1 is" if after == 1 else f"{after} are"
     return (
-        f"After the search it was unclear of {places} whether they are on the front (probability "
-        f"between 5 and 95 %); {done['shifts']} shifts of at most {done['budget_shifts']} at more "
-        f"relative angles of {_several(done)} leave {left} unclear. Designs expected on the wrong "
-        f"side: {done['misplaced_before']:.1f} before, {done['misplaced']:.1f} now."
+        f"After the search it was unclear of {_designs(before)} whether they are on the front "
+        f"(probability between 5 and 95 %). Replication gave {_designs(more)} more relative "
+        f"angles, {done['shifts']} shifts of at most {done['budget_shifts']}; {left} unclear now. "
+        "Designs expected to be wrongly on the front or wrongly off it: "
+        f"{done['misplaced_before']:.1f} before, {done['misplaced']:.1f} now."
     )
 
 
-def _several(done: Row) -> str:
-    more = sum(one["shifts"] > one["shifts_before"] for one in done["designs"])
-    return "1 design" if more == 1 else f"{more} designs"
+def _designs(count: int) -> str:
+    return "1 design" if count == 1 else f"{count} designs"
 
 
 def replicated_rows(result: Row) -> list[Replicated]:
