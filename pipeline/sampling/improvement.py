@@ -87,6 +87,6 @@ def volume_of(objectives: int) -> float:
 def not_dominated(values: Array) -> Mask:
     """Tell which rows (..., n, k), all to be minimised, no other row dominates, (..., n)."""
     one, other = values[..., :, None, :], values[..., None, :, :]
-    better, strictly = (one <= other).all(axis=-1), (one < other).any(axis=-1)
-    kept: Mask = np.logical_not((better & strictly).any(axis=-2)).astype(bool)
+    better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
+    kept: Mask = np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
     return kept
