@@ -9,6 +9,8 @@ from sim.blocks import Block, even_block
 from sim.clutch import Clutch
 from sim.numerical import repeated
 
+MOST_CONFIRMED = 2  #: times ``search.confirm_designs`` that are simulated to confirm at most
+
 Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 
 
@@ -51,6 +53,11 @@ def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -
 def most_to_replicate(study: Study, shifts: int) -> int:
     """Return how many shifts replication may take after a search of so many."""
     return int(study.file.search.replicate * shifts)
+
+
+def most_confirmed(study: Study) -> int:
+    """Return how many designs are simulated at fresh angles at most, the prototype apart."""
+    return MOST_CONFIRMED * study.file.search.confirm_designs
 
 
 def most_to_confirm(study: Study, designs: int) -> int:

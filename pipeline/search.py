@@ -58,7 +58,7 @@ class Search:
     """A search in its storage.
 
     ``better`` are trials as replication knows them, by number; the storage keeps what they were
-    told.
+    told. ``unfit`` are those that failed a check at fresh angles: they are no longer feasible.
     """
 
     study: Study
@@ -66,6 +66,7 @@ class Search:
     claims: Claims = field(default_factory=Alone)
     guide: DogGuide | None = None
     better: dict[int, FrozenTrial] = field(default_factory=dict)
+    unfit: set[int] = field(default_factory=set)
     _foretold: tuple[int, dict[int, tuple[float, float]]] = (0, {})
 
     def plan(self, trial: FrozenTrial) -> Plan:
@@ -111,7 +112,8 @@ class Search:
     @property
     def feasible(self) -> list[FrozenTrial]:
         """Simulated designs, each once, that pass every check, the landing's too."""
-        return [t for t in distinct(self.simulated) if self.design(t).feasible]
+        fit = [t for t in distinct(self.simulated) if t.number not in self.unfit]
+        return [t for t in fit if self.design(t).feasible]
 
     def design(self, trial: FrozenTrial) -> Design:
         """Return the design of a trial with all of its checks."""
@@ -374,14 +376,15 @@ def losses(search: Search, trial: FrozenTrial) -> Array:
     return found
 
 
-def _leading_loss(search: Search, trial: FrozenTrial) -> float:
+def leading_loss(search: Search, trial: FrozenTrial) -> float:
+    """Return the first simulated objective of a trial, to be minimised."""
     place = objectives_of(search.study).index(leading(search.study))
     return float(losses(search, trial)[place])
 
 
 def best_trial(search: Search) -> FrozenTrial | None:
     """Return the feasible design that is best in the first simulated objective."""
-    return min(search.feasible, key=lambda t: _leading_loss(search, t), default=None)
+    return min(search.feasible, key=lambda t: leading_loss(search, t), default=None)
 
 
 def front(search: Search) -> list[FrozenTrial]:
@@ -391,4 +394,4 @@ def front(search: Search) -> list[FrozenTrial]:
         return []
     kept = not_dominated(np.array([losses(search, t) for t in trials]))
     front = [trial for trial, keep in zip(trials, kept, strict=True) if keep]
-    return sorted(front, key=lambda t: _leading_loss(search, t))
+    return sorted(front, key=lambda t: leading_loss(search, t))
