@@ -194,6 +194,7 @@ def _checks_and_designs(study: Study, result: Row) -> Row:
         "parts": tables.in_parts(designs),
         "sure_known": bool(designs) and all("probability_on_front" in r for r in result["front"]),
         "barred": [r for r in trials if names.is_barred(r)],
+        "afresh": names.failed_afresh(result),
         "hard": [r for r in trials if not r["feasible"] and not names.is_barred(r)],
     }
 

@@ -212,7 +212,10 @@ def test_a_replication_that_was_cut_off_ends_as_it_would_have(
     assert standings(again) == standings(search)
     assert set(other.journal.rows) == set(executor.journal.rows)
     assert len(rest.keys) == len(whole.keys) - cut
-    assert collect(again, other.journal, done) == collect(search, executor.journal, done)
+    records = [replication_record(s, done, standings(s)) for s in (again, search)]
+    assert collect(again, other.journal, records[0]) == collect(
+        search, executor.journal, records[1]
+    )
 
 
 def test_points_that_were_foretold_are_simulated(tmp_path: Path, ended: Ended) -> None:
@@ -254,7 +257,8 @@ def test_the_result_says_what_replication_changed(tmp_path: Path, ended: Ended) 
     search, executor, made_up = ended(_study("search.replicate=0.5"), tmp_path / "one")
     stand = standings(search)
     done = _replicated(search, executor)
-    result = collect(search, executor.journal, done)
+    record = replication_record(search, done, standings(search))
+    result = collect(search, executor.journal, record)
     said = result["replication"]
     assert said == replication_record(search, done, standings(search))
     assert said["shifts"] == sum(d["shifts"] - d["shifts_before"] for d in said["designs"])
