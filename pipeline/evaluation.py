@@ -54,18 +54,19 @@ def evaluate(
     plans: Sequence[Plan],
     seed: int,
     *,
+    base: int | None = None,
     checked: bool = False,
 ) -> list[Simulated]:
     """Return what the shifts of several designs give, simulated side by side.
 
-    ``plans`` say what is simulated of each. ``checked`` adds the numerical error, from an eighth
-    of the shifts repeated.
+    ``plans`` say what is simulated of each, with ``base`` as for ``sim.expectation.even_phases``.
+    ``checked`` adds the numerical error, from an eighth of the shifts repeated.
     Raises GeometryError for a dog that cannot be made, before anything is simulated.
     """
     for dog in dogs:
         require_makeable(dog, study.limits.manufacturing)
     blocks = [
-        blocks_of(study, study.clutch.with_dog(dog), plan, seed)
+        blocks_of(study, study.clutch.with_dog(dog), plan, seed, base)
         for dog, plan in zip(dogs, plans, strict=True)
     ]
     rows = executor.run([block for group in blocks for block in group])

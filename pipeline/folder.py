@@ -118,11 +118,14 @@ def _whole(result: dict[str, Any]) -> bool:
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Return what must not change between runs in one folder; numbers of designs may, and so may
-    the limit of time, on which no finished shift depends.
+    """Return what must not change between runs in one folder.
+
+    Numbers of designs may, and what replication may take; so may the limit of time, on which no
+    finished shift depends.
     """
     content = file.model_dump()
     del content["search"]["trials"]
+    content["search"].pop("replicate", None)
     del content["surrogate"]["designs"]
     content["solver"].pop("time_limit_s", None)
     return content

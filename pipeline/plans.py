@@ -9,6 +9,8 @@ from sim.blocks import Block, even_block
 from sim.clutch import Clutch
 from sim.numerical import repeated
 
+MOST_CONFIRMED = 2  #: times ``search.confirm_designs`` that are simulated to confirm at most
+
 Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 
 
@@ -22,10 +24,15 @@ def is_whole(plan: Sequence[int]) -> bool:
     return all(count > 0 for count in plan)
 
 
-def blocks_of(study: Study, clutch: Clutch, plan: Sequence[int], seed: int) -> list[Block]:
-    """Return the blocks of a plan, one for each operating point that has angles."""
+def blocks_of(
+    study: Study, clutch: Clutch, plan: Sequence[int], seed: int, base: int | None = None
+) -> list[Block]:
+    """Return the blocks of a plan, one for each operating point that has angles.
+
+    ``base`` as for ``sim.expectation.even_phases``.
+    """
     return [
-        even_block(clutch, point, count, (seed, index), uncertainty=study.uncertainty)
+        even_block(clutch, point, count, (seed, index), base, uncertainty=study.uncertainty)
         for index, (point, count) in enumerate(zip(study.points, plan, strict=True))
         if count
     ]
@@ -41,6 +48,16 @@ def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -
     own = study.file.search.points if partial else None
     points = designs * (own or every) + (every - (own or every) if prototype else 0)
     return points * study.file.expectation.angles
+
+
+def most_to_replicate(study: Study, shifts: int) -> int:
+    """Return how many shifts replication may take after a search of so many."""
+    return int(study.file.search.replicate * shifts)
+
+
+def most_confirmed(study: Study) -> int:
+    """Return how many designs are simulated at fresh angles at most, the prototype apart."""
+    return MOST_CONFIRMED * study.file.search.confirm_designs
 
 
 def most_to_confirm(study: Study, designs: int) -> int:

@@ -20,6 +20,8 @@ FORMAT = 1  #: version of the study file and of the folder that a study writes
 
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
+REPLICATE = 0.2  #: shifts of replication over those of the search, at most
+
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
 
@@ -202,6 +204,7 @@ class SearchSection(Section):
 
     ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
     operating points that a new design is simulated at, the others being foretold; all if absent.
+    ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
     """
 
     objectives: list[str] = Field(
@@ -216,6 +219,9 @@ class SearchSection(Section):
     points: Annotated[int, Field(ge=3)] | None = None
     confirm_designs: Annotated[int, Field(ge=1)] = 4
     confirm_angles: Annotated[int, Field(ge=3)] = 16
+    replicate: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        default=REPLICATE, exclude_if=lambda value: value == REPLICATE
+    )
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=QUANTILE, exclude_if=lambda value: value == QUANTILE
     )

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import optuna
@@ -54,12 +55,18 @@ AfterRound = Callable[[str], None]  #: called with a line about the search so fa
 
 @dataclass
 class Search:
-    """A search in its storage."""
+    """A search in its storage.
+
+    ``better`` are trials as replication knows them, by number; the storage keeps what they were
+    told. ``unfit`` are those that failed a check at fresh angles: they are no longer feasible.
+    """
 
     study: Study
     optuna: optuna.Study
     claims: Claims = field(default_factory=Alone)
     guide: DogGuide | None = None
+    better: dict[int, FrozenTrial] = field(default_factory=dict)
+    unfit: set[int] = field(default_factory=set)
     _foretold: tuple[int, dict[int, tuple[float, float]]] = (0, {})
 
     def plan(self, trial: FrozenTrial) -> Plan:
@@ -88,8 +95,14 @@ class Search:
 
     @property
     def trials(self) -> list[FrozenTrial]:
-        """Finished trials in the order of their numbers."""
-        return [t for t in self.optuna.get_trials(deepcopy=False) if t.state == TrialState.COMPLETE]
+        """Finished trials in the order of their numbers, as all of their shifts say."""
+        told = self.optuna.get_trials(deepcopy=False)
+        return [self.better.get(t.number, t) for t in told if t.state == TrialState.COMPLETE]
+
+    def renew(self, trials: Iterable[FrozenTrial]) -> None:
+        """Take up what more shifts say of finished trials."""
+        self.better.update((trial.number, trial) for trial in trials)
+        self._foretold = 0, {}
 
     @property
     def simulated(self) -> list[FrozenTrial]:
@@ -99,7 +112,8 @@ class Search:
     @property
     def feasible(self) -> list[FrozenTrial]:
         """Simulated designs, each once, that pass every check, the landing's too."""
-        return [t for t in distinct(self.simulated) if self.design(t).feasible]
+        fit = [t for t in distinct(self.simulated) if t.number not in self.unfit]
+        return [t for t in fit if self.design(t).feasible]
 
     def design(self, trial: FrozenTrial) -> Design:
         """Return the design of a trial with all of its checks."""
@@ -111,14 +125,20 @@ class Search:
         """Return what all simulated trials hold for the surrogate, in their order."""
         return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
 
+    @property
+    def spent(self) -> int:
+        """Number of shifts of all designs, each design counted once."""
+        return sum(sum(self.plan(trial)) for trial in distinct(self.simulated))
+
     def shifts(self, known: Iterable[str]) -> int:
         """Return how many shifts there are: those known by their keys, and other runs'."""
         if self.claims.worker is None:
             return len(set(known))
-        keys, seed = set(known), self.study.file.expectation.seed
+        keys, settings = set(known), self.study.file.expectation
         for trial in self.simulated:
             clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
-            blocks = blocks_of(self.study, clutch, self.plan(trial), seed)
+            plan, seed, base = self.plan(trial), settings.seed, settings.angles
+            blocks = blocks_of(self.study, clutch, plan, seed, base)
             keys.update(key for block in blocks for key in block.keys)
         return len(keys)
 
@@ -276,16 +296,23 @@ def _note(study: Study, trial: optuna.Trial, design: Design, found: Simulated | 
         if name not in known:  # a round that was cut off may have noted it
             trial.set_constraint(name, value)
     if found is not None:
-        trial.set_user_attr("engaged", found.expectation.engaged)
-        trial.set_user_attr("standard_error_s", found.expectation.standard_error)
-        estimates = found.estimates.items()
-        trial.set_user_attr("simulated", {name: e.value for name, e in estimates})
-        trial.set_user_attr("standard_errors", {name: e.standard_error for name, e in estimates})
-        for name, value in landing_record(found.landing).items():
+        for name, value in attributes_of(found).items():
             trial.set_user_attr(name, value)
-        trial.set_user_attr("rows", row_record(found.rows))
     if landed.failed:
         trial.set_user_attr("failed", landed.failed)
+
+
+def attributes_of(found: Simulated) -> dict[str, Any]:
+    """Return what a trial keeps of its design's simulation."""
+    estimates = found.estimates.items()
+    return {
+        "engaged": found.expectation.engaged,
+        "standard_error_s": found.expectation.standard_error,
+        "simulated": {name: e.value for name, e in estimates},
+        "standard_errors": {name: e.standard_error for name, e in estimates},
+        **landing_record(found.landing),
+        "rows": row_record(found.rows),
+    }
 
 
 def _foretell(search: Search, ids: Sequence[int]) -> dict[int, float]:
@@ -349,14 +376,15 @@ def losses(search: Search, trial: FrozenTrial) -> Array:
     return found
 
 
-def _leading_loss(search: Search, trial: FrozenTrial) -> float:
+def leading_loss(search: Search, trial: FrozenTrial) -> float:
+    """Return the first simulated objective of a trial, to be minimised."""
     place = objectives_of(search.study).index(leading(search.study))
     return float(losses(search, trial)[place])
 
 
 def best_trial(search: Search) -> FrozenTrial | None:
     """Return the feasible design that is best in the first simulated objective."""
-    return min(search.feasible, key=lambda t: _leading_loss(search, t), default=None)
+    return min(search.feasible, key=lambda t: leading_loss(search, t), default=None)
 
 
 def front(search: Search) -> list[FrozenTrial]:
@@ -366,4 +394,4 @@ def front(search: Search) -> list[FrozenTrial]:
         return []
     kept = not_dominated(np.array([losses(search, t) for t in trials]))
     front = [trial for trial, keep in zip(trials, kept, strict=True) if keep]
-    return sorted(front, key=lambda t: _leading_loss(search, t))
+    return sorted(front, key=lambda t: leading_loss(search, t))

@@ -17,10 +17,10 @@ from pipeline.design import SIMULATED, leading, losses_of, objectives_of
 from pipeline.sampling.guide import drawn
 from pipeline.sampling.improvement import not_dominated
 from pipeline.search import Search, losses, value_of
-from surrogate.covariance import Array
+from surrogate.covariance import Array, Mask
 from surrogate.model import interval
 
-DRAWS = 2000
+DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
 
 
 @dataclass(frozen=True)
@@ -32,17 +32,47 @@ class Standing:
     probability: float
 
 
-def standings(search: Search) -> dict[int, Standing]:
-    """Return how each feasible design of a search stands, by its trial."""
+@dataclass(frozen=True)
+class Drawn:
+    """Joint draws of feasible designs: losses (s, n, k), and who is on the front, (s, n)."""
+
+    trials: list[FrozenTrial]
+    losses: Array
+    on_front: Mask
+
+    @property
+    def probabilities(self) -> Array:
+        """Share of the draws in which each design is on the front, (n,)."""
+        shares: Array = self.on_front.mean(axis=0)
+        return shares
+
+    @property
+    def misplaced(self) -> float:
+        """How many designs are expected on the wrong side where each is put on its likelier one."""
+        chance = self.probabilities
+        return float(np.minimum(chance, 1.0 - chance).sum())
+
+
+def draw(search: Search) -> Drawn:
+    """Draw what is known of the feasible designs of a search; they may be none."""
     trials = search.feasible
     if not trials:
-        return {}
+        return Drawn([], np.zeros((DRAWS, 0, 1)), np.zeros((DRAWS, 0), dtype=bool))
     rng = np.random.default_rng(search.study.file.search.seed)
-    draws = _draws(search, trials, rng)
-    share = np.mean([not_dominated(draw) for draw in draws], axis=0)
+    losses = _draws(search, trials, rng)
+    parts = np.array_split(losses, PARTS)
+    return Drawn(trials, losses, np.concatenate([not_dominated(part) for part in parts]))
+
+
+def standings(search: Search, drawn: Drawn | None = None) -> dict[int, Standing]:
+    """Return how each feasible design of a search stands, by its trial.
+
+    ``drawn`` are its draws where they are known.
+    """
+    drawn = drawn or draw(search)
     name = leading(search.study).name
     found = {}
-    for trial, probability in zip(trials, share.tolist(), strict=True):
+    for trial, probability in zip(drawn.trials, drawn.probabilities.tolist(), strict=True):
         value, error = value_of(search, trial, name)
         low, high = value - 1.96 * error, value + 1.96 * error
         if value > 0.0:

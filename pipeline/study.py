@@ -1,10 +1,9 @@
-"""A whole study: search, confirmation at fresh angles, surrogate, report."""
+"""A whole study: search, replication, confirmation at fresh angles, surrogate, report."""
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -12,22 +11,21 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from pipeline.config import Study, require_variables
+from pipeline.confirmation import confirm
 from pipeline.design import (
     SIMULATED,
     Design,
-    design_of,
     exact_values,
     leading,
     objectives_of,
 )
-from pipeline.evaluation import FRESH, Simulated, evaluate
 from pipeline.executor import Executor, connect
 from pipeline.folder import StudyFolder, write_json
 from pipeline.journal import ShiftJournal
 from pipeline.known import digest_of, joining
-from pipeline.plans import most_to_confirm, most_to_search, whole_plan
+from pipeline.plans import most_confirmed, most_to_confirm, most_to_replicate, most_to_search
 from pipeline.progress import ShiftProgress
-from pipeline.records import check_record, expectation_record
+from pipeline.replication import replicate, replication_record
 from pipeline.reporting.publish import publish
 from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
@@ -86,7 +84,10 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
 
 
 def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
-    """Run a search to its end and confirm its best; return the result and how to say more."""
+    """Run a search to its end, replicate what is unclear of it and confirm its best.
+
+    Return the result and how to say more.
+    """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
     with ShiftProgress(most, most=True) as progress:
@@ -99,10 +100,11 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         executor = Executor(journal, how.jobs, progress.advance, how.cluster)
         with progress.kept_in(folder.root, "--resume goes on"):
             run(search, sampler_of, executor, after_round)
+            replication = _replicate(search, executor, progress)
             confirmation = _confirm(search, executor, progress)
     if search.claims.worker is not None:
         write_json(folder.others, {"rows": search.rows})
-    result = collect(search, journal)
+    result = collect(search, journal, replication)
     if confirmation is not None:
         chosen = confirmation["chosen"]
         result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
@@ -130,17 +132,22 @@ def _most(search: Search) -> tuple[int, str]:
     left = max(0, settings.trials - len(search.trials))
     partial = search.guide is not None and search.guide.partial
     new = not any(trial.user_attrs.get("prototype") for trial in search.trials)
-    confirm = settings.confirm_designs
-    most = most_to_search(study, left, partial, left > 0 and new) + most_to_confirm(study, confirm)
+    confirm = most_confirmed(study)
+    most = most_to_search(study, left, partial, left > 0 and new)
+    again = most_to_replicate(study, search.spent + most)
+    most += again + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
     return most, (
-        f"at most {most} shifts: {left} designs at {points} operating points, then prototype and "
-        f"up to {confirm} of the front at all of them to confirm"
+        f"at most {most} shifts: {left} designs at {points} operating points, then {again} where "
+        f"the front is unclear, then prototype and up to {confirm} of the front at all of them to "
+        "confirm"
     )
 
 
-def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
-    """Return what a search has found so far."""
+def collect(
+    search: Search, journal: ShiftJournal, replication: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """Return what a search has found so far, with the record of its replication after that."""
     study = search.study
     stand, best, shown = standings(search), best_trial(search), front(search)
     # Last, so that it has every trial of the others, whatever runs elsewhere tell meanwhile.
@@ -163,6 +170,7 @@ def collect(search: Search, journal: ShiftJournal) -> dict[str, Any]:
         "n_simulated_designs": len(distinct(search.simulated)),
         "n_simulated_shifts": search.shifts(journal.rows),
         "failed_shifts": failed_shifts(journal),
+        "replication": replication,
         "confirmation": None,
         "surrogate": None,
         "versions": versions(),
@@ -195,6 +203,7 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
+        "shifts": sum(search.plan(trial)) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible and told,
         "failed": design.failed or ([] if told else [UNKNOWN]),
@@ -214,89 +223,29 @@ def _margins(design: Design) -> dict[str, Any]:
     }
 
 
-def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dict[str, Any] | None:
-    best = best_trial(search)
-    if best is None:
-        return None
-    shown = [best, *(t for t in front(search) if t.number != best.number)]
-    shown = shown[: search.study.file.search.confirm_designs]
-    progress.rest(most_to_confirm(search.study, len(shown)))
-    progress.say(f"confirming prototype and {len(shown)} of the front at fresh angles")
-    return confirm(search.study, {t.number: dict(t.params) for t in shown}, executor)
+def _replicate(
+    search: Search, executor: Executor, progress: ShiftProgress
+) -> dict[str, Any] | None:
+    """Give designs more angles of which it is unclear whether they are on the front.
 
-
-def confirm(
-    study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
-) -> dict[str, Any]:
-    """Simulate prototype and designs, the best first, at angles that the search did not use.
-
-    Every operating point is simulated, whatever the search left out. ``designs`` are by trial.
-    Chosen is the first that passes every check here too, its hardest landing among them; where
-    none does, the first. Their order is the search's: none is chosen for its luck here.
+    Return what that took and changed, before anything is confirmed.
     """
-    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
-    plan = whole_plan(study, angles)
-    dogs = {trial: study.dog_with(params) for trial, params in designs.items()}
-    found = dict(
-        zip(
-            dogs, evaluate(study, [*dogs.values()], executor, [plan] * len(dogs), seed), strict=True
-        )
-    )
-    _require_known({f"design {trial}": one for trial, one in found.items()})
-    passed = [t for t, one in found.items() if design_of(study, designs[t], one.landing).feasible]
-    chosen = (passed or [*dogs])[0]
-    both = evaluate(
-        study, [study.clutch.dog, dogs[chosen]], executor, [plan] * 2, seed, checked=True
-    )
-    _require_known({"the prototype": both[0]})
-    prototype, winner = (one.expectation for one in both)
-    gain = prototype.mean - winner.mean
-    return {
-        "angles": angles,
-        "prototype": _confirmed(study, study.prototype, both[0]),
-        "chosen": chosen,
-        "best": _confirmed(study, designs[chosen], both[1]),
-        "designs": [
-            {"trial": trial, **_confirmed(study, designs[trial], one)}
-            for trial, one in found.items()
-        ],
-        "gain_s": gain,
-        "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
-        "gain_share": gain / prototype.mean,
-        "gains": _gains(study, *both),
-    }
+    study = search.study
+    if best_trial(search) is None or not study.file.search.replicate:
+        return None
+    confirm = most_to_confirm(study, most_confirmed(study))
+
+    def told(left: int, line: str) -> None:
+        progress.rest(left + confirm)
+        progress.say(line)
+
+    done = replicate(search, executor, told)
+    return replication_record(search, done, standings(search))
 
 
-def _require_known(found: Mapping[str, Simulated]) -> None:
-    """Raise InputError where the shifts of a design say nothing of some objective."""
-    unknown = [name for name, one in found.items() if not one.known]
-    if unknown:
-        raise InputError(
-            f"every shift of {' and '.join(unknown)} at fresh angles failed, so what they strike "
-            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
-            "or without the objective peak_impact_force_N"
-        )
+def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dict[str, Any] | None:
+    def told(count: int, line: str) -> None:
+        progress.rest(most_to_confirm(search.study, count))
+        progress.say(line)
 
-
-def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
-    """Return what is gained in each simulated objective, with its standard error."""
-    signs = {objective.name: objective.sign for objective in objectives_of(study)}
-    gains = {}
-    for name, one in best.estimates.items():
-        other = prototype.estimates[name]
-        value = signs.get(name, 1.0) * (other.value - one.value)
-        error = math.hypot(other.standard_error, one.standard_error)
-        gains[name] = {"value": value, "standard_error": error}
-    return gains
-
-
-def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:
-    design = design_of(study, params, found.landing)
-    return {
-        **expectation_record(found.expectation),
-        "estimates": {
-            name: {"value": one.value, "standard_error": one.standard_error}
-            for name, one in found.estimates.items()
-        },
-        "checks": [check_record(check) for check in design.checks],
-    }
+    return confirm(search, executor, told)

@@ -41,10 +41,15 @@ LEAST = 0.5  #: the same where the largest time is near, at least
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its standard error, in the unit of its name."""
+    """A number with its standard error, in the unit of its name.
+
+    ``parts`` is what each operating point adds to the variance, up to a common factor; empty
+    where nothing is known of that.
+    """
 
     value: float
     standard_error: float
+    parts: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -70,13 +75,13 @@ def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Es
     ``weights`` of the points need not add up to one; a point without values is left out. NaN, and
     its standard error too, where no point has any.
     """
-    known = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True) if len(v)]
-    if not known:
+    pairs = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True)]
+    total = sum(weight for weight, v in pairs if len(v))
+    if not total:
         return Estimate(math.nan, math.nan)
-    total = sum(weight for weight, _ in known)
-    mean = sum(weight * float(v.mean()) for weight, v in known) / total
-    variance = sum(weight**2 * variance_of_mean(v) for weight, v in known) / total**2
-    return Estimate(mean, math.sqrt(variance))
+    mean = sum(weight * float(v.mean()) for weight, v in pairs if len(v)) / total
+    parts = [weight**2 * variance_of_mean(v) if len(v) else 0.0 for weight, v in pairs]
+    return Estimate(mean, math.sqrt(sum(parts) / total**2), tuple(parts))
 
 
 def time_quantile(
@@ -110,14 +115,15 @@ def time_quantile(
 
     value = at(share)
     variances = [point.below(value) for point in points]
-    error = math.sqrt(sum((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True)))
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
-        each = sum((w / whole) ** 2 / len(s) for w, s in zip(weights, shifts, strict=True))
-        error = math.sqrt(share * (1.0 - share) * each)
+        variances = [share * (1.0 - share) / len(mine) for mine in shifts]
+    parts = tuple((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True))
+    error = math.sqrt(sum(parts))
     half = min(WIDE, (places[-1] - share) / error) if error > 0.0 else WIDE
     if half < LEAST:
-        return Estimate(value, (value - at(share - WIDE * error)) / WIDE)
-    return Estimate(value, (at(share + half * error) - at(share - half * error)) / (2.0 * half))
+        return Estimate(value, (value - at(share - WIDE * error)) / WIDE, parts)
+    spread = at(share + half * error) - at(share - half * error)
+    return Estimate(value, spread / (2.0 * half), parts)
 
 
 def _retried(

@@ -33,6 +33,7 @@ from pipeline.reporting.operating import (
 from pipeline.reporting.parallel import parallel_figure
 from pipeline.reporting.provenance import command_of
 from pipeline.reporting.replays import replays_of
+from pipeline.reporting.replicated import replicated_rows, replicated_words
 from pipeline.reporting.shifts import Shifts, place
 from sim.checks import GROUPS, Check
 from sim.landing import landing_checks
@@ -78,6 +79,8 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "choice": summary.choice(result),
         "failures": summary.failures_of(result) if result["confirmation"] else [],
         "failed_words": summary.failed_words,
+        "replicated_words": replicated_words(result),
+        "replicated": replicated_rows(result),
         "quantiles": quantile_rows(times),
         "drawings": _drawings(study, result, variables),
         "replays": _replays(folder, result, shifts),
@@ -191,6 +194,7 @@ def _checks_and_designs(study: Study, result: Row) -> Row:
         "parts": tables.in_parts(designs),
         "sure_known": bool(designs) and all("probability_on_front" in r for r in result["front"]),
         "barred": [r for r in trials if names.is_barred(r)],
+        "afresh": names.failed_afresh(result),
         "hard": [r for r in trials if not r["feasible"] and not names.is_barred(r)],
     }
 

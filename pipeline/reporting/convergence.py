@@ -16,7 +16,7 @@ from plotly.subplots import make_subplots
 from pipeline.design import SIMULATED
 from pipeline.reporting.goals import Goal, goals_of
 from pipeline.reporting.look import BLUE, GREY, INK, MARKS, Row, styled
-from pipeline.reporting.names import design_name
+from pipeline.reporting.names import design_name, failed_afresh
 from pipeline.reporting.shifts import Array, Shifts
 from pipeline.sampling.improvement import hypervolume
 
@@ -37,14 +37,17 @@ class Course:
 
 def course(result: Row, shifts: Shifts) -> Course:
     """Return the course of a search; designs that land too hard cost shifts, too."""
-    angles = shifts.study.file.expectation.angles
+    angles, done = shifts.study.file.expectation.angles, result.get("replication")
+    before = {one["trial"]: one["shifts_before"] for one in (done or {}).get("designs", ())}
+    failed = {row["trial"] for row in failed_afresh(result)}
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
             continue
         design = {name: row[name] for name in shifts.study.variables}
-        total += len(shifts.searched(design)) or row["points"] * angles
-        if row["feasible"]:
+        told = before.get(row["trial"]) or len(shifts.searched(design))
+        total += told or row["points"] * angles
+        if row["feasible"] and row["trial"] not in failed:
             rows.append(row)
             spent.append(total)
     goals = goals_of(result)

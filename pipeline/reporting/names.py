@@ -57,6 +57,7 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
     best = result["best"]
     chosen = None if best is None else best["trial"]
     front = {row["trial"] for row in result["front"]}
+    failed = {row["trial"] for row in failed_afresh(result)}
 
     def kind(row: Row) -> str:
         if row["trial"] == chosen:
@@ -65,6 +66,8 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
             return "prototype"
         if not row["feasible"]:
             return "infeasible" if is_barred(row) else "lands too hard"
+        if row["trial"] in failed:
+            return "lands too hard"
         return "front" if row["trial"] in front else "dominated"
 
     kinds = ("dominated", "lands too hard", "infeasible", "front", "chosen", "prototype")
@@ -75,7 +78,22 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
 
 
 def designs_shown(result: Row) -> list[Row]:
-    """Return the prototype and then the front, best of the leading objective first."""
-    front: list[Row] = result["front"]
-    on_front = {row["trial"] for row in front}
-    return [r for r in result["trials"] if r["prototype"] and r["trial"] not in on_front] + front
+    """Return the prototype, the front, best of the leading objective first, and what failed afresh.
+
+    Each stands once.
+    """
+    last = [*result["front"], *failed_afresh(result)]
+    shown = {row["trial"]: row for row in last}
+    own = [r for r in result["trials"] if r["prototype"] and r["trial"] not in shown]
+    return [*own, *shown.values()]
+
+
+def failed_afresh(result: Row) -> list[Row]:
+    """Return the designs that fail a check at the fresh angles, in the search's order."""
+    rows = {row["trial"]: row for row in result["trials"]}
+    confirmed = (result["confirmation"] or {"designs": []})["designs"]
+    return [
+        rows[one["trial"]]
+        for one in confirmed
+        if not all(check["passed"] for check in one["checks"])
+    ]

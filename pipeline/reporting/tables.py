@@ -8,6 +8,7 @@ from urllib.parse import quote
 import pandas as pd
 
 from pipeline.design import SIMULATED
+from pipeline.reporting.names import failed_afresh
 
 Row = dict[str, Any]
 
@@ -18,11 +19,14 @@ def designs_frame(result: Row, variables: list[str]) -> pd.DataFrame:
     """Return every simulated design with all that is known of it, a row each."""
     rows = [row for row in result["trials"] if row[SIMULATED] is not None]
     front = {row["trial"] for row in result["front"]}
+    failed = {row["trial"] for row in failed_afresh(result)}
     best = None if result["best"] is None else result["best"]["trial"]
-    return pd.DataFrame([_flat(row, variables, front, best) for row in rows])
+    return pd.DataFrame([_flat(row, variables, front, failed, best) for row in rows])
 
 
-def _flat(row: Row, variables: list[str], front: set[int], best: int | None) -> Row:
+def _flat(
+    row: Row, variables: list[str], front: set[int], failed: set[int], best: int | None
+) -> Row:
     nested = ("margins", "failed", "time_within_tolerances", "standard_errors")
     plain = {k: v for k, v in row.items() if k not in (*nested, *variables, "trial", "prototype")}
     errors = {k: v for k, v in row["standard_errors"].items() if k != SIMULATED}
@@ -31,6 +35,7 @@ def _flat(row: Row, variables: list[str], front: set[int], best: int | None) -> 
         "trial": row["trial"],
         "prototype": row["prototype"],
         "on_front": row["trial"] in front,
+        "failed_at_fresh_angles": row["trial"] in failed,
         "chosen": row["trial"] == best,
         **{name: row[name] for name in variables},
         **{k: v for k, v in plain.items() if not isinstance(v, (dict, list))},

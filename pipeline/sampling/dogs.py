@@ -85,7 +85,7 @@ class DogGuide:
     def __init__(self, study: Study, known: Surrogate | None = None) -> None:
         self.study = study
         self._known = known
-        self._over: tuple[tuple[int, ...], Over] | None = None
+        self._over: tuple[list[tuple[int, Any]], Over] | None = None
         self._exact: dict[tuple[Any, ...], Array] = {}
         self.distributions: Mapping[str, BaseDistribution] | None = search_space(study)
 
@@ -115,7 +115,7 @@ class DogGuide:
 
         Raises InputError where they are too few.
         """
-        key = tuple(sorted(trial.number for trial in trials))
+        key = [(t.number, t.user_attrs["rows"]) for t in sorted(trials, key=lambda t: t.number)]
         if self._over is None or self._over[0] != key:
             self._over = key, Over(self._fitted(trials), study_mix(self.study))
         return self._over[1]

@@ -85,8 +85,8 @@ def volume_of(objectives: int) -> float:
 
 
 def not_dominated(values: Array) -> Mask:
-    """Tell which rows (n, k), all to be minimised, no other row dominates, (n,) of bool."""
-    better = (values[:, None, :] <= values[None, :, :]).all(axis=2)
-    strictly = (values[:, None, :] < values[None, :, :]).any(axis=2)
-    kept: Mask = np.logical_not((better & strictly).any(axis=0)).astype(bool)
+    """Tell which rows (..., n, k), all to be minimised, no other row dominates, (..., n)."""
+    one, other = values[..., :, None, :], values[..., None, :, :]
+    better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
+    kept: Mask = np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
     return kept

@@ -17,6 +17,7 @@ from surrogate.acquisition import Question, choose
 from surrogate.covariance import Array
 from surrogate.over import Over
 
+HALF = 0.5  #: of a variance, which replication of a design is to leave
 HARD = 2  #: points that every design is simulated at for the landing's sake
 
 
@@ -53,6 +54,19 @@ def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
     angles = study.file.expectation.angles
     chosen = choose(over, question, angles, count, given=hard, again=False)
     return _plan(study, [*hard, *(int(place) for place in chosen.points)])
+
+
+def telling_points(study: Study, over: Over, design: Array) -> list[int]:
+    """Return the points whose shifts tell most of a design's expected time, the first most.
+
+    Those that it has count too, for more angles. They are so many that half of the variance goes,
+    all if that is not enough; ``design`` (d,) in edge units.
+    """
+    question = Question(design[None, :], np.ones(1))
+    angles = study.file.expectation.angles
+    chosen = choose(over, question, angles, len(study.points), again=False)
+    enough = 1 + int(np.searchsorted(-chosen.left, -HALF))
+    return [int(place) for place in chosen.points[:enough]]
 
 
 def _plan(study: Study, places: Sequence[int]) -> Plan:

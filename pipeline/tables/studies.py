@@ -12,7 +12,8 @@ from pipeline.config import Study
 from pipeline.console import columns, in_ms
 from pipeline.exploring.labels import axis
 from pipeline.reporting.goals import MARGIN, Goal, goals_of
-from pipeline.reporting.names import check_name, designs_shown, percent
+from pipeline.reporting.names import check_name, designs_shown, failed_afresh, percent
+from pipeline.reporting.replicated import replicated_words
 from pipeline.reporting.summary import choice, failures_of, gained, headline
 from surrogate.store import Stored
 
@@ -31,8 +32,10 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
     if result["best"] is not None:
-        lines += ["", choice(result), "", "front by the search (95 % intervals)"]
+        last = ", last what failed at the fresh angles" if failed_afresh(result) else ""
+        lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
         lines += [_front(study, result), ""]
+        lines += [words] if (words := replicated_words(result)) else []
     for reason, count in result["failed_shifts"].items():
         lines.append(f"{count} shifts failed and count as not engaged: {reason}")
     where = "none yet, 'dogshape report' makes it" if report is None else report

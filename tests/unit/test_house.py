@@ -22,6 +22,8 @@ ALLOWED = {
 GUARDED = {
     "pydrake": {"sim/plant.py", "sim/linkage.py", "sim/engagement.py", "pipeline/scene.py"},
     "optuna": {
+        "pipeline/confirmation.py",
+        "pipeline/replication.py",
         "pipeline/rounds.py",
         "pipeline/search.py",
         "pipeline/standing.py",

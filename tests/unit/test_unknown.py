@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.confirmation import simulated_afresh
 from pipeline.executor import scratch_executor
-from pipeline.study import confirm
 from sim.errors import InputError
 from sim.estimate import Estimate, mean_over
 from tests.unit.test_operating import _run, _tiny
@@ -17,7 +17,7 @@ from tests.unit.test_operating import _run, _tiny
 def test_a_mean_of_nothing_is_unknown_and_a_point_of_nothing_is_left_out() -> None:
     nothing = mean_over([1.0, 2.0], [[], []])
     assert np.isnan([nothing.value, nothing.standard_error]).all()
-    assert mean_over([1.0, 2.0], [[], [3.0, 3.0, 3.0]]) == Estimate(3.0, 0.0)
+    assert mean_over([1.0, 2.0], [[], [3.0, 3.0, 3.0]]) == Estimate(3.0, 0.0, (0.0, 0.0))
 
 
 def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -> None:
@@ -33,4 +33,4 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
         assert row["failed"] == ["simulation"]
         assert not row["feasible"]
     with pytest.raises(InputError, match="every shift of design 0 at fresh angles failed"):
-        confirm(study, {0: study.prototype}, scratch_executor(1))
+        simulated_afresh(study, {0: study.prototype}, scratch_executor(1))
