@@ -46,7 +46,10 @@ SINGLES = (  # effects with single shifts too, at the clear strength
     "linkage_compliance", "mismatch_speed", "moving_mass", "relative_angle", "sleeve_friction",
     "spline_friction", "viscous_damping",
 )  # fmt: skip
-TRACED = ("actuation_delay", "actuation_lag", "linkage_compliance", "moving_mass")
+TRACED = (  # effects with traces too, at the clear strength
+    "actuation_delay", "actuation_lag", "axial_gap", "detent_force", "force_scale", "free_play",
+    "linkage_compliance", "moving_mass", "sleeve_friction", "viscous_damping",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -130,9 +133,9 @@ class _Maker:
     def single(self, name: str, strength: str, form: Form = "means") -> Case:
         return Case("single", form, self._seed(), strength, {name: self._values(name, strength)})
 
-    def pair(self, names: tuple[str, str], strength: str = "clear") -> Case:
+    def pair(self, names: tuple[str, str], strength: str = "clear", form: Form = "means") -> Case:
         parameters = {name: self._values(name, strength) for name in names}
-        return Case("pair", "means", self._seed(), strength, parameters)
+        return Case("pair", form, self._seed(), strength, parameters)
 
     def outside(self, name: str, strength: str, form: Form) -> Case:
         share = self._near(self._strengths[strength][0])
@@ -161,7 +164,7 @@ def _small(maker: _Maker) -> Iterator[Case]:
 
 
 def _full(maker: _Maker) -> Iterator[Case]:
-    """Yield 54 single effects, 12 with single shifts, 4 traced, 12 none, 12 pairs, 12 outside."""
+    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 12 outside."""
     for name in RANGES:
         for strength in ("barely", "clear", "gross"):
             yield maker.single(name, strength)
@@ -174,6 +177,7 @@ def _full(maker: _Maker) -> Iterator[Case]:
         yield maker.none(form)
     for names in PAIRS:
         yield maker.pair(names)
+        yield maker.pair(names, form="singles")
     for name in OUTSIDE:
         yield maker.outside(name, "clear", "means")
         yield maker.outside(name, "gross", "singles")
