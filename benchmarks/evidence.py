@@ -13,9 +13,10 @@ from diagnosis.bench import load_bench
 from diagnosis.emulator import BankEmulator
 from diagnosis.evidence import evidence
 from diagnosis.hypotheses import spaces_for
-from diagnosis.likelihood import Rules, observe
+from diagnosis.likelihood import Rules
 from diagnosis.nested import nested_evidence
 from diagnosis.next_test import setting_of
+from diagnosis.observed import observe
 from diagnosis.scoring import Problem
 from diagnosis.spread import Hypothesis
 from pipeline.diagnosing import Means, bank_of

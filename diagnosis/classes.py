@@ -61,13 +61,13 @@ def _placed(
     # What the errors have in common with the baseline's is common to all hypotheses, and the error
     # of the model is none of the emulation's.
     own = _emulated(predicted, model_error) - _emulated(baseline, model_error)
-    noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.mean**2).sum(axis=1)
+    noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.core**2).sum(axis=1)
     return _Placed(metric.of(predicted), noise)
 
 
 def _emulated(predicted: Predicted, model_error: float) -> Array:
     """Return the variance of emulated means (m, cells), without that of the model."""
-    variance: Array = predicted.error**2 - (model_error * predicted.mean) ** 2
+    variance: Array = predicted.error**2 - (model_error * predicted.core) ** 2
     return variance
 
 

@@ -10,8 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import expit
 
 from diagnosis.bank import Bank
+from diagnosis.late import bulk
 from diagnosis.levels import Level
 from diagnosis.sampling import engaged_mean, even_variance, residuals
 from diagnosis.spread import Array
@@ -24,13 +26,15 @@ LEAST_INTERACTION = 0.2  #: the least, since a few pairs may agree by luck
 class Reach:
     """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
 
-    ``variance`` is that of the logarithm of the mean.
+    ``times`` are those that are not late, ``variance`` that of the logarithm of their mean;
+    ``late`` is the share of late ones, (m,).
     """
 
     times: Array
     engaged: Array
     variance: Array
     engaged_variance: Array
+    late: Array
 
 
 def log_mean(reach: Reach) -> Array:
@@ -41,13 +45,15 @@ def log_mean(reach: Reach) -> Array:
 
 def together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
     """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    times, odds = np.log(base.times), _logit(base.engaged)
+    times, odds, late = np.log(base.times), _logit(base.engaged), _logit(base.late)
     doubt, variance = base.engaged_variance, base.variance
     for one, own in zip(reaches, variances, strict=True):
         times = times + np.log(one.times) - np.log(base.times)
         odds = odds + _logit(one.engaged) - _logit(base.engaged)
+        late = late + _logit(one.late) - _logit(base.late)
         doubt, variance = doubt + one.engaged_variance, variance + own
-    return Reach(np.sort(np.exp(times), axis=1), 1.0 / (1.0 + np.exp(-odds)), variance, doubt)
+    found = np.sort(np.exp(times), axis=1)
+    return Reach(found, expit(odds), variance, doubt, expit(late))
 
 
 def _logit(share: Array) -> Array:
@@ -62,7 +68,7 @@ def interaction_of(bank: Bank, places: list[int]) -> float:
     for k in places:
         level = bank.levels[k]
         alone = [_same(bank, level, place) for place in range(len(level.hypothesis))]
-        four = np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)])
+        four = bulk(np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)]))
         mean, series = np.log(engaged_mean(four)), residuals(four)
         changes = mean[2:] - mean[0]
         left = mean[1] - mean[0] - changes.sum(axis=0)

@@ -14,8 +14,9 @@ from diagnosis.classes import Confusion, confusable, confusion, invisible
 from diagnosis.facts import against, facts_of
 from diagnosis.heldout import HeldOut, by_effects, held_out
 from diagnosis.hypotheses import NONE, UNKNOWN
-from diagnosis.likelihood import Rules, observe
+from diagnosis.likelihood import Rules
 from diagnosis.next_test import Foretold, NextTest, Standing, choose, foretold, why
+from diagnosis.observed import observe
 from diagnosis.parameters import Bound, Interval, bounds, intervals
 from diagnosis.ranking import Ranking, rank
 from diagnosis.scoring import Predicted, Problem, Scored

@@ -3,9 +3,9 @@ r"""The emulator: from a bank's levels to the spread of times at any values of a
 One effect alone: the mean :math:`M(x)` is that of the baseline with the change that the curve of
 ``diagnosis.curves`` makes from there, :math:`\ln M = \sum_l w_l \ln M_l`, so that an effect of no
 strength is the baseline itself; and the shape, times over their mean at
-equal shares, by the same weights; its last one is at least as far out as at all levels on average,
-since a rare tail that few angles meet is common to them. The share engaged has weights of its own,
-since its errors are binomial.
+equal shares, by the same weights. Late shifts (``diagnosis.late``) are no part of either: their
+share has the weights of the share engaged, which are its own since its errors are binomial, and
+how late they are is that of all levels of the operating point.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
 those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. What
@@ -13,13 +13,13 @@ that misses is measured on pairs that were simulated: ``INTERACTION`` or their o
 smaller of both changes. Delays add to all times, exactly. Angles that are not uniform are weights
 on the baseline's angles.
 
-The error of a mean has four parts: the curve's own (angles and interpolation), a tail that no angle
-met (``diagnosis.gap``), numerics, and the combination.
+The error of a mean has three parts: the curve's own (angles and interpolation), numerics, and the
+combination.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -30,7 +30,7 @@ from diagnosis.combination import INTERACTION, Reach, interaction_of, log_mean, 
 from diagnosis.curves import Curves, fit_curves
 from diagnosis.flight_store import FlightStore
 from diagnosis.flight_table import FlightTables
-from diagnosis.gap import unseen_tail
+from diagnosis.late import PRIOR, Lateness, bulk, late_shares, lateness
 from diagnosis.levels import Axes, Level
 from diagnosis.sampling import (
     binned,
@@ -52,6 +52,7 @@ Array = NDArray[np.float64]
 SHARES = 24  #: at which times are given
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
+OWN = 0.35  #: share of what a combination misses that each operating point has for itself
 NONE = 10.0  #: relative error of a mean that no shift tells
 
 
@@ -61,9 +62,8 @@ class Fit:
 
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
-    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``tails``
-    (C,) are by how much the last of a shape exceeds the one before it, on average over all angles:
-    a rare tail of fast shifts that only some levels met.
+    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``late``
+    (C, N) are shares of late shifts, which means and shapes leave out.
     """
 
     effect: Effect
@@ -74,7 +74,7 @@ class Fit:
     shapes: Array
     shares: Array
     least: Array
-    tails: Array
+    late: Array
 
     def at(self, values: Array, cell: int) -> Reach:
         """Return what this effect alone makes at values (m, p)."""
@@ -82,12 +82,12 @@ class Fit:
         weights, variance = self.curves.from_first(cell, places)
         mean = np.exp(weights @ self.means[cell])
         shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
-        shape[:, -1] = np.maximum(shape[:, -1], shape[:, -2] + self.tails[cell])
         shape *= (mean / shape.mean(axis=1))[:, None]
         part, uncertain = self.share_curves.from_first(cell, places)
         engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
         uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
-        return Reach(shape, engaged, variance, uncertain)
+        late = np.clip(part @ self.late[cell], 1e-3, 1.0 - 1e-3)
+        return Reach(shape, engaged, variance, uncertain, late)
 
     def _step(self, weights: Array, engaged: Array, cell: int) -> Array:
         """Return the variance of a share that may fall anywhere between levels that differ."""
@@ -101,7 +101,7 @@ class Fit:
         return self.curves.change_variance(cell, axes.at(values), axes.neutral)
 
 
-def fit_effect(bank: Bank, effect: Effect) -> Fit:
+def fit_effect(bank: Bank, effect: Effect, late: Lateness) -> Fit:
     """Fit what an effect alone does at all operating points."""
     places = bank.of((effect.name,))
     axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
@@ -109,13 +109,14 @@ def fit_effect(bank: Bank, effect: Effect) -> Fit:
     times = np.concatenate([bank.base[None], bank.times[places]]).transpose(1, 0, 2)
     sites = np.array([[a.neutral, a.neutral, *a.at(values)] for a in axes])
     every = [[dense, *levels] for dense, levels in zip(bank.baseline, times, strict=True)]
-    means, errors = _means(bank, times, _speeds(bank, places))
+    means, errors = _means(bank, bulk(times), _speeds(bank, places))
     curves = fit_curves(sites, means, errors, slice(2, None))
-    shapes = np.array([[_shape(one) for one in mine] for mine in every])
+    shapes = np.array([[_shape(bulk(one)) for one in mine] for mine in every])
     shares, doubts = _shares(every)
     likely = _share_curves(curves, shares, doubts)
-    tails = _tails(bank, shapes)
-    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), tails)
+    rare = late_shares(times, late.share)
+    rare = np.concatenate([late_shares(bank.baseline[:, None], late.share), rare], axis=1)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), rare)
 
 
 def _speeds(bank: Bank, places: list[int]) -> Array:
@@ -130,10 +131,11 @@ def _speeds(bank: Bank, places: list[int]) -> Array:
 
 def _means(bank: Bank, times: Array, speeds: Array) -> tuple[Array, Array]:
     """Return logarithms of means (C, N) and their covariance, baseline at all angles first."""
-    dense = even_variance(residuals(bank.baseline))
+    whole = bulk(bank.baseline)
+    dense = even_variance(residuals(whole))
     share = bank.common.shape[1] / bank.baseline.shape[1]
     errors = with_dense(mean_covariance(times, speeds), dense, share)
-    found = np.concatenate([engaged_mean(bank.baseline)[:, None], engaged_mean(times)], axis=1)
+    found = np.concatenate([engaged_mean(whole)[:, None], engaged_mean(times)], axis=1)
     late = np.array([[setting.clutch.timeout] for setting in bank.settings])
     unknown = np.isnan(found)
     errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
@@ -144,14 +146,6 @@ def _shape(times: Array) -> Array:
     """Return the times that engaged over their mean at ``SHARES`` shares; 1 where none did."""
     shape = binned(times, SHARES)[0]
     return np.ones(SHARES) if np.isnan(shape).any() else shape / shape.mean()
-
-
-def _tails(bank: Bank, shapes: Array) -> Array:
-    """Return the mean excess of the last of shapes (C, N, q), by numbers of angles, (C,)."""
-    counts = np.ones(shapes.shape[1])
-    counts[:2] = bank.baseline.shape[1] / bank.common.shape[1], 0.0
-    tails: Array = (shapes[..., -1] - shapes[..., -2]) @ counts / counts.sum()
-    return tails
 
 
 def _shares(every: list[list[Array]]) -> tuple[Array, Array]:
@@ -180,7 +174,8 @@ class BankEmulator:
         self.bank = bank
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
-        self.fits = {name: fit_effect(bank, self.effects[name]) for name in sorted(simulated)}
+        self.late = lateness([bank.baseline, bank.times])
+        self.fits = {n: fit_effect(bank, self.effects[n], self.late) for n in sorted(simulated)}
         self._readings = lru_cache(maxsize=4)(self._readings_of)
         self.flights = FlightTables(self.effects, bank.settings, flights)
 
@@ -200,7 +195,7 @@ class BankEmulator:
         else:
             whole = together(base, reaches, self._change_variances(parts, weighted, cell))
             whole = self._doubted(whole, base, reaches)
-        return self._spread(whole, delay, len(values), cell)
+        return self._spread(whole, delay, self._missed(base, reaches), len(values), cell)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
@@ -235,16 +230,21 @@ class BankEmulator:
         ended, known = np.isfinite(times), ~np.isnan(times)
         total = np.maximum((given * known).sum(axis=1), 1e-12)
         share = (given * ended).sum(axis=1) / total
-        found = binned(times, SHARES, given) if ended.any() else None
+        fast = bulk(times)
+        found = binned(fast, SHARES, given) if ended.any() else None
         if found is None:
-            late = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
-            return Reach(late, share, np.full(len(given), NONE**2), np.full(len(given), 0.25))
-        mean = found.mean(axis=1)
-        apart = np.where(ended, times, 0.0) - ended * mean[:, None]
-        series = given * apart / (mean * np.maximum(share, 1e-12))[:, None]
+            never = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
+            quarter, rare = np.full(len(given), 0.25), np.full(len(given), self.late.share[cell])
+            return Reach(never, share, np.full(len(given), NONE**2), quarter, rare)
+        mean, soon = found.mean(axis=1), np.isfinite(fast)
+        part = np.maximum((given * soon).sum(axis=1) / total, 1e-12)
+        apart = np.where(soon, fast, 0.0) - soon * mean[:, None]
+        series = given * apart / (mean * part)[:, None]
         count = total**2 / (given**2 * known).sum(axis=1)
         likely = (share * count + 0.5) / (count + 1.0)
-        return Reach(found, share, even_variance(series), likely * (1.0 - likely) / (count + 2.0))
+        doubt = likely * (1.0 - likely) / (count + 2.0)
+        rare = (share - part) * count + PRIOR * self.late.share[cell]
+        return Reach(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
 
     def _read(self, parts: dict[str, Array], count: int, cell: int) -> tuple[Reach | None, Array]:
         """Return what weights on angles make of the baseline, None without, and delays (m,)."""
@@ -287,9 +287,16 @@ class BankEmulator:
         """Return the same with what the combination may miss."""
         if len(reaches) < 2:
             return whole
+        missed = (OWN * self._missed(base, reaches)) ** 2
+        return replace(whole, variance=whole.variance + missed)
+
+    def _missed(self, base: Reach, reaches: list[Reach]) -> Array:
+        """Return the standard error that the combination adds to the mean's logarithm, (m,)."""
+        if len(reaches) < 2:
+            return np.zeros(1)
         changes = np.sort([abs(log_mean(one) - log_mean(base)) for one in reaches], axis=0)
-        missed = (self.interaction * changes[-2]) ** 2
-        return Reach(whole.times, whole.engaged, whole.variance + missed, whole.engaged_variance)
+        missed: Array = self.interaction * changes[-2]
+        return missed
 
     @cached_property
     def interaction(self) -> float:
@@ -297,7 +304,7 @@ class BankEmulator:
         places = [k for k, level in enumerate(self.bank.levels) if len(level.hypothesis) > 1]
         return interaction_of(self.bank, places) if places else INTERACTION
 
-    def _spread(self, whole: Reach, delay: Array, count: int, cell: int) -> Spread:
+    def _spread(self, whole: Reach, delay: Array, missed: Array, count: int, cell: int) -> Spread:
         base = self._baseline(cell)
         mean = whole.times.mean(axis=1)
         variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
@@ -308,32 +315,29 @@ class BankEmulator:
             engaged=engaged,
             error=np.sqrt(variance),
             engaged_error=np.sqrt(whole.engaged_variance),
+            common=missed * mean,
+            late=whole.late,
+            behind=np.full(1, self.late.mean[cell]),
+            behind_sd=np.full(1, self.late.sd[cell]),
         )
         return _repeated(spread, count)
 
     @cached_property
     def _other(self) -> list[float]:
-        """Variance from tails that no angle met and from numerics, by operating point, s2."""
+        """Variance from numerics, by operating point, s2."""
         return [self._other_of(cell) for cell in range(len(self.bank.settings))]
 
     def _other_of(self, cell: int) -> float:
-        setting, times = self.bank.settings[cell], self.bank.baseline[cell]
+        times = bulk(self.bank.baseline[cell])
         ended = times[np.isfinite(times)]
-        count = max(1, ended.size)
-        tail = unseen_tail(setting.clutch, setting.point, ended.tolist())
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
-        variance: float = tail**2 / count + spread**2 * (mean**2 + scatter**2 / count)
+        variance: float = spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
         return variance
 
 
 def _repeated(spread: Spread, count: int) -> Spread:
     """Return a spread of one value for as many as were asked for."""
-    if len(spread.times) == count and len(spread.engaged) == count:
-        return spread
-    return Spread(
-        times=np.broadcast_to(spread.times, (count, spread.times.shape[1])),
-        engaged=np.broadcast_to(spread.engaged, count),
-        error=np.broadcast_to(spread.error, count),
-        engaged_error=np.broadcast_to(spread.engaged_error, count),
-    )
+    short = {f.name: part for f in fields(spread) if len(part := getattr(spread, f.name)) != count}
+    wide = {n: np.broadcast_to(part, (count, *part.shape[1:])) for n, part in short.items()}
+    return replace(spread, **wide)

@@ -64,7 +64,7 @@ def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
     size = len(space.parameters)
     if size == 0:
         rows = at(np.zeros((1, 0)))
-        total = float(rows.log_likelihood.sum())
+        total = float(rows.whole[0])
         return Scored(space, rows, np.zeros(1), total, 0.0)
     if len(space.effects) == 1 and size in FIRST:
         found = normalised(quadrature(at, size, best))
@@ -91,7 +91,7 @@ def normalised(found: Sum) -> Sum:
 def hopeless(rows: Rows, best: float, finished: int) -> bool:
     """Tell whether a hypothesis lies so far below the best that more rounds change nothing."""
     limit = HOPELESS[min(finished, len(HOPELESS) - 1)]
-    return float(rows.log_likelihood.sum(axis=1).max()) < best - limit
+    return float(rows.whole.max()) < best - limit
 
 
 def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
@@ -155,7 +155,7 @@ def _log_weights(boxes: Array) -> Array:
 
 
 def _box_sums(rows: Rows, log: Array, each: int) -> Array:
-    total: Array = log_sum((log + rows.log_likelihood.sum(axis=1)).reshape(-1, each), axis=1)
+    total: Array = log_sum((log + rows.whole).reshape(-1, each), axis=1)
     return total
 
 
@@ -167,7 +167,7 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     proposals: list[_Proposal] = []
     counts = [len(points)]
     for finished in range(SAMPLINGS):
-        likely = rows.log_likelihood.sum(axis=1)
+        likely = rows.whole
         log = -_log_mixture(rows.shares, proposals, counts)
         if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
             break
@@ -178,7 +178,7 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
         counts.append(DRAWS)
         if len(fresh):
             rows = rows.joined(at(fresh))
-    likely = rows.log_likelihood.sum(axis=1)
+    likely = rows.whole
     log = -_log_mixture(rows.shares, proposals, counts)
     error = 1.0 / np.sqrt(_effective(log + likely))
     # Draws outside the cube have no likelihood but count in the mixture, which has them.
@@ -264,7 +264,7 @@ def with_width(found: Scored, factor: float) -> Scored:
     log = found.log_prior[inside]
     log = log - log_sum(log, axis=0)
     rows = found.rows.only(inside)
-    total = float(log_sum(log + rows.log_likelihood.sum(axis=1), axis=0))
+    total = float(log_sum(log + rows.whole, axis=0))
     return replace(found, rows=rows, log_prior=log, log_evidence=total)
 
 
@@ -272,7 +272,7 @@ def _doubled(found: Scored, size: int) -> Scored:
     within = 0.5**size
     total = np.log(within) + found.log_evidence
     if found.ends is not None:
-        ends = found.ends.log_likelihood.sum(axis=1)
+        ends = found.ends.whole
         beyond = np.log1p(-within) + log_sum(ends, axis=0) - np.log(len(ends))
         total = np.logaddexp(total, beyond)
     return replace(found, log_evidence=float(total))

@@ -12,8 +12,10 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import betabinom, chi2
 
+from diagnosis.common_error import shared_errors
 from diagnosis.flight_likelihood import flight_scores
-from diagnosis.likelihood import Observed, Said, beta_of, time_score
+from diagnosis.likelihood import Said, beta_of, time_score
+from diagnosis.observed import Observed
 from diagnosis.scoring import Problem, Scored
 from diagnosis.spread import Array
 
@@ -29,17 +31,35 @@ def p_value(problem: Problem, found: Scored) -> float:
     said = problem.said(found.hypothesis, values)
     seen = problem.seen
     telling = (seen.tried > 0) & ((seen.failed > 0) | (said.engaged.min(axis=1) < 0.98))
+    timely = time_score(seen, said)[seen.shifts > 0]
     scores = np.vstack(
         [
-            time_score(seen, said)[seen.shifts > 0],
+            timely,
             _engaged_score(seen, said)[telling],
             flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
         ]
     )
     if not len(scores):
         return 1.0
-    tails = chi2.sf((scores**2).sum(axis=0), len(scores))
+    explained = _by_common(timely, _in_errors(seen, said, problem.common))
+    tails = chi2.sf((scores**2).sum(axis=0) - explained, len(scores))
     return float(np.average(tails, weights=counts))
+
+
+def _in_errors(seen: Observed, said: Said, common: Array) -> Array:
+    """Return common errors in standard errors of each cell with times, (m, cells, r)."""
+    having = seen.shifts > 0
+    errors = said.sd[having] ** 2 / seen.shifts[having, None] + said.error[having] ** 2
+    whole = shared_errors(common[having], np.nan_to_num(said.common[having].T))
+    return np.nan_to_num(whole / np.sqrt(errors.T)[..., None])
+
+
+def _by_common(scores: Array, shared: Array) -> Array:
+    """Return what common errors (m, cells, r) take off the squares of scores (cells, m), (m,)."""
+    pull = np.einsum("mkr,km->mr", shared, scores)
+    matrix = np.eye(shared.shape[2]) + np.einsum("mkr,mks->mrs", shared, shared)
+    taken: Array = (pull * np.linalg.solve(matrix, pull[..., None])[..., 0]).sum(axis=1)
+    return taken
 
 
 def _engaged_score(seen: Observed, said: Said) -> Array:

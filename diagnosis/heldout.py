@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.bench import Bench
-from diagnosis.likelihood import Observed
+from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.signature import Metric, known
 from diagnosis.spread import Array

@@ -28,17 +28,16 @@ from typing import Self
 import numpy as np
 from scipy.special import betaln, gammaln, log_ndtr, ndtr, ndtri
 
-from diagnosis.bench import Bench
-from diagnosis.marks import SeenFlight, flights_of
-from diagnosis.reading import Cell
+from diagnosis.common_error import Slopes
+from diagnosis.observed import Observed
 from diagnosis.spread import Array, Spread
-from sim.clutch import Clutch
 
-TAIL = 0.02  #: least share of shifts that wait longer than any that was simulated
+TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
 ANYTHING = 0.002  #: share of shifts that may take any time until the time-out
 KERNEL = 0.7  #: width of a kernel over the distance of neighbouring quantiles
 KERNELS = 16  #: about how many kernels a density has
 LEAST = 0.5e-3  #: s, the least spread of single shifts
+LEAST_LATE = 0.003  #: least share of late shifts
 WAITS = 4  #: most shifts of a mean that may have waited, plus one
 FAR = 3.0  #: widths from the bulk beyond which a cell tells nothing of its offset
 CLIP = 0.01  #: a shift's rank in its distribution counts no more extreme than this
@@ -56,93 +55,22 @@ class Rules:
     ----------
     model_error, least_error : error of any simulation of a mean shift time, beside the
         emulator's own: mesh, contact law, rigid bodies; as share of the mean, and in s.
+    common_error : error that all forces of a mismatch have in common, as share of the mean time
+        without any effect (``diagnosis.common_error``).
     """
 
     model_error: float = 0.02
     least_error: float = 0.5e-3
-
-
-@dataclass(frozen=True)
-class Observed:
-    """What a bench has at its operating points, each (cells,); times in s.
-
-    Parameters
-    ----------
-    singles : times of single shifts, cell by cell, (k,) each.
-    mean, n : grand mean of the shifts that are only known as means, and their number.
-    engaged, failed, unknown : shifts counted.
-    wait : from slot to slot, s.
-    timeout : s.
-    flights : marks of the traces, one for each force profile that has any.
-    """
-
-    singles: tuple[Array, ...]
-    mean: Array
-    n: Array
-    engaged: Array
-    failed: Array
-    unknown: Array
-    wait: Array
-    timeout: float
-    flights: tuple[SeenFlight, ...] = ()
-
-    @property
-    def cells(self) -> int:
-        """Number of cells."""
-        return len(self.singles)
-
-    @property
-    def single(self) -> Array:
-        """Number of single shifts with a time, (cells,)."""
-        return np.array([times.size for times in self.singles], dtype=float)
-
-    @property
-    def shifts(self) -> Array:
-        """Number of shifts with a time, alone or within a mean, (cells,)."""
-        whole: Array = self.single + self.n
-        return whole
-
-    @property
-    def tried(self) -> Array:
-        """Number of shifts known to have been tried, (cells,)."""
-        return self.engaged + self.failed
-
-    @property
-    def time(self) -> Array:
-        """Mean time of all shifts that have one, s, (cells,); NaN for none."""
-        whole = np.array([times.sum() for times in self.singles]) + self.n * self.mean
-        return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
-
-
-def observe(bench: Bench) -> Observed:
-    """Return what a data set has."""
-    means = [_grand_mean(cell) for cell in bench.cells]
-    waits = [_wait(cell, bench.clutch) for cell in bench.cells]
-    counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    mean, n = np.array(means, dtype=float).reshape(-1, 2).T
-    engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
-    singles = tuple(cell.times for cell in bench.cells)
-    counted = engaged, failed, unknown
-    flights = flights_of(bench)
-    return Observed(singles, mean, n, *counted, np.array(waits), bench.clutch.timeout, flights)
-
-
-def _grand_mean(cell: Cell) -> tuple[float, int]:
-    means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
-    count = sum(n for _, n in means)
-    return sum(t * n for t, n in means) / max(1, count), count
-
-
-def _wait(cell: Cell, clutch: Clutch) -> float:
-    slip = abs(cell.point.mismatch)
-    return min(clutch.timeout, clutch.dog.pitch_angle / slip) if slip else clutch.timeout
+    common_error: float = 0.04
 
 
 @dataclass(frozen=True)
 class Said:
     """What a hypothesis says of all cells: the fields of a spread, (cells, m) and (cells, m, q).
 
-    ``sd`` is the spread of single shifts, ``mean`` that of the times; both in s.
+    ``sd`` and ``mean`` are of shifts that are not late, ``common`` the error of that mean that all
+    cells have alike; ``late`` the share of late ones and ``behind``, ``behind_sd`` by how much they
+    are; all in s.
     """
 
     times: Array
@@ -151,6 +79,10 @@ class Said:
     engaged_error: Array
     mean: Array
     sd: Array
+    common: Array
+    late: Array
+    behind: Array
+    behind_sd: Array
 
     @classmethod
     def of(cls, spreads: list[Spread], rules: Rules) -> Self:
@@ -163,16 +95,39 @@ class Said:
         engaged, engaged_error = (
             np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
         )
-        return cls(times, engaged, np.maximum(error, 1e-5), engaged_error, mean, sd)
+        common, late, behind, wide = (
+            np.stack([getattr(s, name) for s in spreads])
+            for name in ("common", "late", "behind", "behind_sd")
+        )
+        late = np.maximum(late, max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(behind))
+        late = np.clip(late, LEAST_LATE, 1.0 - LEAST_LATE)
+        errors = np.maximum(error, 1e-5), engaged_error
+        return cls(times, engaged, *errors, mean, sd, common, late, behind, wide)
 
     def cell(self, place: int) -> Self:
         """Return one cell, with (1, m)."""
         return type(self)(*(getattr(self, f.name)[place : place + 1] for f in fields(self)))
 
+    def moved(self, offsets: Array) -> Said:
+        """Return what one value says (cells, 1), moved by offsets, s, (cells, m)."""
+        one = np.ones_like(offsets[:1])
+        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        wide = {n: part * (one if part.ndim == 2 else one[..., None]) for n, part in every.items()}
+        times = {"times": self.times + offsets[..., None], "mean": self.mean + offsets}
+        return type(self)(**{**wide, **times})
+
     @property
-    def tail(self) -> float:
-        """Share of shifts that may wait longer than any that was simulated."""
-        return max(TAIL, 1.0 / float(self.times.shape[2] + 2))
+    def whole_mean(self) -> Array:
+        """Mean with late shifts, s."""
+        return self.mean + self.late * np.nan_to_num(self.behind)
+
+    @property
+    def whole_sd(self) -> Array:
+        """Standard deviation with late shifts, s."""
+        behind, wide = np.nan_to_num(self.behind), np.nan_to_num(self.behind_sd)
+        late = self.late * wide**2 + self.late * (1.0 - self.late) * behind**2
+        whole: Array = np.sqrt(self.sd**2 + late)
+        return whole
 
 
 def log_sum(logs: Array, axis: int) -> Array:
@@ -195,26 +150,51 @@ def log_as_failed(seen: Observed, said: Said) -> Array:
     return whole - log_engaged(seen, said, seen.failed)
 
 
-def log_times(seen: Observed, said: Said) -> Array:
-    """Return the logarithm of the density of each cell's times, (cells, m)."""
-    found = np.where(
-        (seen.n > 0)[:, None], log_mean(seen, said, np.zeros_like(said.error), said.error), 0.0
-    )
+@dataclass(frozen=True)
+class Timed:
+    """Log densities of cells' times, (cells, m), and how they change with a cell's offset."""
+
+    log: Array
+    first: Array
+    second: Array
+
+    @property
+    def slopes(self) -> Slopes:
+        """Slope and curvature, value by value."""
+        return Slopes(self.first.T.copy(), self.second.T.copy())
+
+
+def timed(seen: Observed, said: Said) -> Timed:
+    """Return the logarithm of the density of each cell's times, with its slopes."""
+    nothing = np.zeros_like(said.error)
+    means = _timed_mean(seen, said, nothing, said.error)
+    found = [np.where((seen.n > 0)[:, None], part, 0.0) for part in means]
     for place in np.flatnonzero(seen.single):
-        found[place] = _log_single_cell(_cell(seen, int(place)), said.cell(int(place)))
+        cell = _timed_singles(_cell(seen, int(place)), said.cell(int(place)))
+        for part, value in zip(found, cell, strict=True):
+            part[place] = value
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
     anyhow = seen.shifts[:, None] * np.log(ANYTHING / seen.timeout)
-    return np.where(np.isfinite(said.mean), found, anyhow)
+    known = np.isfinite(said.mean)
+    log, first, second = found
+    first, second = (np.where(known, np.nan_to_num(part), 0.0) for part in (first, second))
+    return Timed(np.where(known, log, anyhow), first, np.maximum(second, 0.0))
+
+
+def log_times(seen: Observed, said: Said) -> Array:
+    """Return the logarithm of the density of each cell's times, (cells, m)."""
+    return timed(seen, said).log
 
 
 def _cell(seen: Observed, place: int) -> Observed:
     one = slice(place, place + 1)
-    counts = seen.engaged[one], seen.failed[one], seen.unknown[one], seen.wait[one]
-    return Observed(seen.singles[one], seen.mean[one], seen.n[one], *counts, seen.timeout)
+    counts = seen.engaged[one], seen.failed[one], seen.unknown[one]
+    times = seen.wait[one], seen.mismatch[one], seen.timeout
+    return Observed(seen.singles[one], seen.mean[one], seen.n[one], *counts, *times)
 
 
-def _log_single_cell(seen: Observed, said: Said) -> Array:
-    """Return the logarithm for a cell with single shifts, (m,), its common offset integrated out.
+def _timed_singles(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
+    """Return log, slope and curvature of a cell with single shifts, (m,), offset integrated out.
 
     Gauss-Hermite's nodes lie where the offset is likely after a look at the medians.
     """
@@ -227,7 +207,7 @@ def _log_single_cell(seen: Observed, said: Said) -> Array:
     variance = 1.0 / (1.0 / error**2 + np.where(near, weight, 0.0))
     centre = np.where(near, variance * weight * apart, 0.0)
     kernels = _kernels(said.times[0])
-    nodes = []
+    nodes, offsets = [], []
     for node, log_weight in zip(_NODES, _LOG_WEIGHTS, strict=True):
         offset = centre + node * np.sqrt(variance)
         prior = 0.5 * node**2 - 0.5 * (offset / error) ** 2 + np.log(np.sqrt(variance) / error)
@@ -235,7 +215,14 @@ def _log_single_cell(seen: Observed, said: Said) -> Array:
         if seen.n[0]:
             each = each + log_mean(seen, said, offset[None], 0.0 * said.error)[0]
         nodes.append(log_weight + prior + each)
-    return log_sum(np.stack(nodes), axis=0)
+        offsets.append(offset)
+    log, moved = log_sum(np.stack(nodes), axis=0), np.stack(offsets) / error**2
+    share = np.exp(np.stack(nodes) - log)
+    first = (share * moved).sum(axis=0)
+    second = 1.0 / error**2 - (share * (moved - first) ** 2).sum(axis=0)
+    # Four nodes may miss it where shifts lie far off: it is not far below that of normal shifts.
+    least = 0.5 / (error**2 + width**2 / times.size)
+    return log, first, np.maximum(second, least)
 
 
 def bulk_width(said: Said) -> Array:
@@ -256,25 +243,50 @@ def _at_share(times: Array, share: float) -> Array:
 
 def log_mean(seen: Observed, said: Said, offset: Array, error: Array) -> Array:
     """Return the log density of means whose cells' common ``offset`` (cells, m) is known."""
+    return _timed_mean(seen, said, offset, error)[0]
+
+
+def _timed_mean(
+    seen: Observed, said: Said, offset: Array, error: Array
+) -> tuple[Array, Array, Array]:
+    """Return the log density of means with slope and curvature, (cells, m) each."""
     share, score, width = _waits(seen, said, offset, error)
-    return log_sum(share - 0.5 * score**2 - np.log(width * ROOT), axis=2)
+    parts = share - 0.5 * score**2 - np.log(width * ROOT)
+    log = log_sum(parts, axis=2)
+    weight, steep = np.exp(parts - log[..., None]), score / width
+    first = (weight * steep).sum(axis=2)
+    second = (weight * (width**-2.0 - (steep - first[..., None]) ** 2)).sum(axis=2)
+    # Between two modes the curve bends upwards; a parabola must not rise above the modes.
+    below = np.maximum(-np.log(width[..., 0] * ROOT) - log, 0.5)
+    return log, first, np.maximum(second, 0.5 * first**2 / below)
 
 
 def _waits(seen: Observed, said: Said, offset: Array, error: Array) -> tuple[Array, Array, Array]:
     """Return of 0, 1, ... shifts that waited: log probability, score, width, (cells, m, w)."""
-    n, share = np.maximum(1.0, seen.n)[:, None, None], said.tail
+    n, share = np.maximum(1.0, seen.n)[:, None, None], said.late[..., None]
     waits = np.arange(float(WAITS))
     with np.errstate(divide="ignore"):
         ways = gammaln(n + 1) - gammaln(waits + 1) - gammaln(np.maximum(n - waits, 0.0) + 1)
         log_share = ways + waits * np.log(share) + (n - waits) * np.log1p(-share)
     log_share = np.where(waits <= n, log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
+    behind, wide = behind_of(seen, said)
+    centre = (said.mean + offset)[..., None] + waits * behind[..., None] / n
+    width = np.sqrt(
+        (said.sd**2 / n[..., 0] + error**2)[..., None] + waits * (wide[..., None] / n) ** 2
+    )
+    return log_share, (seen.mean[:, None, None] - centre) / width, width
+
+
+def behind_of(seen: Observed, said: Said) -> tuple[Array, Array]:
+    """Return by how much late shifts are later, and the deviation, s, (cells, m).
+
+    Where nobody knows, the wait for the next slot as far as it exceeds what was simulated.
+    """
     seen_range = said.times[..., -1] - said.times[..., 0]
     wait = np.maximum(0.0, np.minimum(seen.wait[:, None], said.mean) - seen_range)
-    extra = wait[..., None] / n
-    centre = (said.mean + offset)[..., None] + waits * extra
-    width = np.sqrt((said.sd**2 / n[..., 0] + error**2)[..., None] + waits * extra**2)
-    return log_share, (seen.mean[:, None, None] - centre) / width, width
+    known = np.isfinite(said.behind)
+    return np.where(known, said.behind, wait), np.where(known, said.behind_sd, wait)
 
 
 def _kernels(times: Array) -> tuple[Array, Array]:
@@ -301,10 +313,12 @@ def log_singles(seen: Observed, said: Said, offset: Array, kernels: tuple[Array,
     bulk = np.einsum("mkq,mq->mk", score, over) / (centres.shape[1] * ROOT)
     first = (said.times[0, :, 0] + offset)[:, None]
     seen_range = said.times[0, :, -1] - said.times[0, :, 0]
-    scale = np.maximum(seen.wait[0], seen_range)[:, None]
+    behind = np.where(np.isfinite(said.behind[0]), said.behind[0], seen.wait[0])
+    scale = np.maximum(behind, seen_range)[:, None]
     late = times[None, :] - first
     slow = np.where(late > 0.0, (1.0 + np.maximum(late, 0.0) / scale) ** -2 / scale, 0.0)
-    whole = (1.0 - said.tail - ANYTHING) * bulk + said.tail * slow + ANYTHING / seen.timeout
+    late = said.late[0][:, None]
+    whole = (1.0 - late - ANYTHING) * bulk + late * slow + ANYTHING / seen.timeout
     result: Array = np.log(whole)
     return result
 

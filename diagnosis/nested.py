@@ -41,6 +41,6 @@ def nested_evidence(problem: Problem, space: Space, seed: int = 1) -> tuple[floa
     """Return the logarithm of the evidence of a hypothesis, and its error."""
 
     def at(shares: Array) -> float:
-        return float(score(problem, space, np.atleast_2d(shares)).log_likelihood.sum())
+        return float(score(problem, space, np.atleast_2d(shares)).whole[0])
 
     return nested(at, len(space.parameters), seed)

@@ -29,7 +29,7 @@ from scipy.special import logsumexp
 from diagnosis.belief import Probabilities
 from diagnosis.bench import Bench
 from diagnosis.hypotheses import UNKNOWN, in_common, plain, without
-from diagnosis.likelihood import Observed
+from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.spread import Array, Hypothesis
 from diagnosis.unknown import Unknown

@@ -12,10 +12,19 @@ from functools import cached_property
 
 import numpy as np
 
+from diagnosis.common_error import Slopes, common_errors, log_common, shared_errors
 from diagnosis.flight_likelihood import SaidFlight, log_flights, said_flight, to_cells
 from diagnosis.hypotheses import NONE, Space
-from diagnosis.likelihood import Observed, Rules, Said, log_as_failed, log_likelihood, log_sum
+from diagnosis.likelihood import (
+    Rules,
+    Said,
+    log_as_failed,
+    log_engaged,
+    log_sum,
+    timed,
+)
 from diagnosis.marks import SeenFlight
+from diagnosis.observed import Observed
 from diagnosis.spread import Array, Emulator, FlightEmulator, Hypothesis, Marks
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
@@ -25,6 +34,7 @@ IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 class Predicted:
     """What is said of each cell, each (m, cells); times in s.
 
+    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
     ``bulk`` is the logarithm of the distance of the quartiles, ``error`` that of the mean.
     ``flight`` are the marks of all force profiles, (m, K), None without traces.
     """
@@ -35,6 +45,8 @@ class Predicted:
     bulk: Array
     engaged: Array
     engaged_error: Array
+    core: Array
+    core_sd: Array
     flight: Array | None = None
 
     def rows(self, which: np.ndarray) -> Predicted:
@@ -56,12 +68,30 @@ class Predicted:
 
 @dataclass(frozen=True)
 class Rows:
-    """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells)."""
+    """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells).
+
+    ``slopes`` are those of the log likelihood over offsets of cells; ``common`` the errors that
+    cells have in common for any value, s, (cells, r), and ``joint`` such for each, s, (m, cells).
+    """
 
     shares: Array
     log_likelihood: Array
     as_failed: Array
     predicted: Predicted
+    slopes: Slopes
+    common: Array
+    joint: Array
+
+    @cached_property
+    def whole(self) -> Array:
+        """Log likelihood of all cells together, (m,)."""
+        return self.total(np.ones(self.log_likelihood.shape[1], dtype=bool))
+
+    def total(self, cells: np.ndarray) -> Array:
+        """Return the log likelihood of some cells together, (m,)."""
+        slopes = Slopes(self.slopes.first[:, cells], self.slopes.second[:, cells])
+        added: Array = self.log_likelihood[:, cells].sum(axis=1)
+        return added + log_common(slopes, shared_errors(self.common[cells], self.joint[:, cells]))
 
     def joined(self, other: Rows) -> Rows:
         """Return these rows and others below them."""
@@ -70,6 +100,9 @@ class Rows:
             np.vstack([self.log_likelihood, other.log_likelihood]),
             np.vstack([self.as_failed, other.as_failed]),
             self.predicted.joined(other.predicted),
+            self.slopes.joined(other.slopes),
+            self.common,
+            np.vstack([self.joint, other.joint]),
         )
 
     def only(self, which: np.ndarray) -> Rows:
@@ -79,6 +112,9 @@ class Rows:
             self.log_likelihood[which],
             self.as_failed[which],
             self.predicted.rows(which),
+            self.slopes.rows(which),
+            self.common,
+            self.joint[which],
         )
 
 
@@ -89,6 +125,12 @@ class Problem:
     seen: Observed
     emulator: Emulator
     rules: Rules
+
+    @cached_property
+    def common(self) -> Array:
+        """Errors that cells have in common, s, (cells, r)."""
+        said = self.said(NONE, np.zeros((1, 0)))
+        return common_errors(self.seen.mismatch, said.mean[:, 0], self.rules.common_error)
 
     def said(self, hypothesis: Hypothesis, values: Array) -> Said:
         """Return what a hypothesis with values (m, p) says of all cells."""
@@ -125,12 +167,15 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     values = space.values(shares)
     said = problem.said(space.hypothesis, values)
     flown = problem.flown(space.hypothesis, values)
-    table = log_likelihood(problem.seen, said).T.copy()
+    times = timed(problem.seen, said)
+    table = (times.log + log_engaged(problem.seen, said, problem.seen.failed)).T.copy()
     if flown:
         logs = log_flights(problem.flights, flown)
         table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
-    return Rows(shares, table, log_as_failed(problem.seen, said).T, predict(said, flown))
+    as_failed = log_as_failed(problem.seen, said).T
+    errors = times.slopes, problem.common, np.nan_to_num(said.common.T)
+    return Rows(shares, table, as_failed, predict(said, flown), *errors)
 
 
 def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
@@ -139,8 +184,8 @@ def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
     low, high = (said.times[..., int(share * size)] for share in (0.25, 0.75))
     bulk = np.log(np.maximum(high - low, 1e-3))
     flight = np.hstack([one.times for one in flown]) if flown else None
-    mean, sd, error, wide = said.mean.T, said.sd.T, said.error.T, bulk.T
-    return Predicted(mean, sd, error, wide, said.engaged.T, said.engaged_error.T, flight)
+    whole = said.whole_mean.T, said.whole_sd.T, said.error.T, bulk.T
+    return Predicted(*whole, said.engaged.T, said.engaged_error.T, said.mean.T, said.sd.T, flight)
 
 
 @dataclass(frozen=True)
@@ -174,9 +219,7 @@ class Scored:
 
     def log_table(self, cells: np.ndarray | None = None) -> Array:
         """Return the log likelihood of some cells, or all, (m,)."""
-        table = self.rows.log_likelihood
-        total: Array = (table if cells is None else table[:, cells]).sum(axis=1)
-        return total
+        return self.rows.whole if cells is None else self.rows.total(cells)
 
     def read_as_failed(self) -> Scored:
         """Return the same with the unknown shifts read as failed."""
@@ -186,7 +229,7 @@ class Scored:
     def with_table(self, table: Array) -> Scored:
         """Return the same with another log likelihood (m, cells) of its rows."""
         rows = replace(self.rows, log_likelihood=table)
-        total = float(log_sum(self.log_prior + table.sum(axis=1), axis=0))
+        total = float(log_sum(self.log_prior + rows.whole, axis=0))
         return replace(self, rows=rows, log_evidence=total)
 
     def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.flight_likelihood import whitening
-from diagnosis.likelihood import Observed
+from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted
 from diagnosis.spread import Array
 
@@ -28,19 +28,21 @@ SHAPE = 0.1  #: error of the emulated logarithm of that distance
 class Metric:
     """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing.
 
-    ``flight`` (K, K) makes the marks of the flight independent, of standard error 1.
+    ``core`` is that of the mean of shifts that are not late, ``mean`` that of all. ``flight``
+    (K, K) makes the marks of the flight independent, of standard error 1.
     """
 
     mean: Array
     bulk: Array
     engaged: Array
+    core: Array
     flight: Array | None = None
 
     def of(self, predicted: Predicted) -> Array:
         """Return signatures, (m, coordinates)."""
         parts = zip(
-            (predicted.mean, predicted.bulk, predicted.engaged),
-            (self.mean, self.bulk, self.engaged),
+            (predicted.core, predicted.bulk, predicted.engaged),
+            (self.core, self.bulk, self.engaged),
             strict=True,
         )
         found = [np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts]
@@ -59,11 +61,15 @@ def metric_of(seen: Observed, baseline: Predicted) -> Metric:
     shifts, singles, tried = seen.shifts, seen.single, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)
     with np.errstate(divide="ignore"):
-        mean = np.sqrt(baseline.sd[0] ** 2 / shifts + baseline.error[0] ** 2)
+        mean, core = (
+            np.sqrt(sd[0] ** 2 / shifts + baseline.error[0] ** 2)
+            for sd in (baseline.sd, baseline.core_sd)
+        )
+        mean, core = (np.where(np.isfinite(one), one, np.inf) for one in (mean, core))
         bulk = np.hypot(QUARTILES / np.sqrt(np.where(singles > 3, singles, 0.0)), SHAPE)
         engaged = np.sqrt(share * (1.0 - share) / tried + baseline.engaged_error[0] ** 2)
     flight = whitening(seen.flights) if baseline.flight is not None else None
-    return Metric(np.where(np.isfinite(mean), mean, np.inf), bulk, engaged, flight)
+    return Metric(mean, bulk, engaged, core, flight)
 
 
 def squared(one: Array, other: Array) -> Array:

@@ -25,17 +25,33 @@ class Spread:
 
     Parameters
     ----------
-    times : of shifts that engage, at the shares (k + 1/2)/q of them, ascending, s, (m, q).
+    times : of shifts that engage and are not late, at the shares (k + 1/2)/q of them, ascending,
+        s, (m, q).
     engaged : share of shifts that engage before the time-out, (m,).
     error : standard error of the mean of ``times``: too few simulated angles, emulation and
         numerics together, s, (m,).
     engaged_error : standard error of ``engaged``, (m,).
+    common : of that mean, which all operating points have alike, times its size and sign at each:
+        what effects together do other than each alone, s, (m,). Not part of ``error``.
+    late : share of those that engage that are late (``diagnosis.late``), (m,).
+    behind, behind_sd : by how much they are later than the mean of the others, and the standard
+        deviation, s, (m,); NaN where nobody knows.
     """
 
     times: Array
     engaged: Array
     error: Array
     engaged_error: Array
+    common: Array
+    late: Array
+    behind: Array
+    behind_sd: Array
+
+    @classmethod
+    def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Spread:
+        """Return a spread without late shifts and common errors."""
+        nothing, nobody = np.zeros(len(times)), np.full(len(times), np.nan)
+        return cls(times, engaged, error, engaged_error, nothing, nothing, nobody, nobody)
 
 
 class Emulator(Protocol):

@@ -23,7 +23,8 @@ import numpy as np
 
 from diagnosis.bench import Bench
 from diagnosis.flight_likelihood import log_unknown
-from diagnosis.likelihood import Observed, Said, log_engaged, log_sum, log_times
+from diagnosis.likelihood import Said, log_engaged, log_sum, log_times
+from diagnosis.observed import Observed
 from diagnosis.scoring import Problem
 from diagnosis.spread import Array
 from sim.units import RPM
@@ -133,21 +134,25 @@ class Unknown:
 def unknown(problem: Problem, bench: Bench) -> Unknown:
     """Return the hypothesis for a data set."""
     seen, said = problem.seen, problem.said((), np.zeros((1, 0)))
-    means = said.mean[:, 0]
+    means = said.whole_mean[:, 0]
     places = np.array(
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )
     models = []
     for stretch, weight in STRETCHES.items():
         offsets = _offsets(seen, _stretched(said, stretch))
-        models += _grid(places, means, offsets, np.log(weight))
+        models += _grid(places, means, offsets, np.log(weight), problem.common)
     plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
     flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
     return Unknown(tuple(models), means, plain, failed, flight)
 
 
 def _grid(
-    places: Array, means: Array, offsets: tuple[Offset | None, ...], log_prior: float
+    places: Array,
+    means: Array,
+    offsets: tuple[Offset | None, ...],
+    log_prior: float,
+    common: Array,
 ) -> list[Model]:
     square = ((places[:, None] - places[None]) ** 2).sum(axis=2)
     known = means[np.isfinite(means)]
@@ -157,7 +162,7 @@ def _grid(
     for scale, length, weight in itertools.product(SCALES, LENGTHS, (1.0, relative)):
         shape = SMOOTH * np.exp(-0.5 * square / length**2) + (1.0 - SMOOTH) * np.eye(len(places))
         sizes = scale * weight * np.ones(len(places))
-        kernel = np.outer(sizes, sizes) * shape
+        kernel = np.outer(sizes, sizes) * shape + common @ common.T
         found.append(Model(kernel, offsets, log_prior - float(np.log(number))))
     return found
 
@@ -173,15 +178,7 @@ def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
     middle = np.where(seen.single > 0, middle, seen.mean)
     step = np.hypot(said.sd[:, 0] / np.sqrt(np.maximum(1, seen.shifts)), said.error[:, 0])
     offsets = (middle - said.mean[:, 0])[:, None] + step[:, None] * OFFSETS
-    one = np.ones((1, OFFSETS.size))
-    moved = Said(
-        said.times + offsets[..., None],
-        said.engaged * one,
-        said.error * one,
-        said.engaged_error * one,
-        said.mean + offsets,
-        said.sd * one,
-    )
+    moved = said.moved(offsets)
     log = log_times(seen, moved) + np.log(np.gradient(OFFSETS) * step[:, None])
     known = (seen.shifts > 0) & np.isfinite(said.mean[:, 0])
     return tuple(

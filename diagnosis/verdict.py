@@ -4,8 +4,8 @@
   each of its effects is part of the cause with more than 0.95, whatever else is;
 - *none*: effects that the data could show have less than 0.2 together, and none can have made
   the data; what each effect is at most stands beside it;
-- *unknown*: a gap of no known effect has more than 0.8, or no plausible hypothesis can have made
-  the data;
+- *unknown*: a gap of no known effect has more than 0.8; it has also what plausible hypotheses lose
+  that can hardly have made the data (``diagnosis.belief.judged``);
 - *ambiguous* otherwise, also where a class has more than 0.8 but none of its members: data of
   this kind cannot part them. What is part of the cause in any case is still named.
 """
@@ -67,7 +67,7 @@ def decide(
 
 
 def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
-    if belief.get(UNKNOWN, 0.0) > NAMED or not any(p >= ADEQUATE for p in fits.values()):
+    if belief.get(UNKNOWN, 0.0) > NAMED:
         return "unknown"
     if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(top) > MOST:
         return "ambiguous"

@@ -10,6 +10,7 @@ The package brings the bank of the published clutch at the operating points of i
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +20,10 @@ from typing import Any
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore
 from diagnosis.bench import Bench, load_bench
+from diagnosis.blind.between import RULES, Moved, engines_apart
 from diagnosis.blind.plain import plain
+from diagnosis.blind.sealed import write as write_text
+from diagnosis.blind.stand import read_stand
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.flight_store import FlightStore
@@ -35,6 +39,7 @@ from sim.records import Record
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"
+ENGINES = "engines.json"  #: beside blind cases
 
 
 def _silent(_: str) -> None:
@@ -82,12 +87,27 @@ def _emulator(
 
 
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
-    """Return the record of the diagnosis of a data set's folder, and what plain ways say of it."""
+    """Return the record of the diagnosis of a blind case, and what plain ways say of it.
+
+    What both engines differ by without any effect is measured with the first case of a set.
+    """
     bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
-    emulator, flights = _emulator(bench, effects, means)
-    found = diagnose(bench, emulator, effects).as_dict()
+    bare, flights = _emulator(bench, effects, means)
+    emulator = Moved(bare, _engines_apart(folder, bare.bank))
+    found = diagnose(bench, emulator, effects, rules=RULES).as_dict()
     flights.save()
     return {**found, "plain": plain(bench, emulator, effects)}
+
+
+def _engines_apart(folder: Path, bank: Bank) -> list[float]:
+    """Return what both engines differ by at the points of a case, s; kept beside the cases."""
+    path = folder.parent.parent / ENGINES
+    if path.exists():
+        kept: dict[str, list[float]] = json.loads(path.read_text(encoding="utf-8"))
+    else:
+        kept = {"later_s": engines_apart(read_stand(folder), bank)}
+        write_text(path, json.dumps(kept))
+    return kept["later_s"]
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:

@@ -97,7 +97,7 @@ class FlightOnly:
         """Return times that tell nothing."""
         one = np.ones(len(values))
         times = np.linspace(0.05, 0.4, 24) * one[:, None]
-        return Spread(times, 0.95 * one, 0.1 * one, 0.02 * one)
+        return Spread.plain(times, 0.95 * one, 0.1 * one, 0.02 * one)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks of the flight."""

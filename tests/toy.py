@@ -85,7 +85,7 @@ class Toy:
         times = times_of(named, self.points[cell], shares)
         times = np.broadcast_to(times, (len(values), self.quantiles)).copy()
         one = np.ones(len(values))
-        return Spread(times, one, self.error * one, 0.02 * one)
+        return Spread.plain(times, one, self.error * one, 0.02 * one)
 
 
 def named_values(hypothesis: Hypothesis, values: Array) -> dict[str, Array]:

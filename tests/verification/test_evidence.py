@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from diagnosis.common_error import Slopes
 from diagnosis.evidence import Sum, evidence, quadrature, sampled
 from diagnosis.hypotheses import spaces_of
-from diagnosis.likelihood import Rules, Said, log_times, observe
+from diagnosis.likelihood import Rules, Said, log_times
 from diagnosis.nested import nested, nested_evidence
 from diagnosis.next_test import Outcome, setting_of, told
+from diagnosis.observed import observe
 from diagnosis.scoring import Predicted, Problem, Rows
 from diagnosis.signature import squared
 from diagnosis.spread import Array, Spread
@@ -32,7 +34,9 @@ def _rows(shares: Array, size: int) -> Rows:
     _, centre, width = _gaussian(size)
     log = norm.logpdf(shares, centre, width).sum(axis=1)
     nothing = np.zeros((len(shares), 1))
-    return Rows(shares, log[:, None], nothing, Predicted(*([nothing] * 6)))
+    slopes = Slopes(nothing, nothing)
+    said = Predicted(*([nothing] * 8))
+    return Rows(shares, log[:, None], nothing, said, slopes, np.zeros((1, 1)), nothing)
 
 
 @pytest.mark.parametrize("size", [1, 2])
@@ -83,13 +87,7 @@ def test_the_density_of_single_shifts_has_the_volume_of_one(place: int) -> None:
     spread = Toy(points).at((), np.zeros((1, 0)), 0)
     grid = np.linspace(-0.6, 20.0, 80_000)
     said = Said.of([spread], Rules())
-    moved = Said(
-        said.times - grid[:, None],
-        *(np.repeat(part, grid.size, axis=1) for part in (said.engaged, said.error)),
-        np.repeat(said.engaged_error, grid.size, axis=1),
-        said.mean - grid,
-        np.repeat(said.sd, grid.size, axis=1),
-    )
+    moved = said.moved(-grid[None])
     volume = np.exp(log_times(seen, moved)[0])
     # Of a shift that may take any time only the part within the grid of offsets counts.
     anything = 0.002 * (grid[-1] - grid[0]) / bench.clutch.timeout
@@ -100,14 +98,16 @@ def test_the_density_of_single_shifts_has_the_volume_of_one(place: int) -> None:
 def test_the_error_of_the_simulation_does_not_average_out() -> None:
     times = np.broadcast_to(np.linspace(0.098, 0.102, 16), (1, 16))
     one = np.ones(1)
-    spread = Spread(times, one, 0.01 * one, 0.02 * one)
+    spread = Spread.plain(times, one, 0.01 * one, 0.02 * one)
     points = points_of()[20:21]
     bench = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=400)
     seen = observe(bench)
     middle = float(np.median(seen.singles[0]))
     curve = []
     for offset in (0.0, 0.01):
-        moved = Spread(times - times.mean() + middle - offset, *(spread.engaged, spread.error), one)
+        moved = Spread.plain(
+            times - times.mean() + middle - offset, *(spread.engaged, spread.error), one
+        )
         curve.append(log_times(seen, Said.of([moved], Rules(0.0)))[0, 0])
     # One standard error of the simulation, however many shifts there are.
     assert curve[0] - curve[1] == pytest.approx(0.5, abs=0.3)
@@ -116,7 +116,7 @@ def test_the_error_of_the_simulation_does_not_average_out() -> None:
 def test_one_odd_shift_does_not_decide() -> None:
     times = np.broadcast_to(np.linspace(0.052, 0.072, 16), (1, 16))
     one = np.ones(1)
-    said = Said.of([Spread(times, one, 1e-3 * one, 0.02 * one)], Rules())
+    said = Said.of([Spread.plain(times, one, 1e-3 * one, 0.02 * one)], Rules())
     points = points_of()[17:18]
     good = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=10)
     shifts = observe(good)

@@ -14,9 +14,10 @@ from diagnosis.evidence import evidence
 from diagnosis.fit import p_value
 from diagnosis.flight_likelihood import log_flights, log_unknown, to_cells
 from diagnosis.hypotheses import NONE, UNKNOWN, Space
-from diagnosis.likelihood import Rules, observe
+from diagnosis.likelihood import Rules
 from diagnosis.marks import WAYS
 from diagnosis.next_test import setting_of
+from diagnosis.observed import observe
 from diagnosis.parameters import intervals
 from diagnosis.reading import gather
 from diagnosis.scoring import Problem, Scored

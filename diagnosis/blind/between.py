@@ -1,0 +1,68 @@
+"""What both engines differ by without any effect: a named gap in the blind check's error budget.
+
+MuJoCo's dogs pass each other a little sooner than Drake's, alike at all strengths of all effects.
+That is no effect, and a diagnosis that met it unprepared would name one for it. So before the first
+case both engines make the same shifts without any effect, at the even angles of the bank, and
+what MuJoCo's take longer on average is added to all that the diagnosis foretells of that operating
+point. Shifts that take another slot (more than a tenth apart) say nothing of it. What is left
+between the engines where effects act is the common error ``REST``.
+
+It needs a stand without effects, which real stands are not: there the common error of
+``diagnosis.likelihood.Rules`` stands for all of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from diagnosis.bank import Bank
+from diagnosis.blind.engine import Draw, Engine
+from diagnosis.blind.stand import Point, Stand
+from diagnosis.likelihood import Rules
+from diagnosis.spread import Array, FlightEmulator, Hypothesis, Marks, Spread
+from sim.actuation import ForceProfile
+
+SAME = 0.1  #: relative difference up to which two shifts take the same slot
+REST = 0.02  #: common error that is left, as share of the mean time
+SOON = 1e-3  #: s, no time is less
+RULES = Rules(common_error=REST)
+
+
+def engines_apart(stand: Stand, bank: Bank) -> list[float]:
+    """Return by how much MuJoCo's shifts are later than the bank's at each of its points, s."""
+    engine = Engine(stand)
+    found = []
+    few = np.take_along_axis(bank.angles, bank.common, axis=1)
+    for setting, angles, first in zip(bank.settings, few, bank.base, strict=True):
+        profile = setting.point.profile
+        point = Point(setting.point.mismatch, profile.force, profile.rise)
+        found.append(_later(first, [engine.shift(point, Draw(float(a))).time for a in angles]))
+    return found
+
+
+def _later(first: Array, second: Sequence[float | None]) -> float:
+    """Return the mean difference of times that took the same slot, s; zero where none did."""
+    times = np.array([np.nan if time is None else time for time in second])
+    with np.errstate(invalid="ignore"):
+        same = np.isfinite(first) & (abs(times - first) <= SAME * first)
+    return float((times - first)[same].mean()) if same.any() else 0.0
+
+
+@dataclass(frozen=True)
+class Moved:
+    """An emulator whose times are later by ``offsets``, s, one for each operating point."""
+
+    emulator: FlightEmulator
+    offsets: Sequence[float]
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
+        found = self.emulator.at(hypothesis, values, cell)
+        return replace(found, times=np.maximum(found.times + self.offsets[cell], SOON))
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return the marks of the flight, which ends before the dogs meet."""
+        return self.emulator.flight(hypothesis, values, profile)
