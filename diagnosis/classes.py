@@ -55,19 +55,17 @@ class _Placed:
         return _Placed(self.points[which], self.noise[which])
 
 
-def _placed(
-    predicted: Predicted, metric: Metric, baseline: Predicted, model_error: float
-) -> _Placed:
+def _placed(predicted: Predicted, metric: Metric, baseline: Predicted) -> _Placed:
     # What the errors have in common with the baseline's is common to all hypotheses, and the error
     # of the model is none of the emulation's.
-    own = _emulated(predicted, model_error) - _emulated(baseline, model_error)
+    own = _emulated(predicted) - _emulated(baseline)
     noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.core**2).sum(axis=1)
     return _Placed(metric.of(predicted), noise)
 
 
-def _emulated(predicted: Predicted, model_error: float) -> Array:
+def _emulated(predicted: Predicted) -> Array:
     """Return the variance of emulated means (m, cells), without that of the model."""
-    variance: Array = predicted.error**2 - (model_error * predicted.core) ** 2
+    variance: Array = predicted.error**2 - predicted.model**2
     return variance
 
 
@@ -85,15 +83,11 @@ def confusion(
     metric: Metric,
     belief: Probabilities,
     baseline: Predicted,
-    model_error: float,
 ) -> Confusion:
-    """Return classes among the plausible hypotheses; unknown is in none.
-
-    ``model_error`` is the share of a mean time that enters all errors of ``scored``.
-    """
+    """Return classes among the plausible hypotheses; unknown is in none."""
     those = [one for one in scored if belief.get(one.hypothesis, 0.0) > PLAUSIBLE]
     generator = np.random.default_rng(1)
-    every = [_placed(one.rows.predicted, metric, baseline, model_error) for one in those]
+    every = [_placed(one.rows.predicted, metric, baseline) for one in those]
     drawn = [
         placed.rows(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
     ]

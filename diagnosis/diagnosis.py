@@ -214,7 +214,7 @@ def diagnose(
     belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
     plain = scored[NONE].rows.predicted
-    parts = confusion(known, metric, ranking.folded, plain, problem.rules.model_error)
+    parts = confusion(known, metric, ranking.folded, plain)
     standing = Standing(bench, problem.seen, scored, ranking.free, belief, effects, ranking.leading)
     gaps = _gaps(standing, ranking)
     return Diagnosis(

@@ -319,6 +319,7 @@ class BankEmulator:
             late=whole.late,
             behind=np.full(1, self.late.mean[cell]),
             behind_sd=np.full(1, self.late.sd[cell]),
+            delay=delay,
         )
         return _repeated(spread, count)
 

@@ -54,12 +54,12 @@ class Rules:
     Parameters
     ----------
     model_error, least_error : error of any simulation of a mean shift time, beside the
-        emulator's own: mesh, contact law, rigid bodies; as share of the mean, and in s.
+        emulator's own: mesh, contact law, rigid bodies; as share of the simulated mean, and in s.
     common_error : error that all forces of a mismatch have in common, as share of the mean time
         without any effect (``diagnosis.common_error``).
     """
 
-    model_error: float = 0.02
+    model_error: float = 0.01
     least_error: float = 0.5e-3
     common_error: float = 0.04
 
@@ -70,7 +70,7 @@ class Said:
 
     ``sd`` and ``mean`` are of shifts that are not late, ``common`` the error of that mean that all
     cells have alike; ``late`` the share of late ones and ``behind``, ``behind_sd`` by how much they
-    are; all in s.
+    are; all in s. ``model`` is the part of ``error`` that any simulation has.
     """
 
     times: Array
@@ -83,6 +83,7 @@ class Said:
     late: Array
     behind: Array
     behind_sd: Array
+    model: Array
 
     @classmethod
     def of(cls, spreads: list[Spread], rules: Rules) -> Self:
@@ -90,7 +91,8 @@ class Said:
         times = np.stack([s.times for s in spreads])
         mean = times.mean(axis=2)
         sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
-        model = np.hypot(rules.model_error * mean, rules.least_error)
+        simulated = mean - np.stack([s.delay for s in spreads])
+        model = np.hypot(rules.model_error * simulated, rules.least_error)
         error = np.hypot(np.stack([s.error for s in spreads]), model)
         engaged, engaged_error = (
             np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
@@ -102,7 +104,7 @@ class Said:
         late = np.maximum(late, max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(behind))
         late = np.clip(late, LEAST_LATE, 1.0 - LEAST_LATE)
         errors = np.maximum(error, 1e-5), engaged_error
-        return cls(times, engaged, *errors, mean, sd, common, late, behind, wide)
+        return cls(times, engaged, *errors, mean, sd, common, late, behind, wide, model)
 
     def cell(self, place: int) -> Self:
         """Return one cell, with (1, m)."""

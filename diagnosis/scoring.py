@@ -35,7 +35,8 @@ class Predicted:
     """What is said of each cell, each (m, cells); times in s.
 
     ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
-    ``bulk`` is the logarithm of the distance of the quartiles, ``error`` that of the mean.
+    ``bulk`` is the logarithm of the distance of the quartiles, ``error`` the standard error of the
+    mean, of which ``model`` is that of any simulation.
     ``flight`` are the marks of all force profiles, (m, K), None without traces.
     """
 
@@ -47,6 +48,7 @@ class Predicted:
     engaged_error: Array
     core: Array
     core_sd: Array
+    model: Array
     flight: Array | None = None
 
     def rows(self, which: np.ndarray) -> Predicted:
@@ -185,7 +187,9 @@ def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
     bulk = np.log(np.maximum(high - low, 1e-3))
     flight = np.hstack([one.times for one in flown]) if flown else None
     whole = said.whole_mean.T, said.whole_sd.T, said.error.T, bulk.T
-    return Predicted(*whole, said.engaged.T, said.engaged_error.T, said.mean.T, said.sd.T, flight)
+    return Predicted(
+        *whole, said.engaged.T, said.engaged_error.T, said.mean.T, said.sd.T, said.model.T, flight
+    )
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,7 @@ class Spread:
     late : share of those that engage that are late (``diagnosis.late``), (m,).
     behind, behind_sd : by how much they are later than the mean of the others, and the standard
         deviation, s, (m,); NaN where nobody knows.
+    delay : part of all times that is added to what was simulated, and has no error, s, (m,).
     """
 
     times: Array
@@ -46,12 +47,13 @@ class Spread:
     late: Array
     behind: Array
     behind_sd: Array
+    delay: Array
 
     @classmethod
     def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Spread:
         """Return a spread without late shifts and common errors."""
         nothing, nobody = np.zeros(len(times)), np.full(len(times), np.nan)
-        return cls(times, engaged, error, engaged_error, nothing, nothing, nobody, nobody)
+        return cls(times, engaged, error, engaged_error, nothing, nothing, nobody, nobody, nothing)
 
 
 class Emulator(Protocol):

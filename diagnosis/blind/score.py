@@ -15,6 +15,7 @@ import numpy as np
 
 from diagnosis.blind.intervals import calibration, mean, median, share
 from diagnosis.blind.marks import Mark, Names, mark_of
+from diagnosis.blind.partners import partner_gaps
 from diagnosis.blind.sealed import Advance, opened, results_of
 from diagnosis.blind.settle import Advised, advised_tests, settled_figures
 
@@ -25,22 +26,32 @@ STRENGTHS = ("none", "barely", "clear", "gross")
 FORMS = ("means", "singles", "traces")
 
 
-def score(folder: Path, advance: Advance | None = None) -> Record:
+def score(folder: Path, advance: Advance | None = None, jobs: int = 1) -> Record:
     """Open the key of a set whose cases are all diagnosed, and score.
 
-    Makes the tests that were advised where a case is ambiguous; ``advance`` counts cases.
+    Makes the tests that were advised where a case is ambiguous, and what each effect of a pair
+    makes by itself; ``advance`` counts cases.
 
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
     results = results_of(folder)
     key = opened(folder)
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    return scored(marks, advised_tests(folder, key, results, advance))
+    weaker = partner_gaps(folder, key, jobs)
+    return scored(marks, advised_tests(folder, key, results, advance), weaker)
 
 
-def scored(marks: Sequence[Mark], advised: Mapping[str, Advised] | None = None) -> Record:
-    """Return all figures from the marks of the cases, and what advised tests told, by case."""
-    told = advised or {}
+def scored(
+    marks: Sequence[Mark],
+    advised: Mapping[str, Advised] | None = None,
+    weaker: Mapping[str, float] | None = None,
+) -> Record:
+    """Return all figures from the marks of the cases.
+
+    ``advised`` is what advised tests told, and ``weaker`` the size of the weaker effect of pairs in
+    sampling errors, both by case.
+    """
+    told, least = advised or {}, weaker or {}
     visible = [m for m in marks if m.gap >= VISIBLE]
     return {
         "cases": len(marks),
@@ -53,6 +64,7 @@ def scored(marks: Sequence[Mark], advised: Mapping[str, Advised] | None = None) 
         "none": _none(marks),
         "pairs": _pairs(marks),
         "pairs_visible": _pairs(visible),
+        "pairs_both_visible": _pairs([m for m in marks if least.get(m.name, 0.0) >= VISIBLE]),
         "outside": _outside(marks),
         "outside_visible": _outside(visible),
         "advised_test": {
@@ -66,7 +78,7 @@ def scored(marks: Sequence[Mark], advised: Mapping[str, Advised] | None = None) 
             "mean": mean(m.time for m in marks),
             "largest": max((m.time for m in marks), default=None),
         },
-        "marks": [_row(m, told.get(m.name)) for m in marks],
+        "marks": [_row(m, told.get(m.name), least.get(m.name)) for m in marks],
     }
 
 
@@ -192,7 +204,7 @@ def _text(names: Names) -> str:
     return " + ".join(names) or "none"
 
 
-def _row(mark: Mark, advised: Advised | None) -> Record:
+def _row(mark: Mark, advised: Advised | None, weaker: float | None) -> Record:
     return {
         "case": mark.name,
         "kind": mark.kind,
@@ -201,6 +213,7 @@ def _row(mark: Mark, advised: Advised | None) -> Record:
         "truth": list(mark.truth),
         "outside": list(mark.outside),
         "gap_in_errors": mark.gap if np.isfinite(mark.gap) else None,
+        "weaker_effect_in_errors": weaker,
         "verdict": mark.verdict,
         "top": list(mark.top),
         "probability": mark.chances.get(mark.top),

@@ -75,7 +75,7 @@ def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = 
         (folder / "cases" / name, wanted.base, case)
         for name, case in zip(names, cases, strict=True)
     ]
-    with _pool(jobs) as submit:
+    with pool(jobs) as submit:
         pending = [_told(submit(_one, stand, points, *each), advance) for each in work]
         reference = submit(even_times, stand, points, REFERENCE[wanted.size])
         times = [future.result() for future in pending]
@@ -161,7 +161,7 @@ def run(
     _require_untouched(folder, manifest, left)
     (advance or _ignore)(len(manifest["cases"]) - len(left))
     for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
-        with _pool(jobs if len(batch) > 1 else 1) as submit:
+        with pool(jobs if len(batch) > 1 else 1) as submit:
             pending = [
                 _told(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
             ]
@@ -255,7 +255,7 @@ def _told(future: Future[Any], advance: Advance | None) -> Future[Any]:
 
 
 @contextmanager
-def _pool(jobs: int) -> Iterator[Callable[..., Future[Any]]]:
+def pool(jobs: int) -> Iterator[Callable[..., Future[Any]]]:
     """Yield what hands work to so many processes, or does it at once for one."""
     if jobs <= 1:
         yield _at_once

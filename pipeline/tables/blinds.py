@@ -59,6 +59,7 @@ def _others(found: Record) -> RenderableType:
         ("pairs: both causes found", found["pairs"]["both_found"]),
         ("pairs: one or both found", found["pairs"]["one_found_or_both"]),
         ("visible pairs: both causes found", found["pairs_visible"]["both_found"]),
+        ("pairs, each effect visible: both found", found["pairs_both_visible"]["both_found"]),
         ("visible: all that is named is a cause", found["visible"]["named_causes_true"]),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),

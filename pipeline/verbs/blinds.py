@@ -77,14 +77,14 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
 @blind.command()
 @verb
-def score(folder: Folder, json: Json = False) -> None:
+def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     """Open the key and say how often the diagnosis was right, with intervals.
 
     Example: dogshape blind score results/blind --json
     """
     total = len(manifest_of(folder)["cases"])
     with ShiftProgress(total, unit="cases") as progress:
-        found = score_of(folder, progress.advance)
+        found = score_of(folder, progress.advance, _processes(jobs))
     emit(found, json, lambda: score_table(found))
 
 

@@ -35,7 +35,7 @@ def test_the_stand_has_a_dead_time_and_a_drag_and_something_that_is_open(
     assert len(leading["effects"]) == 3
     assert 0.055 < leading["parameters"]["delay_s"]["mean"] < 0.105
     assert leading["predictive_p"] > 0.01
-    assert stand["next_test"]["name"] == "slow push of the free ring"
+    assert stand["next_test"]["name"] == "force at the sleeve over time"
 
 
 def test_what_is_left_of_the_stand_was_not_fitted(stand: dict[str, Any]) -> None:
@@ -69,7 +69,7 @@ def test_the_published_model_needs_no_effect_that_matters(dogshape: Call, tmp_pa
     chances = {tuple(h["effects"]): h["probability"] for h in record["hypotheses"]}
     assert sum(chances.values()) == pytest.approx(1.0)
     assert chances[("unknown",)] < 0.05
-    # A dry friction that explains the stand would be seen at once.
+    # A dry friction that matters on the stand would be seen at once.
     assert record["bounds"]["sleeve_friction"]["high"] < 15.0
     kept = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
     assert kept["hypotheses"] == record["hypotheses"]

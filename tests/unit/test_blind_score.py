@@ -148,6 +148,8 @@ def _sealed(folder: Path) -> Path:
     hashes = {name: sealed.hash_of(folder / "cases" / name) for name in CASES}
     digest = hashlib.sha256(text.encode()).hexdigest()
     (folder / "key.json").write_text(text)
+    # What was simulated of the pairs for an earlier score.
+    (folder / "partners.json").write_text(json.dumps({"key": digest, "weaker": {"case_03": 2.5}}))
     manifest = {"format": sealed.FORMAT, "cases": hashes, "key_sha256": digest}
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
@@ -180,7 +182,10 @@ def test_a_run_never_opens_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "manifest.json" in opened
     assert sum(told) == len(CASES)
     (folder / "key.json").write_bytes(key)
-    assert score(folder)["cases"] == len(CASES)
+    found = score(folder)
+    assert found["cases"] == len(CASES)
+    assert found["pairs_both_visible"]["n"] == 1
+    assert found["marks"][3]["weaker_effect_in_errors"] == 2.5
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ def _rows(shares: Array, size: int) -> Rows:
     log = norm.logpdf(shares, centre, width).sum(axis=1)
     nothing = np.zeros((len(shares), 1))
     slopes = Slopes(nothing, nothing)
-    said = Predicted(*([nothing] * 8))
+    said = Predicted(*([nothing] * 9))
     return Rows(shares, log[:, None], nothing, said, slopes, np.zeros((1, 1)), nothing)
 
 

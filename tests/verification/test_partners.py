@@ -1,0 +1,48 @@
+"""What the weaker effect of a pair makes, where it is known exactly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from diagnosis.blind.effects import truth_of
+from diagnosis.blind.engine import Draw, Engine
+from diagnosis.blind.partners import ANGLES, even_means, weaker_of
+from diagnosis.blind.stand import read_points, read_stand
+from sim.bundled import bundled_root
+
+BASE = bundled_root() / "bench" / "mq200_adams"
+FREE = [[0.1, 0.2, 0.3, 0.4]]
+ERROR = float(np.std(FREE[0], ddof=1)) / math.sqrt(10)
+
+
+def test_a_dead_time_adds_itself_to_every_mean() -> None:
+    pytest.importorskip("mujoco")
+    stand, points = read_stand(BASE), read_points(BASE)[16:17]
+    case = {
+        "parameters": {
+            "actuation_delay": {"delay_s": 0.004},
+            "force_scale": {"force_factor": 0.6},
+        },
+        "times_s": [[0.1] * 10],
+    }
+    found = weaker_of(stand, points, case, {"reference_s": FREE})
+    assert found == pytest.approx(0.004 / ERROR, rel=1e-6)
+
+
+def test_angles_count_as_often_as_the_truth_draws_them() -> None:
+    """Hardly any preference is none; a strong one is somewhere between least and most."""
+    pytest.importorskip("mujoco")
+    stand, points = read_stand(BASE), read_points(BASE)[:1]
+    turns = (np.arange(ANGLES) + 0.5) / ANGLES
+    engine = Engine(stand)
+    times = np.array([engine.shift(points[0], Draw(t * stand.pitch)).time for t in turns], float)
+    weak = {"concentration": 1e-9, "centre_pitch": 0.3}
+    (mean,) = even_means(stand, points, truth_of({"relative_angle": weak}, {}))
+    assert mean == pytest.approx(times.mean(), rel=1e-6)
+    strong = {"concentration": 10.0, "centre_pitch": float(turns[4])}
+    (near,) = even_means(stand, points, truth_of({"relative_angle": strong}, {}))
+    assert times[2:7].min() - 1e-3 < near < times[2:7].max() + 1e-3
+    assert abs(near - times[4]) < abs(mean - times[4]) + 1e-3
