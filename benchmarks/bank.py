@@ -3,8 +3,8 @@
     python -m benchmarks.bank [SHIFTS.jsonl]
 
 Three operating points of the published model, five effects. Each effect is simulated at values
-between its levels, at angles of another draw; the table has both means with their errors, in ms,
-and how many joint errors they lie apart. Then what pairs differ by from their combination, with
+between its levels, at angles of another draw; the table has both means without late shifts
+(``diagnosis.late``) with their errors, in ms, and how many joint errors they lie apart. Then what pairs differ by from their combination, with
 changes of the time added and with changes of its logarithm. Some 2000 shifts, a few minutes on an
 idle machine; finished ones are kept in the file.
 """
@@ -20,6 +20,7 @@ import numpy as np
 from diagnosis.bank import Bank, Plan, collect, settings_of, times_of
 from diagnosis.bench import Bench, load_bench
 from diagnosis.emulator import BankEmulator
+from diagnosis.late import bulk
 from diagnosis.levels import Level, check_level
 from diagnosis.sampling import engaged_mean, even_variance, residuals
 from pipeline.executor import Executor, scratch_executor
@@ -95,7 +96,7 @@ def _held_out(
     ]
     scores = []
     for cell, rows in enumerate(executor.run(blocks)):
-        times = times_of(settings[cell], rows)
+        times = bulk(times_of(settings[cell], rows))
         mean = float(engaged_mean(times))
         error = mean * float(np.sqrt(even_variance(residuals(times))))
         spread = emulator.at((name,), np.array([values]), cell)
@@ -112,11 +113,11 @@ def _pairs(bank: Bank) -> None:
     """Print by how much pairs differ from sums of changes, of times and of logarithms."""
     print("pair                                  1/min  changes of time     missed: time, log")
     own = {name: [bank.levels[k] for k in bank.of((name,))] for name in NAMES}
-    base = engaged_mean(bank.base)
+    base = engaged_mean(bulk(bank.base))
     for pair in CHECKS:
-        both = engaged_mean(bank.times[bank.of(pair)[0]])
+        both = engaged_mean(bulk(bank.times[bank.of(pair)[0]]))
         chosen = [check_level((name,), own) for name in pair]
-        one, two = (engaged_mean(bank.times[bank.levels.index(level)]) for level in chosen)
+        one, two = (engaged_mean(bulk(bank.times[bank.levels.index(k)])) for k in chosen)
         for cell, (mismatch, _) in enumerate(POINTS):
             changes = one[cell] / base[cell] - 1.0, two[cell] / base[cell] - 1.0
             added = (one + two - base)[cell] / both[cell] - 1.0

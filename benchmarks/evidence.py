@@ -29,8 +29,8 @@ COMPARED: tuple[Hypothesis, ...] = (
     ("detent_force",),
     ("actuation_delay", "sleeve_friction"),
     ("actuation_delay", "drag_torque"),
+    ("actuation_delay", "actuation_lag", "drag_torque"),
     ("actuation_delay", "drag_torque", "sleeve_friction"),
-    ("actuation_delay", "detent_force", "drag_torque"),
 )
 
 

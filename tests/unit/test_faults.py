@@ -94,7 +94,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[s
     assert len(set(keys)) == len(keys) == 92
 
 
-@pytest.mark.parametrize("jobs", ["1", "2"])
+@pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_a_full_disk_is_said_and_costs_nothing(
     tmp_path: Path, finished: dict[str, Any], jobs: str
 ) -> None:

@@ -194,7 +194,7 @@ def test_more_is_known_of_the_unclear_designs_alone(tmp_path: Path, ended: Ended
 
 
 @pytest.mark.parametrize("more", [["search.replicate=0.5"], PARTIAL])
-@pytest.mark.parametrize("share", [0.3, 0.9])
+@pytest.mark.parametrize("share", [pytest.param(0.3, marks=pytest.mark.slow), 0.9])
 def test_a_replication_that_was_cut_off_ends_as_it_would_have(
     more: list[str], share: float, tmp_path: Path, ended: Ended
 ) -> None:
