@@ -4,9 +4,9 @@
 
 Three operating points of the published model, five effects. Each effect is simulated at values
 between its levels, at angles of another draw; the table has both means without late shifts
-(``diagnosis.late``) with their errors, in ms, and how many joint errors they lie apart. Then what pairs differ by from their combination, with
-changes of the time added and with changes of its logarithm. Some 2000 shifts, a few minutes on an
-idle machine; finished ones are kept in the file.
+(``diagnosis.late``) with their errors, in ms, and how many joint errors they lie apart. Then what
+pairs differ by from their combination, with changes of the time added and with changes of its
+logarithm. Some 2000 shifts, a few minutes on an idle machine; finished ones are kept in the file.
 """
 
 from __future__ import annotations
