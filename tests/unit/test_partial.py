@@ -103,6 +103,7 @@ def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, An
     assert np.mean([chance[trial] for trial in on_front]) > np.mean(others)
 
 
+@pytest.mark.slow
 def test_the_same_search_on_two_workers(found: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     again = run_study(load_study("mq200", FEW), searching(tmp_path, jobs=2))
     keys = (*NAMES, "expected_shift_time_s", "standard_error_s", "probability_on_front")

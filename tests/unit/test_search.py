@@ -136,7 +136,9 @@ def _proposals(study: Study, count: int) -> list[dict[str, float]]:
     return [dict(searched.ask(search_space(study)).params) for _ in range(count)]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGKILL]
+)
 def test_stopped_and_resumed_equals_uninterrupted(
     finished: tuple[Path, dict[str, Any]], tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -69,6 +69,7 @@ def _point(mismatch_rpm: float, force: float) -> OperatingPoint:
     return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
 
 
+@pytest.mark.slow
 def test_single_shifts_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     """The median angle of a cell within 8 %, of all cells within 1.5 %; at most a seventh flips.
 
@@ -83,6 +84,7 @@ def test_single_shifts_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     assert np.mean(singles > FLIP) < 1 / 7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", range(len(DESIGNS)))
 def test_slow_means_agree(pairs: dict[tuple[int, int], Agreement], row: int) -> None:
     """Means at 10 and 25 1/min within 2 %; no more than one angle of six flips.
@@ -95,6 +97,7 @@ def test_slow_means_agree(pairs: dict[tuple[int, int], Agreement], row: int) -> 
         assert (pair.size > FLIP).sum() <= 1
 
 
+@pytest.mark.slow
 def test_means_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     """Means over the angles that do not flip within 5 %, all cells within 1.5 % on average.
 
