@@ -36,7 +36,7 @@ KEPT = "partners.json"  #: beside the cases
 def partner_gaps(folder: Path, key: Record, jobs: int = 1) -> dict[str, float]:
     """Return for each pair of a set the size of its weaker effect, in sampling errors.
 
-    It takes three quarters of a minute of processor time a pair at 28 operating points, and is kept in the folder.
+    It takes 45 s of processor time a pair at 28 operating points, and is kept in the folder.
     """
     seal = hashlib.sha256(json.dumps(key).encode()).hexdigest()
     path = folder / KEPT
