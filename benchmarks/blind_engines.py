@@ -18,15 +18,16 @@ import numpy as np
 
 from diagnosis.bank import settings_of, times_of
 from diagnosis.bench import load_bench
-from diagnosis.blind.engine import Draw, Engine
-from diagnosis.blind.stand import Point, read_stand
+from diagnosis.blind.between import same_slot, second_times
+from diagnosis.blind.engine import Engine
+from diagnosis.blind.stand import read_stand
 from pipeline.executor import scratch_executor
 from sim.blocks import even_block
 from sim.bundled import bundled_root
+from sim.clutch import OperatingPoint
 from sim.units import RPM
 
 ANGLES = 16
-FLIP = 0.1
 SHIFTS = 10  #: of a mean
 
 
@@ -41,28 +42,25 @@ def main() -> None:
     print("1/min      N   Drake  MuJoCo  difference    same  flipped  in errors")
     found, begin = [], time.process_time()
     for setting, block, mine in zip(settings, places, rows, strict=True):
-        profile = setting.point.profile
-        point = Point(setting.point.mismatch, profile.force, profile.rise)
-        first = times_of(setting, mine)
-        times = [engine.shift(point, Draw(angle)).time for angle in block.angles]
-        second = np.array([np.nan if t is None else t for t in times])
-        found.append(_row(point, first, second))
+        second = second_times(engine, setting, block.angles)
+        found.append(_row(setting.point, times_of(setting, mine), second))
     each = (time.process_time() - begin) / (len(settings) * angles)
     errors = np.array(found)
     print(f"root mean square: {np.sqrt((errors**2).mean()):.2f} sampling errors of ten shifts")
     print(f"MuJoCo takes {each * 1e3:.0f} ms of processor time a shift")
 
 
-def _row(point: Point, first: np.ndarray, second: np.ndarray) -> float:
+def _row(point: OperatingPoint, first: np.ndarray, second: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
     known = np.isfinite(first) & np.isfinite(second)
     one, two = first[known] * 1e3, second[known] * 1e3
-    same = abs(two / one - 1.0) <= FLIP
+    same = same_slot(one, two)
     gap = float(two.mean() - one.mean())
     pooled = float(np.sqrt(0.5 * (one.var(ddof=1) + two.var(ddof=1))))
     error = gap / (pooled / SHIFTS**0.5)
     print(
-        f"{point.mismatch / RPM:5.0f} {point.force:6.1f} {one.mean():7.1f} {two.mean():7.1f} "
+        f"{point.mismatch / RPM:5.0f} {point.profile.force:6.1f} "
+        f"{one.mean():7.1f} {two.mean():7.1f} "
         f"{gap:+11.1f} {(two - one)[same].mean():+7.1f} {100 * (1 - same.mean()):6.0f} % "
         f"{error:+10.2f}",
         flush=True,

@@ -80,10 +80,22 @@ def log_common(slopes: Slopes, common: Array) -> Array:
     """Return what common errors (m or 1, cells, r) add to the log likelihood of cells, (m,)."""
     if not common.any():
         return np.zeros(len(slopes.first))
+    squares, spread = _solved(slopes, common)
+    return 0.5 * squares - spread
+
+
+def explained(slopes: Slopes, common: Array) -> Array:
+    """Return what common errors (m or 1, cells, r) take off the sum of squared scores, (m,).
+
+    A score is the slope over the root of the curvature.
+    """
+    return _solved(slopes, common)[0]
+
+
+def _solved(slopes: Slopes, common: Array) -> tuple[Array, Array]:
+    r"""Return :math:`v^T (1 + M)^{-1} v` and :math:`\tfrac12 \ln |1 + M|`, (m,) each."""
     pull = (slopes.first[:, None] @ common)[:, 0]
     matrix = np.swapaxes(common, 1, 2) @ (slopes.second[:, :, None] * common)
     root = np.linalg.cholesky(matrix + np.eye(common.shape[2]))
     scaled = np.linalg.solve(root, pull[..., None])[..., 0]
-    spread = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
-    whole: Array = 0.5 * (scaled**2).sum(axis=1) - spread
-    return whole
+    return (scaled**2).sum(axis=1), np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)

@@ -101,22 +101,27 @@ class Fit:
         return self.curves.change_variance(cell, axes.at(values), axes.neutral)
 
 
-def fit_effect(bank: Bank, effect: Effect, late: Lateness) -> Fit:
-    """Fit what an effect alone does at all operating points."""
+def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
+    """Fit what an effect alone does at all operating points; ``dense`` is the baseline's bulk."""
     places = bank.of((effect.name,))
     axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
     values = np.array([bank.levels[k].values for k in places])
     times = np.concatenate([bank.base[None], bank.times[places]]).transpose(1, 0, 2)
     sites = np.array([[a.neutral, a.neutral, *a.at(values)] for a in axes])
-    every = [[dense, *levels] for dense, levels in zip(bank.baseline, times, strict=True)]
-    means, errors = _means(bank, bulk(times), _speeds(bank, places))
+    soon = bulk(times)
+    means, errors = _means(bank, dense, soon, _speeds(bank, places))
     curves = fit_curves(sites, means, errors, slice(2, None))
-    shapes = np.array([[_shape(bulk(one)) for one in mine] for mine in every])
-    shares, doubts = _shares(every)
+    shapes = np.array([[_shape(t) for t in mine] for mine in _with_first(dense, soon)])
+    shares, doubts = _shares(_with_first(bank.baseline, times))
     likely = _share_curves(curves, shares, doubts)
-    rare = late_shares(times, late.share)
-    rare = np.concatenate([late_shares(bank.baseline[:, None], late.share), rare], axis=1)
+    first = late_shares(bank.baseline[:, None], dense[:, None], late.share)
+    rare = np.concatenate([first, late_shares(times, soon, late.share)], axis=1)
     return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), rare)
+
+
+def _with_first(first: Array, times: Array) -> list[list[Array]]:
+    """Return times of levels (C, N, n) after those of the baseline at more angles, (C, dense n)."""
+    return [[dense, *levels] for dense, levels in zip(first, times, strict=True)]
 
 
 def _speeds(bank: Bank, places: list[int]) -> Array:
@@ -129,13 +134,11 @@ def _speeds(bank: Bank, places: list[int]) -> Array:
     return np.array(rows)
 
 
-def _means(bank: Bank, times: Array, speeds: Array) -> tuple[Array, Array]:
+def _means(bank: Bank, dense: Array, times: Array, speeds: Array) -> tuple[Array, Array]:
     """Return logarithms of means (C, N) and their covariance, baseline at all angles first."""
-    whole = bulk(bank.baseline)
-    dense = even_variance(residuals(whole))
     share = bank.common.shape[1] / bank.baseline.shape[1]
-    errors = with_dense(mean_covariance(times, speeds), dense, share)
-    found = np.concatenate([engaged_mean(whole)[:, None], engaged_mean(times)], axis=1)
+    errors = with_dense(mean_covariance(times, speeds), even_variance(residuals(dense)), share)
+    found = np.concatenate([engaged_mean(dense)[:, None], engaged_mean(times)], axis=1)
     late = np.array([[setting.clutch.timeout] for setting in bank.settings])
     unknown = np.isnan(found)
     errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
@@ -174,8 +177,12 @@ class BankEmulator:
         self.bank = bank
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
-        self.late = lateness([bank.baseline, bank.times])
-        self.fits = {n: fit_effect(bank, self.effects[n], self.late) for n in sorted(simulated)}
+        self._soon = bulk(bank.baseline)
+        self.late = lateness([(bank.baseline, self._soon), (bank.times, bulk(bank.times))])
+        self.fits = {
+            name: fit_effect(bank, self.effects[name], self._soon, self.late)
+            for name in sorted(simulated)
+        }
         self._readings = lru_cache(maxsize=4)(self._readings_of)
         self.flights = FlightTables(self.effects, bank.settings, flights)
 
@@ -190,12 +197,13 @@ class BankEmulator:
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
         weighted, delay = self._read(read, len(values), cell)
         reaches = [*alone.values(), *([weighted] if weighted else [])]
+        missed = self._missed(base, reaches)
         if len(reaches) == 1:
             whole = reaches[0]
         else:
             whole = together(base, reaches, self._change_variances(parts, weighted, cell))
-            whole = self._doubted(whole, base, reaches)
-        return self._spread(whole, delay, self._missed(base, reaches), len(values), cell)
+            whole = replace(whole, variance=whole.variance + (OWN * missed) ** 2)
+        return self._spread(whole, delay, missed, len(values), cell)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
@@ -230,7 +238,7 @@ class BankEmulator:
         ended, known = np.isfinite(times), ~np.isnan(times)
         total = np.maximum((given * known).sum(axis=1), 1e-12)
         share = (given * ended).sum(axis=1) / total
-        fast = bulk(times)
+        fast = self._soon[cell]
         found = binned(fast, SHARES, given) if ended.any() else None
         if found is None:
             never = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
@@ -283,13 +291,6 @@ class BankEmulator:
         ]
         return [*simulated, *([weighted.variance] if weighted else [])]
 
-    def _doubted(self, whole: Reach, base: Reach, reaches: list[Reach]) -> Reach:
-        """Return the same with what the combination may miss."""
-        if len(reaches) < 2:
-            return whole
-        missed = (OWN * self._missed(base, reaches)) ** 2
-        return replace(whole, variance=whole.variance + missed)
-
     def _missed(self, base: Reach, reaches: list[Reach]) -> Array:
         """Return the standard error that the combination adds to the mean's logarithm, (m,)."""
         if len(reaches) < 2:
@@ -329,7 +330,7 @@ class BankEmulator:
         return [self._other_of(cell) for cell in range(len(self.bank.settings))]
 
     def _other_of(self, cell: int) -> float:
-        times = bulk(self.bank.baseline[cell])
+        times = self._soon[cell]
         ended = times[np.isfinite(times)]
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import betabinom, chi2
 
-from diagnosis.common_error import shared_errors
+from diagnosis.common_error import Slopes, explained, shared_errors
 from diagnosis.flight_likelihood import flight_scores
 from diagnosis.likelihood import Said, beta_of, time_score
 from diagnosis.observed import Observed
@@ -41,25 +41,19 @@ def p_value(problem: Problem, found: Scored) -> float:
     )
     if not len(scores):
         return 1.0
-    explained = _by_common(timely, _in_errors(seen, said, problem.common))
-    tails = chi2.sf((scores**2).sum(axis=0) - explained, len(scores))
+    taken = explained(*_in_common(seen, said, timely, problem.common))
+    tails = chi2.sf((scores**2).sum(axis=0) - taken, len(scores))
     return float(np.average(tails, weights=counts))
 
 
-def _in_errors(seen: Observed, said: Said, common: Array) -> Array:
-    """Return common errors in standard errors of each cell with times, (m, cells, r)."""
+def _in_common(seen: Observed, said: Said, scores: Array, common: Array) -> tuple[Slopes, Array]:
+    """Return what scores of cells with times (cells, m) are as slopes, and errors in common."""
     having = seen.shifts > 0
-    errors = said.sd[having] ** 2 / seen.shifts[having, None] + said.error[having] ** 2
-    whole = shared_errors(common[having], np.nan_to_num(said.common[having].T))
-    return np.nan_to_num(whole / np.sqrt(errors.T)[..., None])
-
-
-def _by_common(scores: Array, shared: Array) -> Array:
-    """Return what common errors (m, cells, r) take off the squares of scores (cells, m), (m,)."""
-    pull = np.einsum("mkr,km->mr", shared, scores)
-    matrix = np.eye(shared.shape[2]) + np.einsum("mkr,mks->mrs", shared, shared)
-    taken: Array = (pull * np.linalg.solve(matrix, pull[..., None])[..., 0]).sum(axis=1)
-    return taken
+    squares = said.sd[having] ** 2 / seen.shifts[having, None] + said.error[having] ** 2
+    # What says nothing of a cell's times errs there with nothing in common.
+    precision = np.nan_to_num(1.0 / squares.T)
+    slopes = Slopes(scores.T * np.sqrt(precision), precision)
+    return slopes, shared_errors(common[having], np.nan_to_num(said.common[having].T))
 
 
 def _engaged_score(seen: Observed, said: Said) -> Array:

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from diagnosis.sampling import engaged_mean
+
 Array = NDArray[np.float64]
 
 FAR = 5.0  #: times the distance of both quantiles behind the median; 4.2 normal deviations
@@ -35,51 +37,54 @@ class Lateness:
     sd: Array
 
 
-def limit(times: Array) -> Array:
-    """Return from when on a shift of times (..., n) is late, s, (..., 1)."""
-    known = np.where(np.isfinite(times), times, np.nan)
-    having = np.isfinite(known).any(axis=-1, keepdims=True)
-    filled = np.where(having, known, 0.0)
-    middle, most = np.nanquantile(filled, (MIDDLE, MOST), axis=-1, keepdims=True)
-    found: Array = middle + np.maximum(FAR * (most - middle), LEAST)
-    return found
-
-
 def bulk(times: Array) -> Array:
     """Return times (..., n) with NaN for late shifts."""
-    late = np.isfinite(times) & (times > limit(times))
+    known = np.where(np.isfinite(times), times, np.nan)
+    # Where nothing engages nothing is late, and quantiles of nothing would warn.
+    known = np.where(np.isfinite(known).any(axis=-1, keepdims=True), known, 0.0)
+    middle, most = np.nanquantile(known, (MIDDLE, MOST), axis=-1, keepdims=True)
+    late = np.isfinite(times) & (times > middle + np.maximum(FAR * (most - middle), LEAST))
     found: Array = np.where(late, np.nan, times)
     return found
 
 
-def late_counts(times: Array) -> tuple[Array, Array]:
-    """Return how many shifts of times (..., n) are late, and of how many that engaged, (...)."""
-    ended = np.isfinite(times)
-    late = ended & (times > limit(times))
-    return late.sum(axis=-1) * 1.0, ended.sum(axis=-1) * 1.0
+def late_counts(times: Array, soon: Array) -> tuple[Array, Array]:
+    """Return how many shifts of times (..., n) are late, and of how many that engaged, (...).
+
+    ``soon`` is their bulk.
+    """
+    ended = np.isfinite(times).sum(axis=-1) * 1.0
+    return ended - np.isfinite(soon).sum(axis=-1), ended
 
 
-def lateness(every: list[Array]) -> Lateness:
-    """Return how late shifts are over arrays (..., C, n) that share their operating points."""
+def lateness(every: list[tuple[Array, Array]]) -> Lateness:
+    """Return how late shifts are, from times (..., C, n) that share their points, with bulks."""
     count, whole, parts = 0.0, 0.0, []
-    for times in every:
-        some, of = late_counts(times)
-        axes = tuple(range(some.ndim - 1))
-        count, whole = count + some.sum(axis=axes), whole + of.sum(axis=axes)
-        known = np.where(np.isfinite(bulk(times)), times, np.nan)
-        having = np.isfinite(known).any(axis=-1, keepdims=True)
-        middle = np.nanmean(np.where(having, known, 0.0), axis=-1, keepdims=True)
-        excess = np.where(np.isfinite(times) & (times > limit(times)), times - middle, np.nan)
+    for times, soon in every:
+        some, of = late_counts(times, soon)
+        levels = tuple(range(some.ndim - 1))
+        count, whole = count + some.sum(axis=levels), whole + of.sum(axis=levels)
+        late = np.isfinite(times) & np.isnan(soon)
+        excess = np.where(late, times - engaged_mean(soon)[..., None], np.nan)
         parts.append(np.moveaxis(excess, -2, 0).reshape(excess.shape[-2], -1))
-    joined = np.concatenate(parts, axis=1)
-    rows = [row[np.isfinite(row)] for row in joined]
+    rows = [row[np.isfinite(row)] for row in np.concatenate(parts, axis=1)]
     mean = [row.mean() if row.size >= ENOUGH else np.nan for row in rows]
     sd = [row.std(ddof=1) if row.size >= ENOUGH else np.nan for row in rows]
     return Lateness((count + 0.5) / (np.asarray(whole) + 1.0), np.array(mean), np.array(sd))
 
 
-def late_shares(times: Array, share: Array) -> Array:
+def late_shares(times: Array, soon: Array, share: Array) -> Array:
     """Return shares late of times (C, N, n), drawn towards the ``share`` (C,) of all, (C, N)."""
-    late, ended = late_counts(times)
+    late, ended = late_counts(times, soon)
     found: Array = (late + PRIOR * share[:, None]) / (ended + PRIOR)
     return found
+
+
+def added(late: Array, behind: Array, behind_sd: Array) -> tuple[Array, Array]:
+    """Return what late shifts add to mean and variance of the others, s and s^2.
+
+    ``late`` is their share, ``behind`` and ``behind_sd`` by how much they are later, s; nothing is
+    added where that is NaN.
+    """
+    far, wide = np.nan_to_num(behind), np.nan_to_num(behind_sd)
+    return late * far, late * wide**2 + late * (1.0 - late) * far**2

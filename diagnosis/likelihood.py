@@ -2,22 +2,24 @@ r"""How likely a cell of bench data is under what a hypothesis says of it.
 
 One shift of time *t* has the density
 
-.. math:: f(t) = (1 - \epsilon - \epsilon_0) \frac1q \sum_k N(t; t_k + \delta, h_k)
-          + \epsilon\, g(t) + \epsilon_0 / T,
+.. math:: f(t) = (1 - \lambda - \epsilon_0) \frac1q \sum_k N(t; t_k + \delta, h_k)
+          + \lambda\, g(t) + \epsilon_0 / T,
 
-kernels at the emulated quantiles, as wide as the distance to their neighbours; *g* a heavy tail
-of shifts that skip slots, :math:`g = (1/s)(1 + (t - t_0)/s)^{-2}` from the least quantile on with
-*s* the wait for the next slot, or the range seen where that is more; and a trace of anything until
-the time-out *T*. So one odd shift never decides, and ten do. A mean of *n* shifts is normal,
-spread :math:`\sigma` of the quantiles, and *j* of its shifts may have waited for the next slot:
+kernels at the emulated quantiles of shifts that are not late, as wide as the distance to their
+neighbours; *g* a heavy tail of late ones (``diagnosis.late``), whose share is :math:`\lambda`,
+:math:`g = (1/s)(1 + (t - t_0)/s)^{-2}` from the least quantile on with *s* by how much they are
+later, or the range seen where that is more; and a trace of anything until the time-out *T*. So one
+odd shift never decides, and ten do. A mean of *n* shifts is normal, spread :math:`\sigma` of the
+quantiles, and *j* of its shifts may be late, by :math:`\tau` with the deviation *w*:
 
-.. math:: f(\bar t) = \sum_j B(j; n, \epsilon) N(\bar t; \mu + j\tau/n,
-          \sigma^2/n + j\tau^2/n^2 + e^2).
+.. math:: f(\bar t) = \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
+          \sigma^2/n + j w^2/n^2 + e^2).
 
 The error *e* of the emulated mean is common to all shifts of a cell: :math:`\delta \sim N(0, e)`
-is integrated out over the whole cell and does not average out. Shares engaged are beta-binomial
-with the error of the emulated share. Shifts of which nobody knows are left out, or counted as
-failed where one asks.
+is integrated out over the whole cell and does not average out. What cells err in common
+(``diagnosis.common_error``) needs slope and curvature of all this over an offset. Shares engaged
+are beta-binomial with the error of the emulated share. Shifts of which nobody knows are left out,
+or counted as failed where one asks.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ import numpy as np
 from scipy.special import betaln, gammaln, log_ndtr, ndtr, ndtri
 
 from diagnosis.common_error import Slopes
+from diagnosis.late import added
 from diagnosis.observed import Observed
 from diagnosis.spread import Array, Spread
 
@@ -119,17 +122,10 @@ class Said:
         return type(self)(**{**wide, **times})
 
     @property
-    def whole_mean(self) -> Array:
-        """Mean with late shifts, s."""
-        return self.mean + self.late * np.nan_to_num(self.behind)
-
-    @property
-    def whole_sd(self) -> Array:
-        """Standard deviation with late shifts, s."""
-        behind, wide = np.nan_to_num(self.behind), np.nan_to_num(self.behind_sd)
-        late = self.late * wide**2 + self.late * (1.0 - self.late) * behind**2
-        whole: Array = np.sqrt(self.sd**2 + late)
-        return whole
+    def whole(self) -> tuple[Array, Array]:
+        """Mean and standard deviation with late shifts, s."""
+        mean, variance = added(self.late, self.behind, self.behind_sd)
+        return self.mean + mean, np.sqrt(self.sd**2 + variance)
 
 
 def log_sum(logs: Array, axis: int) -> Array:
@@ -137,11 +133,6 @@ def log_sum(logs: Array, axis: int) -> Array:
     top = np.max(logs, axis=axis, keepdims=True)
     whole: Array = np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
     return whole
-
-
-def log_likelihood(seen: Observed, said: Said) -> Array:
-    """Return the logarithm of each cell's likelihood, (cells, m), unknown shifts left out."""
-    return log_times(seen, said) + log_engaged(seen, said, seen.failed)
 
 
 def log_as_failed(seen: Observed, said: Said) -> Array:
@@ -180,7 +171,7 @@ def timed(seen: Observed, said: Said) -> Timed:
     known = np.isfinite(said.mean)
     log, first, second = found
     first, second = (np.where(known, np.nan_to_num(part), 0.0) for part in (first, second))
-    return Timed(np.where(known, log, anyhow), first, np.maximum(second, 0.0))
+    return Timed(np.where(known, log, anyhow), first, second)
 
 
 def log_times(seen: Observed, said: Said) -> Array:
@@ -272,7 +263,7 @@ def _waits(seen: Observed, said: Said, offset: Array, error: Array) -> tuple[Arr
         log_share = ways + waits * np.log(share) + (n - waits) * np.log1p(-share)
     log_share = np.where(waits <= n, log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
-    behind, wide = behind_of(seen, said)
+    behind, wide = _behind(seen, said)
     centre = (said.mean + offset)[..., None] + waits * behind[..., None] / n
     width = np.sqrt(
         (said.sd**2 / n[..., 0] + error**2)[..., None] + waits * (wide[..., None] / n) ** 2
@@ -280,7 +271,7 @@ def _waits(seen: Observed, said: Said, offset: Array, error: Array) -> tuple[Arr
     return log_share, (seen.mean[:, None, None] - centre) / width, width
 
 
-def behind_of(seen: Observed, said: Said) -> tuple[Array, Array]:
+def _behind(seen: Observed, said: Said) -> tuple[Array, Array]:
     """Return by how much late shifts are later, and the deviation, s, (cells, m).
 
     Where nobody knows, the wait for the next slot as far as it exceeds what was simulated.

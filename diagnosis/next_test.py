@@ -33,6 +33,7 @@ from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.spread import Array, Hypothesis
 from diagnosis.unknown import Unknown
+from diagnosis.verdict import NAMED
 from sim.effect import Effect
 from sim.errors import number
 from sim.setting import Setting
@@ -40,7 +41,6 @@ from sim.units import RPM
 
 EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
 DRAWN = 400  #: outcomes drawn
-SETTLED = 0.8  #: probability with which a hypothesis counts as found
 HOUR = 0.04  #: chance to settle that an hour of work has to earn
 LEAST = 1e-3  #: probability from which a hypothesis takes part
 WORTH = 0.02  #: nats below which nothing is to be learnt
@@ -167,7 +167,7 @@ def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, 
         own = log[:, place] - logsumexp(log + log_prior, axis=1)
         gain += probabilities[place] * float(own.mean())
         after = own + log_prior[place]
-        settled += probabilities[place] * float((after > np.log(SETTLED)).mean())
+        settled += probabilities[place] * float((after > np.log(NAMED)).mean())
     return max(0.0, gain), settled
 
 
@@ -212,7 +212,7 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
-    if shares.max() <= SETTLED:
+    if shares.max() <= NAMED:
         tests.sort(key=lambda t: -t.value)
     first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
     return (*first, *tests)
@@ -349,7 +349,7 @@ def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) ->
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    if max(belief.values()) > SETTLED:
+    if max(belief.values()) > NAMED:
         return f"{test.how} It tells most for its cost, open are {those} ({cost})."
     return (
         f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "

@@ -186,7 +186,8 @@ def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
     low, high = (said.times[..., int(share * size)] for share in (0.25, 0.75))
     bulk = np.log(np.maximum(high - low, 1e-3))
     flight = np.hstack([one.times for one in flown]) if flown else None
-    whole = said.whole_mean.T, said.whole_sd.T, said.error.T, bulk.T
+    mean, sd = said.whole
+    whole = mean.T, sd.T, said.error.T, bulk.T
     return Predicted(
         *whole, said.engaged.T, said.engaged_error.T, said.mean.T, said.sd.T, said.model.T, flight
     )

@@ -134,7 +134,7 @@ class Unknown:
 def unknown(problem: Problem, bench: Bench) -> Unknown:
     """Return the hypothesis for a data set."""
     seen, said = problem.seen, problem.said((), np.zeros((1, 0)))
-    means = said.whole_mean[:, 0]
+    means = said.whole[0][:, 0]
     places = np.array(
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )

@@ -20,9 +20,9 @@ from typing import Any
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore
 from diagnosis.bench import Bench, load_bench
+from diagnosis.blind import sealed
 from diagnosis.blind.between import RULES, Moved, engines_apart
 from diagnosis.blind.plain import plain
-from diagnosis.blind.sealed import write as write_text
 from diagnosis.blind.stand import read_stand
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
@@ -102,12 +102,11 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
 def _engines_apart(folder: Path, bank: Bank) -> list[float]:
     """Return what both engines differ by at the points of a case, s; kept beside the cases."""
     path = folder.parent.parent / ENGINES
-    if path.exists():
-        kept: dict[str, list[float]] = json.loads(path.read_text(encoding="utf-8"))
-    else:
-        kept = {"later_s": engines_apart(read_stand(folder), bank)}
-        write_text(path, json.dumps(kept))
-    return kept["later_s"]
+    if not path.exists():
+        later = engines_apart(read_stand(folder), bank)
+        sealed.write(path, json.dumps({"later_s": later}))
+    found: list[float] = sealed.read(path, "remove it")["later_s"]
+    return found
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:

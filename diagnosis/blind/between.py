@@ -13,7 +13,7 @@ It needs a stand without effects, which real stands are not: there the common er
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +24,7 @@ from diagnosis.blind.stand import Point, Stand
 from diagnosis.likelihood import Rules
 from diagnosis.spread import Array, FlightEmulator, Hypothesis, Marks, Spread
 from sim.actuation import ForceProfile
+from sim.setting import Setting
 
 SAME = 0.1  #: relative difference up to which two shifts take the same slot
 REST = 0.02  #: common error that is left, as share of the mean time
@@ -37,18 +38,25 @@ def engines_apart(stand: Stand, bank: Bank) -> list[float]:
     found = []
     few = np.take_along_axis(bank.angles, bank.common, axis=1)
     for setting, angles, first in zip(bank.settings, few, bank.base, strict=True):
-        profile = setting.point.profile
-        point = Point(setting.point.mismatch, profile.force, profile.rise)
-        found.append(_later(first, [engine.shift(point, Draw(float(a))).time for a in angles]))
+        times = second_times(engine, setting, angles)
+        same = same_slot(first, times)
+        found.append(float((times - first)[same].mean()) if same.any() else 0.0)
     return found
 
 
-def _later(first: Array, second: Sequence[float | None]) -> float:
-    """Return the mean difference of times that took the same slot, s; zero where none did."""
-    times = np.array([np.nan if time is None else time for time in second])
+def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> Array:
+    """Return MuJoCo's times at an operating point, s, NaN where a shift did not engage, (n,)."""
+    profile = setting.point.profile
+    point = Point(setting.point.mismatch, profile.force, profile.rise)
+    times = [engine.shift(point, Draw(float(angle))).time for angle in angles]
+    return np.array([np.nan if time is None else time for time in times])
+
+
+def same_slot(first: Array, second: Array) -> np.ndarray:
+    """Tell which shifts of two engines, s, (n,) each, took the same slot."""
     with np.errstate(invalid="ignore"):
-        same = np.isfinite(first) & (abs(times - first) <= SAME * first)
-    return float((times - first)[same].mean()) if same.any() else 0.0
+        found: np.ndarray = np.isfinite(first) & (abs(second - first) <= SAME * first)
+    return found
 
 
 @dataclass(frozen=True)

@@ -164,7 +164,7 @@ def _small(maker: _Maker) -> Iterator[Case]:
 
 
 def _full(maker: _Maker) -> Iterator[Case]:
-    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 12 outside."""
+    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 18 outside."""
     for name in RANGES:
         for strength in ("barely", "clear", "gross"):
             yield maker.single(name, strength)
@@ -177,7 +177,8 @@ def _full(maker: _Maker) -> Iterator[Case]:
         yield maker.none(form)
     for names in PAIRS:
         yield maker.pair(names)
-        yield maker.pair(names, form="singles")
+        yield maker.pair(names, "gross", "singles")
     for name in OUTSIDE:
         yield maker.outside(name, "clear", "means")
+        yield maker.outside(name, "gross", "means")
         yield maker.outside(name, "gross", "singles")

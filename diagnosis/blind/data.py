@@ -68,9 +68,11 @@ def simulate(stand: Stand, points: Sequence[Point], case: Case) -> Series:
     return Series(tuple(points), shifts)
 
 
-def even_times(stand: Stand, points: Sequence[Point], count: int) -> list[list[float | None]]:
-    """Return times at ``count`` even angles of each point without any effect, s."""
-    engine = Engine(stand)
+def even_times(
+    stand: Stand, points: Sequence[Point], count: int, truth: Truth | None = None
+) -> list[list[float | None]]:
+    """Return times at ``count`` even angles of each point, s; without any effect by default."""
+    engine = Engine(stand, truth)
     angles = (np.arange(count) + 0.5) / count * stand.pitch
     return [[engine.shift(point, Draw(float(a))).time for a in angles] for point in points]
 

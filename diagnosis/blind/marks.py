@@ -141,10 +141,16 @@ def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[An
         base = [t for t in without if t is not None]
         if not bench or not base:
             return math.inf if bool(bench) != bool(base) else 0.0
-        spread = max(LEAST, float(np.std(base, ddof=1)) if len(base) > 1 else LEAST)
-        z = (np.mean(bench) - np.mean(base)) / (spread / math.sqrt(len(bench)))
+        z = (np.mean(bench) - np.mean(base)) / sampling_error(base, len(bench))
         squares.append(float(z) ** 2)
     return math.sqrt(max(0.0, float(np.mean(squares)) - 1.0))
+
+
+def sampling_error(free: Sequence[float | None], count: int) -> float:
+    """Return the standard error, s, of a mean of ``count`` shifts from times without any effect."""
+    base = [t for t in free if t is not None]
+    spread = float(np.std(base, ddof=1)) if len(base) > 1 else LEAST
+    return max(LEAST, spread) / math.sqrt(count)
 
 
 def names_of(effects: Sequence[str]) -> Names:

@@ -13,18 +13,18 @@ effects have at least two sampling errors.
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Sequence
+from concurrent.futures import as_completed
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from diagnosis.blind.data import even_times
 from diagnosis.blind.effects import truth_of
-from diagnosis.blind.engine import Draw, Engine
-from diagnosis.blind.marks import LEAST
-from diagnosis.blind.sealed import pool, read, write
+from diagnosis.blind.marks import sampling_error
+from diagnosis.blind.sealed import Advance, ignore, manifest_of, pool, read, write
 from diagnosis.blind.stand import Point, Stand, Truth, read_stand
 
 Record = dict[str, Any]
@@ -33,37 +33,61 @@ ANGLES = 8  #: even ones, at each operating point
 KEPT = "partners.json"  #: beside the cases
 
 
-def partner_gaps(folder: Path, key: Record, jobs: int = 1) -> dict[str, float]:
+def partner_gaps(
+    folder: Path, key: Record, jobs: int = 1, advance: Advance | None = None
+) -> dict[str, float]:
     """Return for each pair of a set the size of its weaker effect, in sampling errors.
 
-    It takes 45 s of processor time a pair at 28 operating points, and is kept in the folder.
+    It takes 45 s of processor time a pair at 28 operating points. What is finished is kept in the
+    folder; ``advance`` counts shifts.
     """
-    seal = hashlib.sha256(json.dumps(key).encode()).hexdigest()
-    path = folder / KEPT
-    if path.exists() and (kept := read(path, "remove it")).get("key") == seal:
-        return {name: float(value) for name, value in kept["weaker"].items()}
-    pairs = {name: case for name, case in key["cases"].items() if case["kind"] == "pair"}
+    path, seal = folder / KEPT, manifest_of(folder)["key_sha256"]
+    found = _kept(folder)
     points = tuple(Point(*point) for point in key["points"])
     with pool(jobs) as submit:
-        pending = {
-            name: submit(weaker_of, read_stand(folder / "cases" / name), points, case, key)
-            for name, case in pairs.items()
-        }
-        found = {name: float(future.result()) for name, future in pending.items()}
-    write(path, json.dumps({"key": seal, "weaker": found}, indent=1))
+        pending = {}
+        for name, case in _left(folder, key).items():
+            stand = read_stand(folder / "cases" / name)
+            pending[submit(weaker_of, stand, points, case, key)] = name
+        for future in as_completed(pending):
+            name = pending[future]
+            found[name] = float(future.result())
+            write(path, json.dumps({"key": seal, "weaker": found}, indent=1))
+            (advance or ignore)(_shifts(key["cases"][name], key))
     return found
+
+
+def shifts_left(folder: Path, key: Record) -> int:
+    """Return how many shifts ``partner_gaps`` has to make."""
+    return sum(_shifts(case, key) for case in _left(folder, key).values())
+
+
+def _kept(folder: Path) -> dict[str, float]:
+    """Return what is known of this set; of another set it tells nothing."""
+    path = folder / KEPT
+    kept = read(path, "remove it") if path.exists() else {}
+    if kept.get("key") != manifest_of(folder)["key_sha256"]:
+        return {}
+    return {name: float(value) for name, value in kept["weaker"].items()}
+
+
+def _left(folder: Path, key: Record) -> dict[str, Record]:
+    found = _kept(folder)
+    cases: dict[str, Record] = key["cases"]
+    return {n: case for n, case in cases.items() if case["kind"] == "pair" and n not in found}
+
+
+def _shifts(case: Record, key: Record) -> int:
+    """Return the shifts of a pair with both effects and without either."""
+    return (1 + len(case["parameters"])) * len(key["points"]) * ANGLES
 
 
 def weaker_of(stand: Stand, points: Sequence[Point], case: Record, key: Record) -> float:
     """Return the size of the weaker effect of a pair beside the other, in sampling errors."""
     every = case["parameters"]
     whole = even_means(stand, points, truth_of(every, {}))
-    errors = np.array(
-        [
-            _sampling_error(free, len(mine))
-            for free, mine in zip(key["reference_s"], case["times_s"], strict=True)
-        ]
-    )
+    given = zip(key["reference_s"], case["times_s"], strict=True)
+    errors = np.array([sampling_error(free, len(mine)) for free, mine in given])
     sizes = []
     for name in every:
         rest = {other: values for other, values in every.items() if other != name}
@@ -76,15 +100,9 @@ def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarra
     """Return mean times at even angles, weighted as the truth draws them, s, (points,)."""
     turns = (np.arange(ANGLES) + 0.5) / ANGLES
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
-    engine, found = Engine(stand, truth), []
-    for point in points:
-        times = np.array([engine.shift(point, Draw(t * stand.pitch)).time for t in turns], float)
-        having = np.isfinite(times)
-        found.append(np.average(times[having], weights=weights[having]) if having.any() else np.nan)
-    return np.array(found)
-
-
-def _sampling_error(free: Sequence[float | None], count: int) -> float:
-    base = [t for t in free if t is not None]
-    spread = float(np.std(base, ddof=1)) if len(base) > 1 else LEAST
-    return max(LEAST, spread) / float(np.sqrt(count))
+    times = np.array(even_times(stand, points, ANGLES, truth), float)
+    having = np.isfinite(times)
+    # Where no shift engages there is no mean.
+    share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
+    found: np.ndarray = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
+    return found

@@ -20,6 +20,7 @@ import numpy as np
 
 from diagnosis.bench import Bench
 from diagnosis.hypotheses import NONE, Space
+from diagnosis.late import added
 from diagnosis.next_test import setting_of
 from diagnosis.spread import Array, Emulator, Hypothesis
 from sim.effect import Effect
@@ -64,10 +65,9 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
     for cell in cells:
         bare = bench.cells[cell]
         spread = emulator.at(space.hypothesis, values, cell)
-        late, behind = spread.late, np.nan_to_num(spread.behind)
-        wide = late * np.nan_to_num(spread.behind_sd) ** 2 + late * (1.0 - late) * behind**2
-        sigma = np.sqrt(np.maximum(spread.times.std(axis=1), LEAST) ** 2 + wide)
-        apart = (bare.time or 0.0) - spread.times.mean(axis=1) - late * behind
+        mean, variance = added(spread.late, spread.behind, spread.behind_sd)
+        sigma = np.sqrt(np.maximum(spread.times.std(axis=1), LEAST) ** 2 + variance)
+        apart = (bare.time or 0.0) - spread.times.mean(axis=1) - mean
         squares += apart**2
         chi += apart**2 / (sigma**2 / max(1, bare.n) + spread.error**2)
     more = 2.0 * k * (k + 1.0) / max(1.0, n - k - 1.0)

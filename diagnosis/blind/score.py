@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from diagnosis.blind.intervals import calibration, mean, median, share
 from diagnosis.blind.marks import Mark, Names, mark_of
-from diagnosis.blind.partners import partner_gaps
-from diagnosis.blind.sealed import Advance, opened, results_of
-from diagnosis.blind.settle import Advised, advised_tests, settled_figures
+from diagnosis.blind.partners import partner_gaps, shifts_left
+from diagnosis.blind.sealed import opened, results_of
+from diagnosis.blind.settle import Advised, advised_tests, settled_figures, shifts_asked
 
 Record = dict[str, Any]
 
@@ -26,18 +26,31 @@ STRENGTHS = ("none", "barely", "clear", "gross")
 FORMS = ("means", "singles", "traces")
 
 
-def score(folder: Path, advance: Advance | None = None, jobs: int = 1) -> Record:
+class Progress(Protocol):
+    """Is told of shifts that are to come and of finished ones."""
+
+    def extend(self, count: int) -> None:
+        """Expect more shifts."""
+
+    def advance(self, count: int) -> None:
+        """Count finished shifts."""
+
+
+def score(folder: Path, progress: Progress | None = None, jobs: int = 1) -> Record:
     """Open the key of a set whose cases are all diagnosed, and score.
 
     Makes the tests that were advised where a case is ambiguous, and what each effect of a pair
-    makes by itself; ``advance`` counts cases.
+    makes by itself.
 
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
     results = results_of(folder)
     key = opened(folder)
+    if progress is not None:
+        progress.extend(shifts_left(folder, key) + shifts_asked(results))
+    advance = None if progress is None else progress.advance
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    weaker = partner_gaps(folder, key, jobs)
+    weaker = partner_gaps(folder, key, jobs, advance)
     return scored(marks, advised_tests(folder, key, results, advance), weaker)
 
 

@@ -159,7 +159,7 @@ def run(
     results.mkdir(exist_ok=True)
     left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
     _require_untouched(folder, manifest, left)
-    (advance or _ignore)(len(manifest["cases"]) - len(left))
+    (advance or ignore)(len(manifest["cases"]) - len(left))
     for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
         with pool(jobs if len(batch) > 1 else 1) as submit:
             pending = [
@@ -243,8 +243,8 @@ def write(path: Path, text: str) -> None:
     os.replace(part, path)
 
 
-def _ignore(_: int) -> None:
-    pass
+def ignore(_: int) -> None:
+    """Count nothing."""
 
 
 def _told(future: Future[Any], advance: Advance | None) -> Future[Any]:

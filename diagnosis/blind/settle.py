@@ -115,19 +115,33 @@ def advised_tests(
     ----------
     folder : of the set, for the stands of its cases.
     key, results : of the set; results by case.
-    advance : counts cases.
+    advance : counts shifts.
 
     Raises InputError where shifts are asked for without MuJoCo, StorageError where a record
     names an operating point that the set has not.
     """
     found = {}
-    for name, case in key["cases"].items():
-        result: Record = results[name].get("diagnosis", {})
-        if result.get("verdict") == "ambiguous" and "kind" in result.get("next_test", {}):
-            found[name] = told(name, case, result, partial(_stage, folder, key, name))
-        if advance is not None:
-            advance(1)
+    for name, test in _tests(results).items():
+        case, result = key["cases"][name], results[name]["diagnosis"]
+        found[name] = told(name, case, result, partial(_stage, folder, key, name))
+        if advance is not None and "shifts" in test:
+            advance(int(test["shifts"]))
     return found
+
+
+def shifts_asked(results: Mapping[str, Record]) -> int:
+    """Return how many shifts all advised tests of ambiguous cases take."""
+    return sum(int(test.get("shifts", 0)) for test in _tests(results).values())
+
+
+def _tests(results: Mapping[str, Record]) -> dict[str, Record]:
+    """Return the advised tests of the ambiguous cases."""
+    every = {name: result.get("diagnosis", {}) for name, result in results.items()}
+    return {
+        name: one["next_test"]
+        for name, one in every.items()
+        if one.get("verdict") == "ambiguous" and "kind" in one.get("next_test", {})
+    }
 
 
 def _stage(folder: Path, key: Record, name: str) -> Stage:

@@ -82,9 +82,8 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
     Example: dogshape blind score results/blind --json
     """
-    total = len(manifest_of(folder)["cases"])
-    with ShiftProgress(total, unit="cases") as progress:
-        found = score_of(folder, progress.advance, _processes(jobs))
+    with ShiftProgress(0) as progress:
+        found = score_of(folder, progress, _processes(jobs))
     emit(found, json, lambda: score_table(found))
 
 

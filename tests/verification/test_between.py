@@ -12,13 +12,15 @@ from diagnosis.bench import load_bench
 from diagnosis.blind.between import Moved, engines_apart
 from diagnosis.blind.engine import Draw, Engine
 from diagnosis.blind.stand import Point, read_stand
+from diagnosis.second_engine import engine_available
 from sim.bundled import bundled_root
+from tests.conftest import needed
 from tests.flying import FlightOnly
 from tests.made_up import few_cells
 
 
 def test_a_known_difference_is_found_whatever_slots_are_skipped() -> None:
-    pytest.importorskip("mujoco")
+    needed(engine_available(), "mujoco")
     stand = read_stand(bundled_root() / "bench" / "mq200_adams")
     settings = settings_of(few_cells(load_bench("mq200_adams"), [(50, 469.0), (249, 641.5)]))
     angles = (np.arange(6) + 0.5) / 6 * stand.pitch

@@ -98,16 +98,17 @@ def test_late_shifts_are_found_with_their_share_and_delay() -> None:
     times = times + rare * generator.normal(0.12, 0.03, times.shape)
     times[0, 0, :4] = np.inf
     times[1, 0, 0] = np.nan
-    found = lateness([times])
+    soon = bulk(times)
+    found = lateness([(times, soon)])
     assert found.share == pytest.approx([0.0, 0.04, 0.1], abs=0.02)
     assert np.isnan(found.mean[0])
     assert found.mean[1:] == pytest.approx(0.12, abs=0.02)
     assert found.sd[1:] == pytest.approx(0.03, abs=0.012)
-    flagged = np.isfinite(times) & np.isnan(bulk(times))
+    flagged = np.isfinite(times) & np.isnan(soon)
     assert (flagged == (rare & np.isfinite(times))).mean() > 0.98
-    assert late_counts(times)[1][0, 0] == 60
+    assert late_counts(times, soon)[1][0, 0] == 60
 
 
 def test_a_wide_spread_has_no_late_shifts() -> None:
     times = np.linspace(0.05, 0.45, 24)
-    assert late_counts(times)[0] == 0.0
+    assert late_counts(times, bulk(times))[0] == 0.0

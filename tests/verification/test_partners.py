@@ -11,7 +11,9 @@ from diagnosis.blind.effects import truth_of
 from diagnosis.blind.engine import Draw, Engine
 from diagnosis.blind.partners import ANGLES, even_means, weaker_of
 from diagnosis.blind.stand import read_points, read_stand
+from diagnosis.second_engine import engine_available
 from sim.bundled import bundled_root
+from tests.conftest import needed
 
 BASE = bundled_root() / "bench" / "mq200_adams"
 FREE = [[0.1, 0.2, 0.3, 0.4]]
@@ -19,7 +21,7 @@ ERROR = float(np.std(FREE[0], ddof=1)) / math.sqrt(10)
 
 
 def test_a_dead_time_adds_itself_to_every_mean() -> None:
-    pytest.importorskip("mujoco")
+    needed(engine_available(), "mujoco")
     stand, points = read_stand(BASE), read_points(BASE)[16:17]
     case = {
         "parameters": {
@@ -34,7 +36,7 @@ def test_a_dead_time_adds_itself_to_every_mean() -> None:
 
 def test_angles_count_as_often_as_the_truth_draws_them() -> None:
     """Hardly any preference is none; a strong one is somewhere between least and most."""
-    pytest.importorskip("mujoco")
+    needed(engine_available(), "mujoco")
     stand, points = read_stand(BASE), read_points(BASE)[:1]
     turns = (np.arange(ANGLES) + 0.5) / ANGLES
     engine = Engine(stand)
