@@ -5,8 +5,9 @@
 Three operating points of the published model, five effects. Each effect is simulated at values
 between its levels, at angles of another draw; the table has both means without late shifts
 (``diagnosis.late``) with their errors, in ms, and how many joint errors they lie apart. Then what
-pairs differ by from their combination, with changes of the time added and with changes of its
-logarithm. Some 2000 shifts, a few minutes on an idle machine; finished ones are kept in the file.
+pairs differ by from their combination, with changes of the time added (w = 1) and with changes of
+its logarithm (w = 0), and the w that the emulator takes (``diagnosis.combination``). Some 2000
+shifts, a few minutes on an idle machine; finished ones are kept in the file.
 """
 
 from __future__ import annotations
@@ -71,7 +72,8 @@ def main() -> None:
     beyond = np.mean(np.abs(scores) > 2.0)
     print(f"root mean square {np.sqrt(np.mean(np.square(scores))):.2f}, {beyond:.0%} beyond two")
     _pairs(bank)
-    print(f"interaction {emulator.interaction:.2f} of the smaller change")
+    for pair, blend in emulator.interactions.pairs.items():
+        print(f"{' + '.join(pair):38s} w {blend.share.mean():5.2f} +- {blend.error:.2f}")
 
 
 def _bench() -> Bench:

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from diagnosis.bench import Bench
 from diagnosis.gap import numerical_ratio
-from diagnosis.levels import Level, check_level, levels_of, only_read
+from diagnosis.levels import TOGETHER, Level, check_level, levels_of, only_read
 from diagnosis.spread import Hypothesis
 from sim.blocks import Block, even_block
 from sim.effect import Effect
@@ -45,14 +45,15 @@ ANGLES = 16  #: at each level, those of the gap map
 SHIFT = 0.1  #: s of processor time that a shift takes, about
 ACCURACY = 1e-6  #: of the convex integrator, at least
 
-#: Pairs that are simulated to see how effects combine, as far as their effects are asked for.
+#: Comes with every ring on its shaft, so it is simulated together with each other effect. Dead
+#: time, which comes with every actuator, adds itself to any time and needs no shift.
+COMMON = "sleeve_friction"
+#: Other pairs that are simulated, as far as their effects are asked for.
 CHECKS: tuple[Hypothesis, ...] = (
     ("actuation_lag", "moving_mass"),
     ("contact_friction", "mismatch_speed"),
-    ("contact_friction", "sleeve_friction"),
     ("force_scale", "moving_mass"),
     ("linkage_compliance", "moving_mass"),
-    ("moving_mass", "sleeve_friction"),
 )
 
 
@@ -66,7 +67,7 @@ class Plan:
     angles : even relative angles of each level.
     dense : how many times as many the baseline has.
     levels, plane : numbers of levels of effects with one parameter and with two.
-    checks : pairs to simulate.
+    checks : pairs to simulate; None for ``CHECKS`` and each effect with ``COMMON``.
     seed : of where the angles begin.
     """
 
@@ -74,8 +75,8 @@ class Plan:
     angles: int = ANGLES
     dense: int = 3
     levels: int = 5
-    plane: int = 9
-    checks: tuple[Hypothesis, ...] = CHECKS
+    plane: int = 17
+    checks: tuple[Hypothesis, ...] | None = None
     seed: int = 1
 
     def __post_init__(self) -> None:
@@ -99,7 +100,11 @@ class Plan:
             for effect in self.effects
             if not only_read(effect, setting)
         }
-        pairs = [check_level(pair, own) for pair in self.checks if set(pair) <= set(own)]
+        asked = self.checks
+        if asked is None:
+            asked = (*CHECKS, *(both(COMMON, name) for name in own if name != COMMON))
+        there = [pair for pair in asked if set(pair) <= set(own)]
+        pairs = [check_level(pair, own, share) for share in TOGETHER for pair in there]
         return (*(level for levels in own.values() for level in levels), *pairs)
 
     def shifts(self, bench: Bench) -> int:
@@ -138,6 +143,12 @@ class Bank:
     def base(self) -> Array:
         """Times of the baseline at the angles of the levels, (C, n)."""
         return np.take_along_axis(self.baseline, self.common, axis=1)
+
+
+def both(one: str, other: str) -> Hypothesis:
+    """Return two effects as a hypothesis."""
+    first, second = sorted((one, other))
+    return first, second
 
 
 def settings_of(bench: Bench) -> tuple[Setting, ...]:

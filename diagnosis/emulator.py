@@ -8,10 +8,9 @@ share has the weights of the share engaged, which are its own since its errors a
 how late they are is that of all levels of the operating point.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
-those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. What
-that misses is measured on pairs that were simulated: ``INTERACTION`` or their own ratio, of the
-smaller of both changes. Delays add to all times, exactly. Angles that are not uniform are weights
-on the baseline's angles.
+those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise; times are
+then corrected by what simulated pairs show (``diagnosis.combination``). Delays add to all times,
+exactly. Angles that are not uniform are weights on the baseline's angles.
 
 The error of a mean has three parts: the curve's own (angles and interpolation), numerics, and the
 combination.
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.bank import Bank
-from diagnosis.combination import INTERACTION, Reach, interaction_of, log_mean, together
+from diagnosis.combination import Interactions, Reach, together
 from diagnosis.curves import Curves, fit_curves
 from diagnosis.flight_store import FlightStore
 from diagnosis.flight_table import FlightTables
@@ -52,7 +51,7 @@ Array = NDArray[np.float64]
 SHARES = 24  #: at which times are given
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
-OWN = 0.35  #: share of what a combination misses that each operating point has for itself
+ANGLES = "angles"  #: stands for effects that only weight the baseline's angles
 NONE = 10.0  #: relative error of a mean that no shift tells
 
 
@@ -193,17 +192,22 @@ class BankEmulator:
         """
         parts = self._parts(hypothesis, values)
         base = self._baseline(cell)
-        alone = {n: self.fits[n].at(mine, cell) for n, mine in parts.items() if n in self.fits}
+        reaches = {n: self.fits[n].at(mine, cell) for n, mine in parts.items() if n in self.fits}
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
         weighted, delay = self._read(read, len(values), cell)
-        reaches = [*alone.values(), *([weighted] if weighted else [])]
-        missed = self._missed(base, reaches)
+        reaches |= {ANGLES: weighted} if weighted else {}
         if len(reaches) == 1:
-            whole = reaches[0]
-        else:
-            whole = together(base, reaches, self._change_variances(parts, weighted, cell))
-            whole = replace(whole, variance=whole.variance + (OWN * missed) ** 2)
-        return self._spread(whole, delay, missed, len(values), cell)
+            (whole,) = reaches.values()
+            return self._spread(whole, delay, np.zeros(1), len(values), cell)
+        variances = self._change_variances(parts, weighted, cell)
+        whole = together(base, list(reaches.values()), variances)
+        missed = self.interactions.missed(base, reaches, cell)
+        whole = replace(
+            whole,
+            times=whole.times * np.exp(missed.moved)[:, None],
+            variance=whole.variance + missed.own**2,
+        )
+        return self._spread(whole, delay, missed.common, len(values), cell)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
@@ -291,21 +295,12 @@ class BankEmulator:
         ]
         return [*simulated, *([weighted.variance] if weighted else [])]
 
-    def _missed(self, base: Reach, reaches: list[Reach]) -> Array:
-        """Return the standard error that the combination adds to the mean's logarithm, (m,)."""
-        if len(reaches) < 2:
-            return np.zeros(1)
-        changes = np.sort([abs(log_mean(one) - log_mean(base)) for one in reaches], axis=0)
-        missed: Array = self.interaction * changes[-2]
-        return missed
-
     @cached_property
-    def interaction(self) -> float:
-        """What the combination misses over the smaller change, from pairs that were simulated."""
-        places = [k for k, level in enumerate(self.bank.levels) if len(level.hypothesis) > 1]
-        return interaction_of(self.bank, places) if places else INTERACTION
+    def interactions(self) -> Interactions:
+        """How effects combine, by the pairs that were simulated."""
+        return Interactions.of(self.bank)
 
-    def _spread(self, whole: Reach, delay: Array, missed: Array, count: int, cell: int) -> Spread:
+    def _spread(self, whole: Reach, delay: Array, common: Array, count: int, cell: int) -> Spread:
         base = self._baseline(cell)
         mean = whole.times.mean(axis=1)
         variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
@@ -316,7 +311,7 @@ class BankEmulator:
             engaged=engaged,
             error=np.sqrt(variance),
             engaged_error=np.sqrt(whole.engaged_variance),
-            common=missed * mean,
+            common=common * mean,
             late=whole.late,
             behind=np.full(1, self.late.mean[cell]),
             behind_sd=np.full(1, self.late.sd[cell]),

@@ -27,7 +27,7 @@ from sim.setting import Setting
 
 Array = NDArray[np.float64]
 CANDIDATES = 6  #: two to this power are the places from which a plane is filled
-CHECK = 0.7  #: share of the prior near which two effects are simulated together
+TOGETHER = (0.7, 0.4)  #: shares of the prior near which two effects are simulated together
 
 
 @dataclass(frozen=True)
@@ -71,15 +71,21 @@ def levels_of(effect: Effect, setting: Setting, along: int, plane: int) -> tuple
     return tuple(Level((name,), values) for values in _plane(effect, setting, plane))
 
 
-def check_level(hypothesis: Hypothesis, levels: Mapping[str, Sequence[Level]]) -> Level:
+def check_level(
+    hypothesis: Hypothesis, levels: Mapping[str, Sequence[Level]], share: float = TOGETHER[0]
+) -> Level:
     """Return a level of some effects together, each at one of its own ``levels``.
 
-    Of one parameter at the level nearest to ``CHECK`` of the way, of two at the second.
+    Of one parameter at the level nearest to ``share`` of the way; of two at the second, a corner of
+    their plane, for the largest share, else in the middle of what fills the plane.
     """
     chosen = []
     for name in hypothesis:
         mine = levels[name]
-        place = round(CHECK * (len(mine) - 1)) if len(mine[0].values) == 1 else 1
+        if len(mine[0].values) == 1:
+            place = round(share * (len(mine) - 1))
+        else:
+            place = 1 if share == TOGETHER[0] else len(mine) // 2
         chosen.append(mine[place])
     return Level(hypothesis, tuple(value for one in chosen for value in one.values))
 

@@ -1,25 +1,29 @@
 r"""How likely a cell of bench data is under what a hypothesis says of it.
 
-One shift of time *t* has the density
+A mean of *n* shifts, *j* of which may be late (``diagnosis.late``) by :math:`\tau` with the
+deviation *w*, with the share :math:`\lambda`, has the density
 
-.. math:: f(t) = (1 - \lambda - \epsilon_0) \frac1q \sum_k N(t; t_k + \delta, h_k)
-          + \lambda\, g(t) + \epsilon_0 / T,
+.. math:: f(\bar t) = (1 - \epsilon) \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
+          \sigma^2/n + j w^2/n^2 + e^2) + \epsilon N(\bar t; \mu, \sigma^2/n + e^2 + m^2).
 
-kernels at the emulated quantiles of shifts that are not late, as wide as the distance to their
-neighbours; *g* a heavy tail of late ones (``diagnosis.late``), whose share is :math:`\lambda`,
-:math:`g = (1/s)(1 + (t - t_0)/s)^{-2}` from the least quantile on with *s* by how much they are
-later, or the range seen where that is more; and a trace of anything until the time-out *T*. So one
-odd shift never decides, and ten do. A mean of *n* shifts is normal, spread :math:`\sigma` of the
-quantiles, and *j* of its shifts may be late, by :math:`\tau` with the deviation *w*:
+:math:`\mu, \sigma` are mean and spread of simulated shifts that are not late. The error *e* of the
+emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
+(:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of its
+levels; so no single cell decides. Of single shifts that are not late mean and standard deviation
+*s* count,
 
-.. math:: f(\bar t) = \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
-          \sigma^2/n + j w^2/n^2 + e^2).
+.. math:: \ln s \sim N(\ln\sigma + \tfrac12(\psi(\tfrac\nu2) - \ln\tfrac\nu2),
+          \tfrac14\psi'(\tfrac\nu2) + \kappa^2),
 
-The error *e* of the emulated mean is common to all shifts of a cell: :math:`\delta \sim N(0, e)`
-is integrated out over the whole cell and does not average out. What cells err in common
-(``diagnosis.common_error``) needs slope and curvature of all this over an offset. Shares engaged
-are beta-binomial with the error of the emulated share. Shifts of which nobody knows are left out,
-or counted as failed where one asks.
+with :math:`\nu` degrees of freedom, exact for normal times, and :math:`\kappa` the error of the
+simulated spread, which is large where a jump was missed; finer shapes are those of few simulated
+angles. Given *s*, the spread in the density of their mean is the one that both tell. Their number
+of late ones is beta-binomial, and each of these has a heavy tail,
+:math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
+
+What cells err in common (``diagnosis.common_error``) needs slope and curvature of all this over
+an offset. Shares engaged are beta-binomial with the error of the emulated share. Shifts of which
+nobody knows are left out, or counted as failed where one asks.
 """
 
 from __future__ import annotations
@@ -28,26 +32,21 @@ from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
-from scipy.special import betaln, gammaln, log_ndtr, ndtr, ndtri
+from scipy.special import betaln, digamma, gammaln, log_ndtr, ndtri, polygamma
 
 from diagnosis.common_error import Slopes
 from diagnosis.late import added
-from diagnosis.observed import Observed
+from diagnosis.observed import LEAST, Observed
 from diagnosis.spread import Array, Spread
 
 TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
-ANYTHING = 0.002  #: share of shifts that may take any time until the time-out
-KERNEL = 0.7  #: width of a kernel over the distance of neighbouring quantiles
-KERNELS = 16  #: about how many kernels a density has
-LEAST = 0.5e-3  #: s, the least spread of single shifts
+ANYTHING = 0.002  #: share of late shifts that may take any time until the time-out
 LEAST_LATE = 0.003  #: least share of late shifts
+LATE_KNOWN = 24.0  #: shifts that the simulated share of late ones counts as
+MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
+CLIPPED = 3.0  #: largest score of a spread
 WAITS = 4  #: most shifts of a mean that may have waited, plus one
-FAR = 3.0  #: widths from the bulk beyond which a cell tells nothing of its offset
-CLIP = 0.01  #: a shift's rank in its distribution counts no more extreme than this
 ROOT = float(np.sqrt(2.0 * np.pi))
-
-_NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(4)
-_LOG_WEIGHTS = np.log(_WEIGHTS / _WEIGHTS.sum())
 
 
 @dataclass(frozen=True)
@@ -60,11 +59,19 @@ class Rules:
         emulator's own: mesh, contact law, rigid bodies; as share of the simulated mean, and in s.
     common_error : error that all forces of a mismatch have in common, as share of the mean time
         without any effect (``diagnosis.common_error``).
+    spread_share, spread_error : error of the simulated spread of single shifts, as share of it and
+        as share of the simulated mean.
+    missed, missed_error : share of the cells in which the emulator misses a jump, and by how
+        much, as share of the simulated mean.
     """
 
     model_error: float = 0.01
     least_error: float = 0.5e-3
     common_error: float = 0.04
+    spread_share: float = 0.1
+    spread_error: float = 0.025
+    missed: float = 0.02
+    missed_error: float = 0.6
 
 
 @dataclass(frozen=True)
@@ -73,7 +80,8 @@ class Said:
 
     ``sd`` and ``mean`` are of shifts that are not late, ``common`` the error of that mean that all
     cells have alike; ``late`` the share of late ones and ``behind``, ``behind_sd`` by how much they
-    are; all in s. ``model`` is the part of ``error`` that any simulation has.
+    are; all in s. ``model`` is the part of ``error`` that any simulation has, ``shape`` the error
+    of the logarithm of ``sd``. In the share ``missed`` of cells the mean is off by ``jump``, s.
     """
 
     times: Array
@@ -87,6 +95,9 @@ class Said:
     behind: Array
     behind_sd: Array
     model: Array
+    shape: Array
+    jump: Array
+    missed: float
 
     @classmethod
     def of(cls, spreads: list[Spread], rules: Rules) -> Self:
@@ -107,19 +118,18 @@ class Said:
         late = np.maximum(late, max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(behind))
         late = np.clip(late, LEAST_LATE, 1.0 - LEAST_LATE)
         errors = np.maximum(error, 1e-5), engaged_error
-        return cls(times, engaged, *errors, mean, sd, common, late, behind, wide, model)
-
-    def cell(self, place: int) -> Self:
-        """Return one cell, with (1, m)."""
-        return type(self)(*(getattr(self, f.name)[place : place + 1] for f in fields(self)))
+        shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
+        jump = rules.missed_error * simulated
+        parts = mean, sd, common, late, behind, wide, model, shape, jump
+        return cls(times, engaged, *errors, *parts, rules.missed)
 
     def moved(self, offsets: Array) -> Said:
         """Return what one value says (cells, 1), moved by offsets, s, (cells, m)."""
         one = np.ones_like(offsets[:1])
-        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "missed"}
         wide = {n: part * (one if part.ndim == 2 else one[..., None]) for n, part in every.items()}
         times = {"times": self.times + offsets[..., None], "mean": self.mean + offsets}
-        return type(self)(**{**wide, **times})
+        return type(self)(**{**wide, **times}, missed=self.missed)
 
     @property
     def whole(self) -> tuple[Array, Array]:
@@ -159,17 +169,12 @@ class Timed:
 
 def timed(seen: Observed, said: Said) -> Timed:
     """Return the logarithm of the density of each cell's times, with its slopes."""
-    nothing = np.zeros_like(said.error)
-    means = _timed_mean(seen, said, nothing, said.error)
-    found = [np.where((seen.n > 0)[:, None], part, 0.0) for part in means]
-    for place in np.flatnonzero(seen.single):
-        cell = _timed_singles(_cell(seen, int(place)), said.cell(int(place)))
-        for part, value in zip(found, cell, strict=True):
-            part[place] = value
+    having = (seen.n > 0)[:, None]
+    log, first, second = (np.where(having, part, 0.0) for part in _timed_mean(seen, said))
+    log = log + _log_late(seen, said)
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
     anyhow = seen.shifts[:, None] * np.log(ANYTHING / seen.timeout)
     known = np.isfinite(said.mean)
-    log, first, second = found
     first, second = (np.where(known, np.nan_to_num(part), 0.0) for part in (first, second))
     return Timed(np.where(known, log, anyhow), first, second)
 
@@ -179,95 +184,93 @@ def log_times(seen: Observed, said: Said) -> Array:
     return timed(seen, said).log
 
 
-def _cell(seen: Observed, place: int) -> Observed:
-    one = slice(place, place + 1)
-    counts = seen.engaged[one], seen.failed[one], seen.unknown[one]
-    times = seen.wait[one], seen.mismatch[one], seen.timeout
-    return Observed(seen.singles[one], seen.mean[one], seen.n[one], *counts, *times)
+def sample_spread(freedom: Array) -> tuple[Array, Array]:
+    """Return bias and variance of the logarithm of a sample's standard deviation.
 
-
-def _timed_singles(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
-    """Return log, slope and curvature of a cell with single shifts, (m,), offset integrated out.
-
-    Gauss-Hermite's nodes lie where the offset is likely after a look at the medians.
+    They are those of normal times; both are 0 without ``freedom``.
     """
-    times, error = seen.singles[0], said.error[0]
-    middle, width = _at_share(said.times[0], 0.5), bulk_width(said)
-    weight = times.size / width**2
-    apart = np.median(times) - middle
-    # Far from the bulk the density is flat, and no offset more likely than before.
-    near = np.abs(apart) < FAR * np.hypot(width, error)
-    variance = 1.0 / (1.0 / error**2 + np.where(near, weight, 0.0))
-    centre = np.where(near, variance * weight * apart, 0.0)
-    kernels = _kernels(said.times[0])
-    nodes, offsets = [], []
-    for node, log_weight in zip(_NODES, _LOG_WEIGHTS, strict=True):
-        offset = centre + node * np.sqrt(variance)
-        prior = 0.5 * node**2 - 0.5 * (offset / error) ** 2 + np.log(np.sqrt(variance) / error)
-        each = log_singles(seen, said, offset, kernels).sum(axis=1)
-        if seen.n[0]:
-            each = each + log_mean(seen, said, offset[None], 0.0 * said.error)[0]
-        nodes.append(log_weight + prior + each)
-        offsets.append(offset)
-    log, moved = log_sum(np.stack(nodes), axis=0), np.stack(offsets) / error**2
-    share = np.exp(np.stack(nodes) - log)
-    first = (share * moved).sum(axis=0)
-    second = 1.0 / error**2 - (share * (moved - first) ** 2).sum(axis=0)
-    # Four nodes may miss it where shifts lie far off: it is not far below that of normal shifts.
-    least = 0.5 / (error**2 + width**2 / times.size)
-    return log, first, np.maximum(second, least)
+    half = np.maximum(freedom, 1.0) / 2.0
+    bias, variance = 0.5 * (digamma(half) - np.log(half)), 0.25 * polygamma(1, half)
+    return np.where(freedom > 0, bias, 0.0), np.where(freedom > 0, variance, 0.0)
 
 
-def bulk_width(said: Said) -> Array:
-    """Return the spread of the bulk of a cell's times by their quartiles, s, (m,)."""
-    low, high = (_at_share(said.times[0], share) for share in (0.25, 0.75))
-    width: Array = np.clip((high - low) / 1.35, LEAST, said.sd[0])
-    return width
+def _log_spread(seen: Observed, said: Said, shape: Array | float) -> Array:
+    """Return the log density of the logarithm of single shifts' spread, (cells, m)."""
+    bias, own = sample_spread(seen.freedom)
+    variance = own[:, None] + np.square(shape)
+    apart = (seen.log_sd - bias)[:, None] - np.log(said.sd)
+    log: Array = -0.5 * apart**2 / variance - 0.5 * np.log(variance) - np.log(ROOT)
+    return np.where(seen.freedom[:, None] > 0, log, 0.0)
 
 
-def _at_share(times: Array, share: float) -> Array:
-    """Return what a share of ascending times (m, q) lies below, (m,)."""
-    place = share * (times.shape[1] - 1)
-    low = int(place)
-    high = min(low + 1, times.shape[1] - 1)
-    value: Array = times[:, low] + (place - low) * (times[:, high] - times[:, low])
-    return value
+def _spread(seen: Observed, said: Said) -> Array:
+    """Return the spread that the simulation and the sample tell together, s, (cells, m)."""
+    bias, own = sample_spread(seen.freedom)
+    share = said.shape**2 / np.maximum(said.shape**2 + own[:, None], 1e-12)
+    share = np.where(seen.freedom[:, None] > 0, share, 0.0)
+    told: Array = (1.0 - share) * np.log(said.sd) + share * (seen.log_sd - bias)[:, None]
+    return np.exp(told)
 
 
-def log_mean(seen: Observed, said: Said, offset: Array, error: Array) -> Array:
-    """Return the log density of means whose cells' common ``offset`` (cells, m) is known."""
-    return _timed_mean(seen, said, offset, error)[0]
+def _log_late(seen: Observed, said: Said) -> Array:
+    """Return the log density of number and times of the late single shifts, (cells, m)."""
+    late = np.array([times.size for times in seen.late], dtype=float)[:, None]
+    soon = seen.single[:, None] - late
+    a, b = LATE_KNOWN * said.late, LATE_KNOWN * (1.0 - said.late)
+    log: Array = betaln(a + late, b + soon) - betaln(a, b)
+    for place in np.flatnonzero(late[:, 0]):
+        log[place] += _log_tail(seen, said, int(place))
+    return log
 
 
-def _timed_mean(
-    seen: Observed, said: Said, offset: Array, error: Array
-) -> tuple[Array, Array, Array]:
+def _log_tail(seen: Observed, said: Said, place: int) -> Array:
+    """Return the log density of the late shifts of a cell, (m,)."""
+    first, last = said.times[place, :, :1], said.times[place, :, -1:]
+    behind = np.nan_to_num(said.behind[place], nan=seen.wait[place])[:, None]
+    scale = np.maximum(behind, last - first)
+    after = np.maximum(0.0, seen.late[place] - first)
+    tail = (1.0 + after / scale) ** -2 / scale
+    log: Array = np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
+    return log
+
+
+def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     """Return the log density of means with slope and curvature, (cells, m) each."""
-    share, score, width = _waits(seen, said, offset, error)
+    share, score, width = _waits(seen, said)
     parts = share - 0.5 * score**2 - np.log(width * ROOT)
+    parts[..., :WAITS] += _log_spread(seen, said, said.shape)[..., None]
+    parts[..., WAITS:] += _log_spread(seen, said, MISSHAPEN)[..., None]
     log = log_sum(parts, axis=2)
     weight, steep = np.exp(parts - log[..., None]), score / width
     first = (weight * steep).sum(axis=2)
     second = (weight * (width**-2.0 - (steep - first[..., None]) ** 2)).sum(axis=2)
     # Between two modes the curve bends upwards; a parabola must not rise above the modes.
-    below = np.maximum(-np.log(width[..., 0] * ROOT) - log, 0.5)
+    most = parts[..., 0] - share[..., 0] + 0.5 * score[..., 0] ** 2
+    below = np.maximum(most - log, 0.5)
     return log, first, np.maximum(second, 0.5 * first**2 / below)
 
 
-def _waits(seen: Observed, said: Said, offset: Array, error: Array) -> tuple[Array, Array, Array]:
-    """Return of 0, 1, ... shifts that waited: log probability, score, width, (cells, m, w)."""
-    n, share = np.maximum(1.0, seen.n)[:, None, None], said.late[..., None]
+def _waits(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
+    """Return the parts of a mean's density: log share, score, width, (cells, m, parts).
+
+    They are 0, 1, ... late shifts within it, and last a jump that the emulator missed.
+    """
+    n, share = np.maximum(1.0, seen.n)[:, None], said.late[..., None]
+    hidden = np.maximum(0.0, seen.hidden)[:, None, None]
     waits = np.arange(float(WAITS))
-    with np.errstate(divide="ignore"):
-        ways = gammaln(n + 1) - gammaln(waits + 1) - gammaln(np.maximum(n - waits, 0.0) + 1)
-        log_share = ways + waits * np.log(share) + (n - waits) * np.log1p(-share)
-    log_share = np.where(waits <= n, log_share, -1e9)
+    ways = gammaln(hidden + 1) - gammaln(waits + 1) - gammaln(np.maximum(hidden - waits, 0.0) + 1)
+    log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
+    log_share = np.where(waits <= hidden, log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, said)
-    centre = (said.mean + offset)[..., None] + waits * behind[..., None] / n
-    width = np.sqrt(
-        (said.sd**2 / n[..., 0] + error**2)[..., None] + waits * (wide[..., None] / n) ** 2
-    )
+    whole = _spread(seen, said) ** 2 / n + said.error**2
+    width = np.sqrt(whole[..., None] + waits * ((wide / n) ** 2)[..., None])
+    centre = said.mean[..., None] + waits * (behind / n)[..., None]
+    if said.missed:
+        missed = np.full_like(said.mean, np.log(said.missed))[..., None]
+        log_share = np.concatenate([log_share + np.log1p(-said.missed), missed], axis=2)
+        width = np.concatenate([width, np.sqrt(whole + said.jump**2)[..., None]], axis=2)
+        centre = np.concatenate([centre, said.mean[..., None]], axis=2)
     return log_share, (seen.mean[:, None, None] - centre) / width, width
 
 
@@ -280,40 +283,6 @@ def _behind(seen: Observed, said: Said) -> tuple[Array, Array]:
     wait = np.maximum(0.0, np.minimum(seen.wait[:, None], said.mean) - seen_range)
     known = np.isfinite(said.behind)
     return np.where(known, said.behind, wait), np.where(known, said.behind_sd, wait)
-
-
-def _kernels(times: Array) -> tuple[Array, Array]:
-    """Return centres and widths of kernels from quantiles (m, q), s, (m, about KERNELS)."""
-    step = max(1, times.shape[1] // KERNELS)
-    whole = times.shape[1] // step * step
-    centres = times[:, :whole].reshape(len(times), -1, step).mean(axis=2)
-    if centres.shape[1] < 2:
-        return centres, np.full_like(centres, LEAST)
-    return centres, np.maximum(KERNEL * np.gradient(centres, axis=1), LEAST)
-
-
-def log_singles(seen: Observed, said: Said, offset: Array, kernels: tuple[Array, Array]) -> Array:
-    """Return the log density of each single shift of one cell, (m, k), given its offset (m,)."""
-    times = seen.singles[0]
-    centres, widths = kernels
-    # In single precision: what it loses is far below the error of the kernels.
-    over = (1.0 / widths).astype(np.float32)
-    score = (times[None, :] - offset[:, None]).astype(np.float32)[:, :, None] * over[:, None, :]
-    score -= (centres / widths).astype(np.float32)[:, None, :]
-    score *= score
-    score *= np.float32(-0.5)
-    np.exp(score, out=score)
-    bulk = np.einsum("mkq,mq->mk", score, over) / (centres.shape[1] * ROOT)
-    first = (said.times[0, :, 0] + offset)[:, None]
-    seen_range = said.times[0, :, -1] - said.times[0, :, 0]
-    behind = np.where(np.isfinite(said.behind[0]), said.behind[0], seen.wait[0])
-    scale = np.maximum(behind, seen_range)[:, None]
-    late = times[None, :] - first
-    slow = np.where(late > 0.0, (1.0 + np.maximum(late, 0.0) / scale) ** -2 / scale, 0.0)
-    late = said.late[0][:, None]
-    whole = (1.0 - late - ANYTHING) * bulk + late * slow + ANYTHING / seen.timeout
-    result: Array = np.log(whole)
-    return result
 
 
 def log_engaged(seen: Observed, said: Said, failed: Array) -> Array:
@@ -336,32 +305,25 @@ def beta_of(said: Said) -> tuple[Array, Array]:
 
 
 def time_score(seen: Observed, said: Said) -> Array:
-    """Return how far the times lie from what is said of them, normal scores, (cells, m).
+    """Return how far the means lie from what is said of them, normal scores, (cells, m).
 
-    Of single shifts the ranks in their distribution count, so that no single one can be more
-    than a few standard errors; of a mean its distribution function. Zero without times.
+    Zero without times.
     """
-    one, both = np.sqrt(seen.single)[:, None], np.sqrt(np.maximum(1, seen.shifts))[:, None]
-    scores = np.sqrt(seen.n)[:, None] * _mean_score(seen, said)
-    for place in np.flatnonzero(seen.single):
-        scores[place] += one[place] * _rank_score(seen.singles[place], said.cell(int(place)))
-    whole: Array = np.nan_to_num(scores / both, nan=20.0)
-    return whole
-
-
-def _rank_score(times: Array, said: Said) -> Array:
-    centres, widths = _kernels(said.times[0])
-    rank = ndtr((times[None, :, None] - centres[:, None]) / widths[:, None]).mean(axis=2)
-    normal = ndtri(np.clip(rank, CLIP, 1.0 - CLIP)).mean(axis=1)
-    # An offset of a narrow bulk with a rare tail moves all ranks.
-    score: Array = normal / np.sqrt(1.0 / times.size + (said.error[0] / bulk_width(said)) ** 2)
-    return score
-
-
-def _mean_score(seen: Observed, said: Said) -> Array:
-    share, apart, _ = _waits(seen, said, np.zeros_like(said.error), said.error)
+    share, apart, _ = _waits(seen, said)
     below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
     scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
-    return np.where((seen.n > 0)[:, None], scores, 0.0)
+    scores = np.where((seen.n > 0)[:, None], scores, 0.0)
+    return np.nan_to_num(scores, nan=20.0)
+
+
+def spread_score(seen: Observed, said: Said) -> Array:
+    """Return how far spreads of single shifts lie from what is said of them, (cells, m).
+
+    Normal scores, zero without; none counts more than a jump that the emulator missed.
+    """
+    bias, own = sample_spread(seen.freedom)
+    apart = (seen.log_sd - bias)[:, None] - np.log(said.sd)
+    scores = np.clip(apart / np.sqrt(own[:, None] + said.shape**2 + 1e-12), -CLIPPED, CLIPPED)
+    return np.where(seen.freedom[:, None] > 0, scores, 0.0)

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.bench import Bench
+from diagnosis.late import bulk
 from diagnosis.marks import SeenFlight, flights_of
 from diagnosis.reading import Cell
 from diagnosis.spread import Array
 from sim.clutch import Clutch
+
+LEAST = 0.5e-3  #: s, the least spread of single shifts
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,11 @@ class Observed:
     Parameters
     ----------
     singles : times of single shifts, cell by cell, (k,) each.
-    mean, n : grand mean of the shifts that are only known as means, and their number.
+    late : those of them that are late (``diagnosis.late``), likewise.
+    mean, n : grand mean of all other shifts with a time, alone or within means, and their number.
+    hidden : how many of these are only known within means, where late ones may hide.
+    log_sd, freedom : logarithm of the standard deviation of the single shifts that are not late,
+        and its degrees of freedom; 0 for both where there are fewer than two.
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
     mismatch : rad/s.
@@ -29,8 +36,12 @@ class Observed:
     """
 
     singles: tuple[Array, ...]
+    late: tuple[Array, ...]
     mean: Array
     n: Array
+    hidden: Array
+    log_sd: Array
+    freedom: Array
     engaged: Array
     failed: Array
     unknown: Array
@@ -52,7 +63,7 @@ class Observed:
     @property
     def shifts(self) -> Array:
         """Number of shifts with a time, alone or within a mean, (cells,)."""
-        whole: Array = self.single + self.n
+        whole: Array = self.n + np.array([times.size for times in self.late])
         return whole
 
     @property
@@ -63,28 +74,47 @@ class Observed:
     @property
     def time(self) -> Array:
         """Mean time of all shifts that have one, s, (cells,); NaN for none."""
-        whole = np.array([times.sum() for times in self.singles]) + self.n * self.mean
+        whole = np.array([times.sum() for times in self.late]) + self.n * self.mean
         return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
 
 
 def observe(bench: Bench) -> Observed:
     """Return what a data set has."""
-    means = [_grand_mean(cell) for cell in bench.cells]
+    told = [_told(cell) for cell in bench.cells]
     waits = [_wait(cell, bench.clutch) for cell in bench.cells]
     counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    mean, n = np.array(means, dtype=float).reshape(-1, 2).T
+    mean, n, hidden, log_sd, freedom = np.array([one for _, one in told]).reshape(-1, 5).T
     engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
-    singles = tuple(cell.times for cell in bench.cells)
-    counted = engaged, failed, unknown
-    slips = np.array([cell.point.mismatch for cell in bench.cells])
-    times = np.array(waits), slips, bench.clutch.timeout
-    return Observed(singles, mean, n, *counted, *times, flights_of(bench))
+    return Observed(
+        singles=tuple(cell.times for cell in bench.cells),
+        late=tuple(late for late, _ in told),
+        mean=mean,
+        n=n,
+        hidden=hidden,
+        log_sd=log_sd,
+        freedom=freedom,
+        engaged=engaged,
+        failed=failed,
+        unknown=unknown,
+        wait=np.array(waits),
+        mismatch=np.array([cell.point.mismatch for cell in bench.cells]),
+        timeout=bench.clutch.timeout,
+        flights=flights_of(bench),
+    )
 
 
-def _grand_mean(cell: Cell) -> tuple[float, int]:
+def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float, float]]:
+    """Return late shifts of a cell; mean, number and hidden ones of the others; log sd, freedom."""
     means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
-    count = sum(n for _, n in means)
-    return sum(t * n for t, n in means) / max(1, count), count
+    hidden = sum(n for _, n in means)
+    times = cell.times
+    soon = bulk(times) if times.size else times
+    timely = times[np.isfinite(soon)]
+    n = hidden + timely.size
+    mean = (sum(t * k for t, k in means) + float(timely.sum())) / max(1, n)
+    freedom = max(0, timely.size - 1)
+    spread = max(LEAST, float(timely.std(ddof=1))) if freedom else 1.0
+    return times[np.isnan(soon)], (mean, n, hidden, float(np.log(spread)), freedom)
 
 
 def _wait(cell: Cell, clutch: Clutch) -> float:

@@ -1,8 +1,8 @@
 r"""The hypothesis *unknown*: a structured gap that no known effect explains.
 
 Every cell's times are those of the baseline, moved by an offset :math:`b_c` of their own and
-stretched by a common factor. The offsets are a Gaussian process over the logarithms of force and
-mismatch,
+stretched by a common factor, or in each cell by another. The offsets are a Gaussian process over
+the logarithms of force and mismatch,
 
 .. math:: K_{ij} = A^2 w_i w_j (\rho e^{-d_{ij}^2 / 2 \ell^2} + (1 - \rho) \delta_{ij}),
 
@@ -32,7 +32,9 @@ from sim.units import RPM
 SCALES = np.geomspace(0.005, 0.4, 12)  #: A, s
 LENGTHS = (0.5, 1.5, 5.0)  #: in units of the natural logarithm
 SMOOTH = 0.8  #: share of the variance that neighbours have in common
-STRETCHES = {0.5: 0.25, 1.0: 0.5, 2.0: 0.25}  #: with their prior probabilities
+#: Stretches of the spread, each with an error of its logarithm (None: the simulation's own), and
+#: their prior probabilities.
+STRETCHES = {(0.5, None): 0.2, (1.0, None): 0.4, (2.0, None): 0.2, (2.0, 1.5): 0.2}
 OFFSETS = np.sinh(np.linspace(-6.0, 6.0, 121)) / 4.0  #: in standard errors, to 50 either side
 
 
@@ -139,8 +141,8 @@ def unknown(problem: Problem, bench: Bench) -> Unknown:
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )
     models = []
-    for stretch, weight in STRETCHES.items():
-        offsets = _offsets(seen, _stretched(said, stretch))
+    for (stretch, shape), weight in STRETCHES.items():
+        offsets = _offsets(seen, _stretched(said, stretch, shape))
         models += _grid(places, means, offsets, np.log(weight), problem.common)
     plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
     flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
@@ -167,20 +169,20 @@ def _grid(
     return found
 
 
-def _stretched(said: Said, factor: float) -> Said:
+def _stretched(said: Said, factor: float, shape: float | None) -> Said:
     times = said.mean[..., None] + factor * (said.times - said.mean[..., None])
-    return replace(said, times=times, sd=factor * said.sd)
+    error = said.shape if shape is None else np.full_like(said.shape, shape)
+    return replace(said, times=times, sd=factor * said.sd, shape=error)
 
 
 def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
     """Return each cell's likelihood over its offset in the form of a normal density."""
-    middle = np.array([np.median(t) if t.size else 0.0 for t in seen.singles])
-    middle = np.where(seen.single > 0, middle, seen.mean)
-    step = np.hypot(said.sd[:, 0] / np.sqrt(np.maximum(1, seen.shifts)), said.error[:, 0])
-    offsets = (middle - said.mean[:, 0])[:, None] + step[:, None] * OFFSETS
-    moved = said.moved(offsets)
-    log = log_times(seen, moved) + np.log(np.gradient(OFFSETS) * step[:, None])
-    known = (seen.shifts > 0) & np.isfinite(said.mean[:, 0])
+    # A cell's own offset is no jump that the emulator missed.
+    plain = replace(said, missed=0.0)
+    step = np.hypot(plain.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), plain.error[:, 0])
+    offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
+    log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
+    known = (seen.n > 0) & np.isfinite(plain.mean[:, 0])
     return tuple(
         _offset(row, line) if there else None
         for row, line, there in zip(offsets, log, known, strict=True)

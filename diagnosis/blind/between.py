@@ -3,9 +3,9 @@
 MuJoCo's dogs pass each other a little sooner than Drake's, alike at all strengths of all effects.
 That is no effect, and a diagnosis that met it unprepared would name one for it. So before the first
 case both engines make the same shifts without any effect, at the even angles of the bank, and
-what MuJoCo's take longer on average is added to all that the diagnosis foretells of that operating
-point. Shifts that take another slot (more than a tenth apart) say nothing of it. What is left
-between the engines where effects act is the common error ``REST``.
+what MuJoCo's take longer on average, late ones aside, is added to all that the diagnosis foretells
+of that operating point. What is left between the engines where effects act is the common error
+``REST``.
 
 It needs a stand without effects, which real stands are not: there the common error of
 ``diagnosis.likelihood.Rules`` stands for all of it.
@@ -21,13 +21,13 @@ import numpy as np
 from diagnosis.bank import Bank
 from diagnosis.blind.engine import Draw, Engine
 from diagnosis.blind.stand import Point, Stand
+from diagnosis.late import bulk
 from diagnosis.likelihood import Rules
 from diagnosis.spread import Array, FlightEmulator, Hypothesis, Marks, Spread
 from sim.actuation import ForceProfile
 from sim.setting import Setting
 
-SAME = 0.1  #: relative difference up to which two shifts take the same slot
-REST = 0.02  #: common error that is left, as share of the mean time
+REST = 0.03  #: common error that is left, as share of the mean time
 SOON = 1e-3  #: s, no time is less
 RULES = Rules(common_error=REST)
 
@@ -36,11 +36,10 @@ def engines_apart(stand: Stand, bank: Bank) -> list[float]:
     """Return by how much MuJoCo's shifts are later than the bank's at each of its points, s."""
     engine = Engine(stand)
     found = []
-    few = np.take_along_axis(bank.angles, bank.common, axis=1)
-    for setting, angles, first in zip(bank.settings, few, bank.base, strict=True):
-        times = second_times(engine, setting, angles)
-        same = same_slot(first, times)
-        found.append(float((times - first)[same].mean()) if same.any() else 0.0)
+    for setting, angles, first in zip(bank.settings, bank.angles, bank.baseline, strict=True):
+        apart = second_times(engine, setting, angles) - first
+        both = timely(first, first + apart)
+        found.append(float(apart[both].mean()) if both.any() else 0.0)
     return found
 
 
@@ -52,11 +51,9 @@ def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> A
     return np.array([np.nan if time is None else time for time in times])
 
 
-def same_slot(first: Array, second: Array) -> np.ndarray:
-    """Tell which shifts of two engines, s, (n,) each, took the same slot."""
-    with np.errstate(invalid="ignore"):
-        found: np.ndarray = np.isfinite(first) & (abs(second - first) <= SAME * first)
-    return found
+def timely(first: Array, second: Array) -> np.ndarray:
+    """Tell which shifts of two engines, s, (n,) each, are late in neither (``diagnosis.late``)."""
+    return np.isfinite(bulk(first)) & np.isfinite(bulk(second))
 
 
 @dataclass(frozen=True)

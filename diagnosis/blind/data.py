@@ -77,8 +77,14 @@ def even_times(
     return [[engine.shift(point, Draw(float(a))).time for a in angles] for point in points]
 
 
-def write_case(folder: Path, name: str, base: Path, case: Case, series: Series) -> None:
-    """Write the data of a case; nothing of its truth is in them."""
+def write_case(
+    folder: Path, name: str, base: Path, case: Case, series: Series
+) -> list[list[float | None]]:
+    """Write the data of a case; nothing of its truth is in them.
+
+    Return the times in s as they stand beside the operating points, None for shifts that did not
+    engage.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bench.toml").write_text(_bench(base, name), encoding="utf-8")
     places = _swapped(series.points) if case.swapped else range(len(series.points))
@@ -89,6 +95,7 @@ def write_case(folder: Path, name: str, base: Path, case: Case, series: Series) 
             given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{point.rise:.10g}")
             for row in _rows(folder, case, series, place):
                 table.writerow((*given, *row))
+    return [series.times[place] for place in places]
 
 
 def _bench(base: Path, name: str) -> str:

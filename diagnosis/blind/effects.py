@@ -111,10 +111,10 @@ FIELDS: dict[str, tuple[str, float]] = {
 
 #: Outside the list: fields of the truth at a strength in [0, 1].
 OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
-    "drift": lambda s: {"drift": 1.05 * s},
+    "drift": lambda s: {"drift": min(0.95, 1.05 * s)},
     "sticking_valve": lambda s: {"sticking": 0.2 * s},
-    "speed_ripple": lambda s: {"ripple": 25.0 * RPM * s},
-    "high_dog": lambda s: {"high_dog": 0.8 * MM * s},
+    "speed_ripple": lambda s: {"ripple": 90.0 * RPM * s},
+    "high_dog": lambda s: {"high_dog": 1.6 * MM * s},
     #: A fifth of the force is there before most rings have landed: the first stage lies below.
     "two_stages": lambda s: {"stage": 0.15 - 0.14 * s, "stage_time": 0.1 + 0.2 * s},
     #: Times stand beside the wrong forces, in reverse order: the table's fault.

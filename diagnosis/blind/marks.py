@@ -3,8 +3,10 @@ r"""What one case says of the diagnosis: truth beside what was found.
 The size of a case's gap is that of its means against the same engine without any effect, in
 sampling errors of the means, less what chance alone gives:
 
-.. math:: g^2 = \max(0, \overline{z^2} - 1), \qquad
-   z = (\bar t - \bar t_0) / (\sigma_0 / \sqrt n).
+.. math:: g^2 = \max(0, \overline{z^2} - c), \qquad
+   z = (\bar t - \bar t_0) / (\sigma_0 / \sqrt n),
+
+with *c* what chance alone gives.
 """
 
 from __future__ import annotations
@@ -15,12 +17,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
+
+from diagnosis.late import Array, bulk
 
 Record = dict[str, Any]
 Names = tuple[str, ...]
 
 LEAST = 0.5e-3  #: s, the least spread of single shifts
 CREDIBLE = 0.9
+COUNTED = 0.9  #: share of the operating points that a gap's size counts
+#: Mean square of the least nine tenths of standard normal numbers.
+CHANCE = float(chi2.cdf(chi2.ppf(COUNTED, 1), 3) / COUNTED)
 #: Truths that no data of shifts can tell apart.
 UNKNOWN: Names = ("unknown",)
 
@@ -134,22 +142,37 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
 
 
 def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[Any]]) -> float:
-    """Return the size of a gap in sampling errors, from times (points, n) in s with None."""
+    """Return the size of a gap in sampling errors, from times (points, n) in s with None.
+
+    Late shifts (``diagnosis.late``) are left out, and so is the tenth of the operating points with
+    the largest *z*: a few shifts of ten that skip a slot by chance move a narrow mean by more than
+    most effects do.
+    """
     squares = []
     for mine, without in zip(times, free, strict=True):
-        bench = [t for t in mine if t is not None]
-        base = [t for t in without if t is not None]
-        if not bench or not base:
-            return math.inf if bool(bench) != bool(base) else 0.0
-        z = (np.mean(bench) - np.mean(base)) / sampling_error(base, len(bench))
+        bench, base = timely(mine), timely(without)
+        if not bench.size or not base.size:
+            return math.inf if bool(bench.size) != bool(base.size) else 0.0
+        z = (bench.mean() - base.mean()) / sampling_error(without, bench.size)
         squares.append(float(z) ** 2)
-    return math.sqrt(max(0.0, float(np.mean(squares)) - 1.0))
+    return math.sqrt(max(0.0, counted(squares) - CHANCE))
+
+
+def counted(squares: Sequence[float]) -> float:
+    """Return the mean of those operating points that count, the largest being left out."""
+    return float(np.sort(squares)[: max(1, math.ceil(COUNTED * len(squares)))].mean())
+
+
+def timely(times: Sequence[float | None]) -> Array:
+    """Return the times of shifts that engaged and are not late, s, (k,)."""
+    engaged = np.array([t for t in times if t is not None], dtype=float)
+    return engaged[np.isfinite(bulk(engaged))] if engaged.size else engaged
 
 
 def sampling_error(free: Sequence[float | None], count: int) -> float:
     """Return the standard error, s, of a mean of ``count`` shifts from times without any effect."""
-    base = [t for t in free if t is not None]
-    spread = float(np.std(base, ddof=1)) if len(base) > 1 else LEAST
+    base = timely(free)
+    spread = float(base.std(ddof=1)) if base.size > 1 else LEAST
     return max(LEAST, spread) / math.sqrt(count)
 
 

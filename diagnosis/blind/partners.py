@@ -23,9 +23,10 @@ import numpy as np
 
 from diagnosis.blind.data import even_times
 from diagnosis.blind.effects import truth_of
-from diagnosis.blind.marks import sampling_error
+from diagnosis.blind.marks import counted, sampling_error
 from diagnosis.blind.sealed import Advance, ignore, manifest_of, pool, read, write
 from diagnosis.blind.stand import Point, Stand, Truth, read_stand
+from diagnosis.late import bulk
 
 Record = dict[str, Any]
 
@@ -43,11 +44,11 @@ def partner_gaps(
     """
     path, seal = folder / KEPT, manifest_of(folder)["key_sha256"]
     found = _kept(folder)
-    points = tuple(Point(*point) for point in key["points"])
     with pool(jobs) as submit:
         pending = {}
         for name, case in _left(folder, key).items():
             stand = read_stand(folder / "cases" / name)
+            points = tuple(Point(*point) for point in key["points"])
             pending[submit(weaker_of, stand, points, case, key)] = name
         for future in as_completed(pending):
             name = pending[future]
@@ -92,7 +93,7 @@ def weaker_of(stand: Stand, points: Sequence[Point], case: Record, key: Record) 
     for name in every:
         rest = {other: values for other, values in every.items() if other != name}
         z = (whole - even_means(stand, points, truth_of(rest, {}))) / errors
-        sizes.append(float(np.sqrt(np.nanmean(z**2))))
+        sizes.append(float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist()))))
     return min(sizes)
 
 
@@ -101,8 +102,8 @@ def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarra
     turns = (np.arange(ANGLES) + 0.5) / ANGLES
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
     times = np.array(even_times(stand, points, ANGLES, truth), float)
-    having = np.isfinite(times)
-    # Where no shift engages there is no mean.
+    having = np.isfinite(bulk(times))
+    # Late shifts are left out, as in the size of a gap; where no shift engages there is no mean.
     share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
     found: np.ndarray = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
     return found

@@ -4,6 +4,7 @@
     DIR/manifest.json       how many, hashes of the key and of all data; made before any diagnosis
     DIR/key.json            truth and a salt, without which its hash cannot be guessed
     DIR/results/case_00.json  what was found
+    DIR/making/             while a set is made: what is finished, truth too; gone once it is sealed
 
 ``run`` reads ``manifest.json`` and ``cases`` and never opens the key. It refuses data that are not
 those of the manifest, and goes on where it was stopped.
@@ -22,6 +23,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 from diagnosis.blind.cases import Case, cases_of
@@ -35,6 +37,7 @@ Advance = Callable[[int], None]
 
 REFERENCE = {"small": 4, "full": 24}  #: even angles of the reference without any effect
 SMALL_FORCES = 2  #: a small set has so many forces, lowest and highest first
+MAKING = "making"
 FORMAT = 1
 
 
@@ -61,11 +64,11 @@ def points_for(wanted: Wanted) -> tuple[Point, ...]:
 
 
 def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = None) -> Record:
-    """Write a set of sealed cases and return its manifest.
+    """Write a set of sealed cases and return its manifest; goes on where it was stopped.
 
     Raises StorageError where the folder has a set already, InputError for an unknown set.
     """
-    if (folder / "manifest.json").exists() or (folder / "key.json").exists():
+    if (folder / "manifest.json").exists():
         raise StorageError(f"{folder} has a set of cases already; give another folder")
     cases = cases_of(wanted.which, wanted.size, wanted.seed)
     stand, points = read_stand(wanted.base), points_for(wanted)
@@ -84,7 +87,9 @@ def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = 
         name: {**case.record(), "times_s": mine}
         for name, case, mine in zip(names, cases, times, strict=True)
     }
-    return _seal(folder, wanted, points, truths, free)
+    manifest = _seal(folder, wanted, points, truths, free)
+    rmtree(folder / MAKING, ignore_errors=True)
+    return manifest
 
 
 def _seal(
@@ -115,9 +120,16 @@ def _seal(
 def _one(
     stand: Stand, points: tuple[Point, ...], folder: Path, base: Path, case: Case
 ) -> list[list[float | None]]:
-    series = simulate(stand, points, case)
-    write_case(folder, folder.name, base, case, series)
-    return series.times
+    """Make a case, or take it as an interrupted run made it, and return its times."""
+    kept = folder.parent.parent / MAKING / f"{folder.name}.json"
+    asked = {**case.record(), "points": [[p.mismatch, p.force, p.rise] for p in points]}
+    if kept.exists() and (made := read(kept, "remove it"))["case"] == asked:
+        times: list[list[float | None]] = made["times_s"]
+        return times
+    times = write_case(folder, folder.name, base, case, simulate(stand, points, case))
+    kept.parent.mkdir(exist_ok=True)
+    write(kept, json.dumps({"case": asked, "times_s": times}))
+    return times
 
 
 def hash_of(folder: Path) -> str:

@@ -8,12 +8,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from diagnosis.blind import sealed
 from diagnosis.blind.intervals import calibration, mean, share
-from diagnosis.blind.marks import gap_size, mark_of
-from diagnosis.blind.score import score, scored
+from diagnosis.blind.marks import CHANCE, gap_size, mark_of
+from diagnosis.blind.score import VISIBLE, score, scored
 from sim.errors import InputError, StorageError
 
 FREE = [[0.1, 0.2, 0.3, 0.4]]
@@ -94,11 +95,27 @@ def test_figures_count_what_they_say() -> None:
     json.dumps(found, allow_nan=False)
 
 
+def test_chance_alone_has_no_size_whatever_skips_a_slot() -> None:
+    """Ten draws at 28 points, a late one and two odd points among them, against 24 others."""
+    generator = np.random.default_rng(5)
+    sizes = []
+    for _ in range(40):
+        mine, free = (generator.normal(0.06, 0.003, (28, n)) for n in (10, 24))
+        mine[3, 2] = free[8, 1] = 0.3
+        mine[5, :4] = mine[20, :4] = 0.09
+        sizes.append(gap_size(mine.tolist(), free.tolist()))
+    # The reference errs too, by the root of 10/24 of one error.
+    assert np.mean(sizes) < 0.55 * VISIBLE
+    assert max(sizes) < VISIBLE
+    least = np.sort(generator.normal(size=100_000) ** 2)[:90_000]
+    assert pytest.approx(least.mean(), rel=0.02) == CHANCE
+
+
 def test_only_gaps_beyond_two_errors_are_visible() -> None:
     """A shift by s of four readings of spread s0 is s / (s0 / 2) errors."""
     spread = math.sqrt(0.05 / 3.0)
     size = gap_size([[t + 0.3 for t in FREE[0]]], FREE)
-    assert size == pytest.approx(math.sqrt((0.3 / (0.5 * spread)) ** 2 - 1.0))
+    assert size == pytest.approx(math.sqrt((0.3 / (0.5 * spread)) ** 2 - CHANCE))
     assert gap_size([[t + 0.01 for t in FREE[0]]], FREE) == 0.0
     assert gap_size([[None, None]], FREE) == math.inf
     assert _score()["visible"]["n"] == 3

@@ -239,7 +239,7 @@ def test_angles_prefer_their_centre_and_drift_takes_the_force(stand: Stand) -> N
     places = np.array([draw.angle for draw in found]) / stand.pitch
     turn = np.angle(np.exp(2j * np.pi * places).mean()) / (2.0 * np.pi)
     assert turn == pytest.approx(0.3, abs=0.02)
-    assert (found[0].fade, found[-1].fade) == pytest.approx((1.0, 0.1))
+    assert (found[0].fade, found[-1].fade) == pytest.approx((1.0, 0.05))
 
 
 def test_a_swapped_column_has_the_times_of_other_forces(tmp_path: Path) -> None:

@@ -8,17 +8,20 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from diagnosis.bench import Bench
 from diagnosis.common_error import Slopes
 from diagnosis.evidence import Sum, evidence, quadrature, sampled
 from diagnosis.hypotheses import spaces_of
-from diagnosis.likelihood import Rules, Said, log_times
+from diagnosis.likelihood import Rules, Said, log_times, sample_spread
 from diagnosis.nested import nested, nested_evidence
 from diagnosis.next_test import Outcome, setting_of, told
-from diagnosis.observed import observe
+from diagnosis.observed import Observed, observe
+from diagnosis.reading import Reading, gather
 from diagnosis.scoring import Predicted, Problem, Rows
 from diagnosis.signature import squared
 from diagnosis.spread import Array, Spread
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from diagnosis.stand import Sensor
+from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 
 CENTRE, WIDTH = (0.37, 0.8, 0.5, 0.2), (0.01, 0.05, 0.02, 0.1)
 
@@ -85,51 +88,61 @@ def test_the_density_of_single_shifts_has_the_volume_of_one(place: int) -> None:
     bench = bench_of({}, np.random.default_rng(1), points=points, single=True, shifts=1)
     seen = observe(bench)
     spread = Toy(points).at((), np.zeros((1, 0)), 0)
-    grid = np.linspace(-0.6, 20.0, 80_000)
+    grid = np.linspace(-10.0, 10.0, 80_000)
     said = Said.of([spread], Rules())
-    moved = said.moved(-grid[None])
-    volume = np.exp(log_times(seen, moved)[0])
-    # Of a shift that may take any time only the part within the grid of offsets counts.
-    anything = 0.002 * (grid[-1] - grid[0]) / bench.clutch.timeout
-    whole = float(np.trapezoid(volume, grid)) - anything
-    assert whole == pytest.approx(1.0, abs=0.02)
+    volume = np.exp(log_times(seen, said.moved(-grid[None]))[0])
+    # The rest is that the shift is late, and then it is no part of the mean.
+    whole = float(np.trapezoid(volume, grid)) + said.late[0, 0]
+    assert whole == pytest.approx(1.0, abs=1e-3)
+
+
+def test_the_spread_of_single_shifts_has_the_density_of_drawn_samples() -> None:
+    """Bias and variance of the logarithm of a sample's spread, and its normal density."""
+    generator = np.random.default_rng(3)
+    for count in (3, 5, 10, 40):
+        drawn = np.log(generator.normal(0.0, 2.0, (40_000, count)).std(axis=1, ddof=1) / 2.0)
+        bias, variance = sample_spread(np.array([count - 1.0]))
+        assert drawn.mean() == pytest.approx(bias[0], abs=0.01)
+        assert drawn.var() == pytest.approx(variance[0], rel=0.05)
 
 
 def test_the_error_of_the_simulation_does_not_average_out() -> None:
-    times = np.broadcast_to(np.linspace(0.098, 0.102, 16), (1, 16))
     one = np.ones(1)
-    spread = Spread.plain(times, one, 0.01 * one, 0.02 * one)
-    points = points_of()[20:21]
+    points = points_of()[8:9]
     bench = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=400)
     seen = observe(bench)
-    middle = float(np.median(seen.singles[0]))
+    half = math.sqrt(3.0) * math.exp(seen.log_sd[0])
+    times = np.linspace(-half, half, 16)[None]
     curve = []
     for offset in (0.0, 0.01):
-        moved = Spread.plain(
-            times - times.mean() + middle - offset, *(spread.engaged, spread.error), one
-        )
+        moved = Spread.plain(times + seen.mean[0] - offset, one, 0.01 * one, 0.02 * one)
         curve.append(log_times(seen, Said.of([moved], Rules(0.0)))[0, 0])
     # One standard error of the simulation, however many shifts there are.
     assert curve[0] - curve[1] == pytest.approx(0.5, abs=0.3)
 
 
-def test_one_odd_shift_does_not_decide() -> None:
+def test_neither_one_odd_shift_nor_one_odd_cell_decides() -> None:
     times = np.broadcast_to(np.linspace(0.052, 0.072, 16), (1, 16))
     one = np.ones(1)
     said = Said.of([Spread.plain(times, one, 1e-3 * one, 0.02 * one)], Rules())
-    points = points_of()[17:18]
-    good = bench_of({}, np.random.default_rng(0), points=points, single=True, shifts=10)
-    shifts = observe(good)
     usual = np.linspace(0.054, 0.070, 10)
     odd = np.append(usual[:-1], 0.269)
-    log = [log_times(_with_singles(shifts, t), said)[0, 0] for t in (usual, odd)]
+    log = [log_times(_with_singles(t), said)[0, 0] for t in (usual, odd)]
     assert 0.0 < log[0] - log[1] < 9.0
-    all_odd = log_times(_with_singles(shifts, np.full(10, 0.269)), said)[0, 0]
-    assert log[0] - all_odd > 40.0
+    # A jump that the emulator missed is as good as a few nats, and as good wherever it ends.
+    near, far = (log_times(_with_singles(usual + t), said)[0, 0] for t in (0.02, 0.03))
+    assert 5.0 < log[0] - near < 10.0
+    assert abs(near - far) < 1.0
+    sure = Said.of([Spread.plain(times, one, 1e-3 * one, 0.02 * one)], Rules(missed=0.0))
+    usual_sure, far_sure = (log_times(_with_singles(t), sure)[0, 0] for t in (usual, usual + 0.03))
+    assert usual_sure - far_sure > 40.0
 
 
-def _with_singles(seen, times):  # type: ignore[no-untyped-def]
-    return type(seen)(**{**vars(seen), "singles": (times,)})
+def _with_singles(times: np.ndarray) -> Observed:
+    """Return what single shifts of such times are at one operating point."""
+    (point,) = points_of()[17:18]
+    readings = [Reading(k + 2, point, 1, float(t), True) for k, t in enumerate(times)]
+    return observe(Bench("toy", "made up", CLUTCH, gather(readings), None, Sensor()))
 
 
 def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> None:
