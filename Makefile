@@ -5,6 +5,8 @@
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
 # make samplers compares samplers (an hour and a half).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
+# make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
+# stopped, it goes on.
 # make picture draws docs/shift.png and docs/report.png again; it needs Chromium and a study.
 PYTHON ?= python3.11
 VENV := .venv
@@ -17,7 +19,7 @@ EXTRAS := dev,blind,cad,fem,machines,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint evidence surrogate studies samplers picture constraints system clean
+.PHONY: study test lint evidence blind surrogate studies samplers picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -29,6 +31,14 @@ lint: $(VENV)/complete
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy sim surrogate diagnosis pipeline
+
+# BLIND is the folder of the set; SEED draws one of its own.
+BLIND ?= results/blind
+
+blind: $(VENV)/complete
+	test -f $(BLIND)/manifest.json || $(BIN)/dogshape blind make $(BLIND) $(if $(SEED),--seed $(SEED))
+	$(BIN)/dogshape blind run $(BLIND)
+	$(BIN)/dogshape blind score $(BLIND)
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
   load_height workers effects blind_engines bank evidence

@@ -7,7 +7,7 @@ effects are foretold from both alone (``diagnosis.emulator``); a few are simulat
 off that is.
 
 With 28 operating points and the effects that come with the project the default plan has about
-41 000 shifts. One takes about 0.1 s of processor time, so two cores need 35 minutes; fewer angles
+62 000 shifts. One takes about 0.1 s of processor time, so two cores need 52 minutes; fewer angles
 or levels take less in proportion (``Plan.shifts``, ``Plan.hours``).
 
 A mean of 16 angles errs by milliseconds, so both coefficients of friction are integrated with

@@ -14,7 +14,8 @@ nothing look likeliest: *s* has a wide lognormal prior (``USUAL``).
 
 Left out one by one, levels have residuals :math:`(Py)_i/P_{ii}` of variance :math:`1/P_{ii}`,
 :math:`P = C^{-1} - C^{-1} 1 1^T C^{-1}/(1^T C^{-1} 1)`, :math:`C = k + S` (Dubrule 1983). Where
-their mean square exceeds one, all variances grow by it.
+their mean square exceeds one, all variances grow by it. Times that jump between two levels miss by
+much more than that: ``jumps_of`` says how many and by how much.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ STEPS = (1e-4, 1e-3, 0.01, 0.05, 0.2)  #: shares of the variance that steps may 
 SIZES = np.geomspace(1e-3, 3.0, 12)  #: standard deviations that the logarithm may have
 USUAL = (0.2, 1.5)  #: median of that deviation, and spread of its logarithm
 KEPT = 4  #: places whose correlations are kept
+JUMP = 3.0  #: standard errors beyond which a level that was left out lies behind a jump
 FLOOR = 1e-4  #: relative error of a mean that is always there
 
 
@@ -189,12 +191,26 @@ def _likelihoods(covariance: Array, means: Array) -> tuple[Array, Array]:
     return -0.5 * (misfit + spread + np.log(total)), inverse
 
 
-def _inflation(inverse: Array, means: Array, judged: slice) -> float:
-    """Return the mean square of residuals left out, over their variances, at least 1."""
+def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]:
+    """Return the share of levels that lie behind a jump, and its size in the logarithm (rms)."""
+    missed, error = (part[:, judged] for part in left_out(curves.inverse, means))
+    behind = abs(missed) > JUMP * np.sqrt(curves.inflation) * error
+    if not behind.any():
+        return 0.0, 0.0
+    return float(behind.mean()), float(np.sqrt((missed[behind] ** 2).mean()))
+
+
+def left_out(inverse: Array, means: Array) -> tuple[Array, Array]:
+    """Return by how much levels that are left out miss their curves, and its error, (C, N)."""
     ones = inverse.sum(axis=2)
     total = ones.sum(axis=1)[:, None]
     solved = (inverse * means[:, None]).sum(axis=2)
     solved -= ones * (ones * means).sum(axis=1)[:, None] / total
-    own = np.diagonal(inverse, axis1=1, axis2=2) - ones**2 / total
-    squares = (solved**2 / np.maximum(own, 1e-12))[:, judged]
-    return max(1.0, float(squares.mean()))
+    own = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) - ones**2 / total, 1e-12)
+    return solved / own, own**-0.5
+
+
+def _inflation(inverse: Array, means: Array, judged: slice) -> float:
+    """Return the mean square of residuals left out, over their variances, at least 1."""
+    missed, error = left_out(inverse, means)
+    return max(1.0, float(((missed / error)[:, judged] ** 2).mean()))

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from diagnosis.bank import Bank
 from diagnosis.combination import Interactions, Reach, together
-from diagnosis.curves import Curves, fit_curves
+from diagnosis.curves import Curves, fit_curves, jumps_of
 from diagnosis.flight_store import FlightStore
 from diagnosis.flight_table import FlightTables
 from diagnosis.late import PRIOR, Lateness, bulk, late_shares, lateness
@@ -62,7 +62,8 @@ class Fit:
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
     ``least`` (C,): equal angles at all levels tell less than as many different ones. ``late``
-    (C, N) are shares of late shifts, which means and shapes leave out.
+    (C, N) are shares of late shifts, which means and shapes leave out. ``missed`` is the share of
+    levels that, left out, lie behind a jump, and ``jump`` its size in the logarithm.
     """
 
     effect: Effect
@@ -74,6 +75,8 @@ class Fit:
     shares: Array
     least: Array
     late: Array
+    missed: float
+    jump: float
 
     def at(self, values: Array, cell: int) -> Reach:
         """Return what this effect alone makes at values (m, p)."""
@@ -115,7 +118,9 @@ def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
     likely = _share_curves(curves, shares, doubts)
     first = late_shares(bank.baseline[:, None], dense[:, None], late.share)
     rare = np.concatenate([first, late_shares(times, soon, late.share)], axis=1)
-    return Fit(effect, axes, curves, likely, means, shapes, shares, doubts.min(axis=1), rare)
+    jumps = jumps_of(curves, means, slice(2, None))
+    least = doubts.min(axis=1)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare, *jumps)
 
 
 def _with_first(first: Array, times: Array) -> list[list[Array]]:
@@ -196,18 +201,21 @@ class BankEmulator:
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
         weighted, delay = self._read(read, len(values), cell)
         reaches |= {ANGLES: weighted} if weighted else {}
+        common = np.zeros(1)
         if len(reaches) == 1:
             (whole,) = reaches.values()
-            return self._spread(whole, delay, np.zeros(1), len(values), cell)
-        variances = self._change_variances(parts, weighted, cell)
-        whole = together(base, list(reaches.values()), variances)
-        missed = self.interactions.missed(base, reaches, cell)
-        whole = replace(
-            whole,
-            times=whole.times * np.exp(missed.moved)[:, None],
-            variance=whole.variance + missed.own**2,
-        )
-        return self._spread(whole, delay, missed.common, len(values), cell)
+        else:
+            variances = self._change_variances(parts, weighted, cell)
+            whole = together(base, list(reaches.values()), variances)
+            missed = self.interactions.missed(base, reaches, cell)
+            common = missed.common
+            whole = replace(
+                whole,
+                times=whole.times * np.exp(missed.moved)[:, None],
+                variance=whole.variance + missed.own**2,
+            )
+        spread = self._spread(whole, delay, common, cell)
+        return _repeated(self._with_jumps(spread, hypothesis), len(values))
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
@@ -300,13 +308,22 @@ class BankEmulator:
         """How effects combine, by the pairs that were simulated."""
         return Interactions.of(self.bank)
 
-    def _spread(self, whole: Reach, delay: Array, common: Array, count: int, cell: int) -> Spread:
+    def _with_jumps(self, spread: Spread, hypothesis: Hypothesis) -> Spread:
+        """Return a spread with how often levels of its effects lie behind a jump, and its size."""
+        mine = [self.fits[name] for name in hypothesis if name in self.fits]
+        missed = 1.0 - np.prod([1.0 - fit.missed for fit in mine])
+        jump = max([fit.jump for fit in mine], default=0.0)
+        size = jump * (spread.times.mean(axis=1) - spread.delay)
+        return replace(spread, missed=np.full(1, missed), jump=size)
+
+    def _spread(self, whole: Reach, delay: Array, common: Array, cell: int) -> Spread:
         base = self._baseline(cell)
         mean = whole.times.mean(axis=1)
         variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
         n = self.bank.baseline.shape[1]
         engaged = (whole.engaged * n + 0.5) / (n + 1.0)
-        spread = Spread(
+        nothing = np.zeros(1)
+        return Spread(
             times=whole.times + delay[:, None],
             engaged=engaged,
             error=np.sqrt(variance),
@@ -316,8 +333,9 @@ class BankEmulator:
             behind=np.full(1, self.late.mean[cell]),
             behind_sd=np.full(1, self.late.sd[cell]),
             delay=delay,
+            missed=nothing,
+            jump=nothing,
         )
-        return _repeated(spread, count)
 
     @cached_property
     def _other(self) -> list[float]:

@@ -1,9 +1,9 @@
 """Whether a hypothesis can have made the data at all: its posterior predictive p-value.
 
-Of values drawn from the posterior, each cell gives a normal score for its mean, one for the spread
-of its single shifts and one for its share engaged, and each force profile one for the marks of its
-flight; the sum of their squares is chi-square where the hypothesis holds. The p-value is the mean
-over the posterior (Gelman, Meng and Stern 1996, realised discrepancies).
+Of values drawn from the posterior, each cell gives a normal score for its mean and one for its
+share engaged, and each force profile one for the marks of its flight; the sum of their squares is
+chi-square where the hypothesis holds. The p-value is the mean over the posterior (Gelman, Meng and
+Stern 1996, realised discrepancies).
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from scipy.stats import betabinom, chi2
 
 from diagnosis.common_error import Slopes, explained, shared_errors
 from diagnosis.flight_likelihood import flight_scores
-from diagnosis.likelihood import Said, beta_of, spread_score, time_score
+from diagnosis.likelihood import Said, beta_of, time_score
 from diagnosis.observed import Observed
 from diagnosis.scoring import Problem, Scored
 from diagnosis.spread import Array
@@ -35,7 +35,6 @@ def p_value(problem: Problem, found: Scored) -> float:
     scores = np.vstack(
         [
             timely,
-            spread_score(seen, said)[seen.freedom > 0],
             _engaged_score(seen, said)[telling],
             flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
         ]

@@ -8,17 +8,18 @@ deviation *w*, with the share :math:`\lambda`, has the density
 
 :math:`\mu, \sigma` are mean and spread of simulated shifts that are not late. The error *e* of the
 emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
-(:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of its
-levels; so no single cell decides. Of single shifts that are not late mean and standard deviation
-*s* count,
+(:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of an
+effect's levels; how often that is, levels that are left out say (``diagnosis.curves``). Of single
+shifts that are not late mean and standard deviation *s* count,
 
 .. math:: \ln s \sim N(\ln\sigma + \tfrac12(\psi(\tfrac\nu2) - \ln\tfrac\nu2),
           \tfrac14\psi'(\tfrac\nu2) + \kappa^2),
 
-with :math:`\nu` degrees of freedom, exact for normal times, and :math:`\kappa` the error of the
-simulated spread, which is large where a jump was missed; finer shapes are those of few simulated
-angles. Given *s*, the spread in the density of their mean is the one that both tell. Their number
-of late ones is beta-binomial, and each of these has a heavy tail,
+with :math:`\nu` degrees of freedom, those with which :math:`s^2` has its variance at the simulated
+kurtosis: a few shifts far off, which a sample may miss, tell little of *s*. The error of the
+simulated spread :math:`\kappa` is large where a jump was missed; finer shapes are those of few
+simulated angles. Given *s*, the spread in the density of their mean is the one that both tell.
+Their number of late ones is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
 What cells err in common (``diagnosis.common_error``) needs slope and curvature of all this over
@@ -43,8 +44,9 @@ TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
 ANYTHING = 0.002  #: share of late shifts that may take any time until the time-out
 LEAST_LATE = 0.003  #: least share of late shifts
 LATE_KNOWN = 24.0  #: shifts that the simulated share of late ones counts as
+FEW_LATE = 0.5  #: error of the logarithm of a spread with late shifts in it
 MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
-CLIPPED = 3.0  #: largest score of a spread
+LEAST_FREEDOM = 0.5  #: degrees of freedom
 WAITS = 4  #: most shifts of a mean that may have waited, plus one
 ROOT = float(np.sqrt(2.0 * np.pi))
 
@@ -61,17 +63,13 @@ class Rules:
         without any effect (``diagnosis.common_error``).
     spread_share, spread_error : error of the simulated spread of single shifts, as share of it and
         as share of the simulated mean.
-    missed, missed_error : share of the cells in which the emulator misses a jump, and by how
-        much, as share of the simulated mean.
     """
 
     model_error: float = 0.01
     least_error: float = 0.5e-3
     common_error: float = 0.04
-    spread_share: float = 0.1
+    spread_share: float = 0.2
     spread_error: float = 0.025
-    missed: float = 0.02
-    missed_error: float = 0.6
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,8 @@ class Said:
     ``sd`` and ``mean`` are of shifts that are not late, ``common`` the error of that mean that all
     cells have alike; ``late`` the share of late ones and ``behind``, ``behind_sd`` by how much they
     are; all in s. ``model`` is the part of ``error`` that any simulation has, ``shape`` the error
-    of the logarithm of ``sd``. In the share ``missed`` of cells the mean is off by ``jump``, s.
+    of the logarithm of ``sd``, and ``kurtosis`` that of the times. In the share ``missed`` of cells
+    the mean is off by ``jump``, s.
     """
 
     times: Array
@@ -95,9 +94,10 @@ class Said:
     behind: Array
     behind_sd: Array
     model: Array
-    shape: Array
+    missed: Array
     jump: Array
-    missed: float
+    shape: Array
+    kurtosis: Array
 
     @classmethod
     def of(cls, spreads: list[Spread], rules: Rules) -> Self:
@@ -111,25 +111,26 @@ class Said:
         engaged, engaged_error = (
             np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
         )
-        common, late, behind, wide = (
+        common, late, behind, wide, missed, jump = (
             np.stack([getattr(s, name) for s in spreads])
-            for name in ("common", "late", "behind", "behind_sd")
+            for name in ("common", "late", "behind", "behind_sd", "missed", "jump")
         )
         late = np.maximum(late, max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(behind))
         late = np.clip(late, LEAST_LATE, 1.0 - LEAST_LATE)
         errors = np.maximum(error, 1e-5), engaged_error
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
-        jump = rules.missed_error * simulated
-        parts = mean, sd, common, late, behind, wide, model, shape, jump
-        return cls(times, engaged, *errors, *parts, rules.missed)
+        apart = times - mean[..., None]
+        kurtosis = (apart**4).mean(axis=2) / np.maximum((apart**2).mean(axis=2), 1e-12) ** 2
+        parts = mean, sd, common, late, behind, wide, model, missed, jump, shape, kurtosis
+        return cls(times, engaged, *errors, *parts)
 
     def moved(self, offsets: Array) -> Said:
         """Return what one value says (cells, 1), moved by offsets, s, (cells, m)."""
         one = np.ones_like(offsets[:1])
-        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "missed"}
+        every = {f.name: getattr(self, f.name) for f in fields(self)}
         wide = {n: part * (one if part.ndim == 2 else one[..., None]) for n, part in every.items()}
         times = {"times": self.times + offsets[..., None], "mean": self.mean + offsets}
-        return type(self)(**{**wide, **times}, missed=self.missed)
+        return type(self)(**{**wide, **times})
 
     @property
     def whole(self) -> tuple[Array, Array]:
@@ -189,26 +190,53 @@ def sample_spread(freedom: Array) -> tuple[Array, Array]:
 
     They are those of normal times; both are 0 without ``freedom``.
     """
-    half = np.maximum(freedom, 1.0) / 2.0
+    half = np.maximum(freedom, LEAST_FREEDOM) / 2.0
     bias, variance = 0.5 * (digamma(half) - np.log(half)), 0.25 * polygamma(1, half)
     return np.where(freedom > 0, bias, 0.0), np.where(freedom > 0, variance, 0.0)
 
 
-def _log_spread(seen: Observed, said: Said, shape: Array | float) -> Array:
-    """Return the log density of the logarithm of single shifts' spread, (cells, m)."""
-    bias, own = sample_spread(seen.freedom)
-    variance = own[:, None] + np.square(shape)
-    apart = (seen.log_sd - bias)[:, None] - np.log(said.sd)
+def freedom_of(freedom: Array, kurtosis: Array) -> Array:
+    """Return the degrees of freedom of samples (cells, 1) at a kurtosis (cells, m), (cells, m)."""
+    n = freedom + 1.0
+    ratio = (kurtosis - (n - 3.0) / np.maximum(freedom, 1.0)) / n
+    whole = 2.0 / np.maximum(ratio, 1e-12)
+    return np.where(freedom > 0, np.clip(whole, LEAST_FREEDOM, 2.0 * freedom), 0.0)
+
+
+def _sampled(seen: Observed, said: Said) -> tuple[Array, Array]:
+    """Return bias and variance of the logarithm of the cells' spreads, (cells, m) or (cells, 1)."""
+    freedom = seen.freedom[:, None]
+    return sample_spread(freedom_of(freedom, said.kurtosis) if freedom.any() else freedom)
+
+
+def _log_spread(seen: Observed, said: Said) -> Array:
+    r"""Return log densities of the logarithm of single shifts' spread, (cells, m, parts).
+
+    Parts are those of the density of the mean: *j* late shifts among *n* that are not found late
+    add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
+    """
+    bias, own = _sampled(seen, said)
+    n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], np.arange(float(WAITS))
+    behind, _ = _behind(seen, said)
+    among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
+    spread = 0.5 * np.log(said.sd[..., None] ** 2 + among * behind[..., None] ** 2)
+    shape = np.where(waits > 0, FEW_LATE, said.shape[..., None])
+    if said.missed.any():
+        last = np.ones_like(spread[..., :1])
+        spread = np.concatenate([spread, np.log(said.sd)[..., None]], axis=2)
+        shape = np.concatenate([shape, MISSHAPEN * last], axis=2)
+    variance = own[..., None] + shape**2
+    apart = (seen.log_sd[:, None] - bias)[..., None] - spread
     log: Array = -0.5 * apart**2 / variance - 0.5 * np.log(variance) - np.log(ROOT)
-    return np.where(seen.freedom[:, None] > 0, log, 0.0)
+    return np.where(seen.freedom[:, None, None] > 0, log, 0.0)
 
 
 def _spread(seen: Observed, said: Said) -> Array:
     """Return the spread that the simulation and the sample tell together, s, (cells, m)."""
-    bias, own = sample_spread(seen.freedom)
-    share = said.shape**2 / np.maximum(said.shape**2 + own[:, None], 1e-12)
+    bias, own = _sampled(seen, said)
+    share = said.shape**2 / np.maximum(said.shape**2 + own, 1e-12)
     share = np.where(seen.freedom[:, None] > 0, share, 0.0)
-    told: Array = (1.0 - share) * np.log(said.sd) + share * (seen.log_sd - bias)[:, None]
+    told: Array = (1.0 - share) * np.log(said.sd) + share * (seen.log_sd[:, None] - bias)
     return np.exp(told)
 
 
@@ -238,8 +266,7 @@ def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     """Return the log density of means with slope and curvature, (cells, m) each."""
     share, score, width = _waits(seen, said)
     parts = share - 0.5 * score**2 - np.log(width * ROOT)
-    parts[..., :WAITS] += _log_spread(seen, said, said.shape)[..., None]
-    parts[..., WAITS:] += _log_spread(seen, said, MISSHAPEN)[..., None]
+    parts += _log_spread(seen, said)
     log = log_sum(parts, axis=2)
     weight, steep = np.exp(parts - log[..., None]), score / width
     first = (weight * steep).sum(axis=2)
@@ -256,7 +283,7 @@ def _waits(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     They are 0, 1, ... late shifts within it, and last a jump that the emulator missed.
     """
     n, share = np.maximum(1.0, seen.n)[:, None], said.late[..., None]
-    hidden = np.maximum(0.0, seen.hidden)[:, None, None]
+    hidden = np.maximum(0.0, seen.n)[:, None, None]
     waits = np.arange(float(WAITS))
     ways = gammaln(hidden + 1) - gammaln(waits + 1) - gammaln(np.maximum(hidden - waits, 0.0) + 1)
     log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
@@ -266,9 +293,9 @@ def _waits(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     whole = _spread(seen, said) ** 2 / n + said.error**2
     width = np.sqrt(whole[..., None] + waits * ((wide / n) ** 2)[..., None])
     centre = said.mean[..., None] + waits * (behind / n)[..., None]
-    if said.missed:
-        missed = np.full_like(said.mean, np.log(said.missed))[..., None]
-        log_share = np.concatenate([log_share + np.log1p(-said.missed), missed], axis=2)
+    if said.missed.any():
+        missed = np.clip(said.missed, 1e-12, 0.5)[..., None]
+        log_share = np.concatenate([log_share + np.log1p(-missed), np.log(missed)], axis=2)
         width = np.concatenate([width, np.sqrt(whole + said.jump**2)[..., None]], axis=2)
         centre = np.concatenate([centre, said.mean[..., None]], axis=2)
     return log_share, (seen.mean[:, None, None] - centre) / width, width
@@ -316,14 +343,3 @@ def time_score(seen: Observed, said: Said) -> Array:
     scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
     scores = np.where((seen.n > 0)[:, None], scores, 0.0)
     return np.nan_to_num(scores, nan=20.0)
-
-
-def spread_score(seen: Observed, said: Said) -> Array:
-    """Return how far spreads of single shifts lie from what is said of them, (cells, m).
-
-    Normal scores, zero without; none counts more than a jump that the emulator missed.
-    """
-    bias, own = sample_spread(seen.freedom)
-    apart = (seen.log_sd - bias)[:, None] - np.log(said.sd)
-    scores = np.clip(apart / np.sqrt(own[:, None] + said.shape**2 + 1e-12), -CLIPPED, CLIPPED)
-    return np.where(seen.freedom[:, None] > 0, scores, 0.0)

@@ -24,8 +24,8 @@ class Observed:
     ----------
     singles : times of single shifts, cell by cell, (k,) each.
     late : those of them that are late (``diagnosis.late``), likewise.
-    mean, n : grand mean of all other shifts with a time, alone or within means, and their number.
-    hidden : how many of these are only known within means, where late ones may hide.
+    mean, n : grand mean of all other shifts with a time, alone or within means, and their number;
+        late ones may hide within means and among few single shifts.
     log_sd, freedom : logarithm of the standard deviation of the single shifts that are not late,
         and its degrees of freedom; 0 for both where there are fewer than two.
     engaged, failed, unknown : shifts counted.
@@ -39,7 +39,6 @@ class Observed:
     late: tuple[Array, ...]
     mean: Array
     n: Array
-    hidden: Array
     log_sd: Array
     freedom: Array
     engaged: Array
@@ -83,14 +82,13 @@ def observe(bench: Bench) -> Observed:
     told = [_told(cell) for cell in bench.cells]
     waits = [_wait(cell, bench.clutch) for cell in bench.cells]
     counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    mean, n, hidden, log_sd, freedom = np.array([one for _, one in told]).reshape(-1, 5).T
+    mean, n, log_sd, freedom = np.array([one for _, one in told]).reshape(-1, 4).T
     engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
     return Observed(
         singles=tuple(cell.times for cell in bench.cells),
         late=tuple(late for late, _ in told),
         mean=mean,
         n=n,
-        hidden=hidden,
         log_sd=log_sd,
         freedom=freedom,
         engaged=engaged,
@@ -103,8 +101,8 @@ def observe(bench: Bench) -> Observed:
     )
 
 
-def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float, float]]:
-    """Return late shifts of a cell; mean, number and hidden ones of the others; log sd, freedom."""
+def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
+    """Return late shifts of a cell, and mean, number, log sd and freedom of the others."""
     means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
     hidden = sum(n for _, n in means)
     times = cell.times
@@ -114,7 +112,7 @@ def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float, float]]:
     mean = (sum(t * k for t, k in means) + float(timely.sum())) / max(1, n)
     freedom = max(0, timely.size - 1)
     spread = max(LEAST, float(timely.std(ddof=1))) if freedom else 1.0
-    return times[np.isnan(soon)], (mean, n, hidden, float(np.log(spread)), freedom)
+    return times[np.isnan(soon)], (mean, n, float(np.log(spread)), freedom)
 
 
 def _wait(cell: Cell, clutch: Clutch) -> float:

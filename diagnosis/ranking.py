@@ -1,7 +1,7 @@
 """Hypotheses ranked by a data set: evidence, what cannot be seen, and what fits at all.
 
 None, each effect and the plausible pairs are scored. Where none of them can have made the data and
-a pair leads, that pair is tried with each further effect.
+a pair leads, that pair and its nearest rivals are tried with each further effect.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from diagnosis.signature import Metric, metric_of
 from diagnosis.spread import Hypothesis
 from diagnosis.unknown import Unknown, unknown
 from sim.effect import Effect
+
+NEAR = 0.03  #: probability of a pair beside that of all pairs, from which it is tried with a third
+MOST = 5  #: such pairs
 
 
 @dataclass(frozen=True)
@@ -76,9 +79,21 @@ def rank(
     # The flight with three effects at once is not tabulated.
     if not first.fails or len(first.leading) != 2 or problem.flights:
         return first
-    threes = spaces_for(with_third(first.leading, list(effects)), effects, setting)
+    near = [three for pair in _near(first) for three in with_third(pair, list(effects))]
+    threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
     best = max(one.log_evidence for one in scored.values())
     return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free)
+
+
+def _near(first: Ranking) -> list[Hypothesis]:
+    """Return the pairs of which a third effect may make the cause, the likeliest first.
+
+    By evidence: which of them is nearest to the data by itself says little where none can be.
+    """
+    pairs = {h: p for h, p in first.raw.items() if len(h) == 2 and h != UNKNOWN}
+    least = NEAR * sum(pairs.values())
+    found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
+    return list(dict.fromkeys([first.leading, *found]))[:MOST]
 
 
 def plausible_fits(

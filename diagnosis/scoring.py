@@ -35,20 +35,21 @@ class Predicted:
     """What is said of each cell, each (m, cells); times in s.
 
     ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
-    ``bulk`` is the logarithm of the distance of the quartiles, ``error`` the standard error of the
-    mean, of which ``model`` is that of any simulation.
+    ``log_sd`` is the logarithm of ``core_sd`` and ``shape`` its error, ``error`` the standard error
+    of the mean, of which ``model`` is that of any simulation.
     ``flight`` are the marks of all force profiles, (m, K), None without traces.
     """
 
     mean: Array
     sd: Array
     error: Array
-    bulk: Array
+    log_sd: Array
     engaged: Array
     engaged_error: Array
     core: Array
     core_sd: Array
     model: Array
+    shape: Array
     flight: Array | None = None
 
     def rows(self, which: np.ndarray) -> Predicted:
@@ -182,15 +183,11 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
 
 def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
     """Return what is said of all cells and of the marks of flights in short."""
-    size = said.times.shape[2]
-    low, high = (said.times[..., int(share * size)] for share in (0.25, 0.75))
-    bulk = np.log(np.maximum(high - low, 1e-3))
     flight = np.hstack([one.times for one in flown]) if flown else None
     mean, sd = said.whole
-    whole = mean.T, sd.T, said.error.T, bulk.T
-    return Predicted(
-        *whole, said.engaged.T, said.engaged_error.T, said.mean.T, said.sd.T, said.model.T, flight
-    )
+    whole = mean.T, sd.T, said.error.T, np.log(said.sd).T
+    core = said.mean.T, said.sd.T, said.model.T, said.shape.T
+    return Predicted(*whole, said.engaged.T, said.engaged_error.T, *core, flight)
 
 
 @dataclass(frozen=True)

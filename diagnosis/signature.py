@@ -1,11 +1,11 @@
 """What hypotheses predict in units of what the data can tell: points whose distance counts.
 
 The signature of a prediction has a coordinate for each cell with times (the mean), each cell with
-single shifts (the logarithm of the distance of its quartiles) and each cell with shares engaged,
-each over its standard error at the data set's number of shifts, errors of the simulation among
-them; and one for each mark of the flight, made independent. Half the squared distance of two
-signatures is about the expected logarithm of the Bayes factor between them, and a squared distance
-of 4 two standard errors in all.
+single shifts (the logarithm of their spread) and each cell with shares engaged, each over its
+standard error at the data set's number of shifts, errors of the simulation among them; and one for
+each mark of the flight, made independent. Half the squared distance of two signatures is about the
+expected logarithm of the Bayes factor between them, and a squared distance of 4 two standard errors
+in all.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.flight_likelihood import whitening
+from diagnosis.likelihood import sample_spread
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted
 from diagnosis.spread import Array
 
 VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
-QUARTILES = 1.2  #: standard error of the log distance of quartiles, times root of the number
-SHAPE = 0.1  #: error of the emulated logarithm of that distance
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class Metric:
     """
 
     mean: Array
-    bulk: Array
+    log_sd: Array
     engaged: Array
     core: Array
     flight: Array | None = None
@@ -41,8 +40,8 @@ class Metric:
     def of(self, predicted: Predicted) -> Array:
         """Return signatures, (m, coordinates)."""
         parts = zip(
-            (predicted.core, predicted.bulk, predicted.engaged),
-            (self.core, self.bulk, self.engaged),
+            (predicted.core, predicted.log_sd, predicted.engaged),
+            (self.core, self.log_sd, self.engaged),
             strict=True,
         )
         found = [np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts]
@@ -58,7 +57,7 @@ def known(errors: Array) -> np.ndarray:
 
 def metric_of(seen: Observed, baseline: Predicted) -> Metric:
     """Return the standard errors, spreads and errors from the baseline (1, cells)."""
-    shifts, singles, tried = seen.shifts, seen.single, seen.tried
+    shifts, tried = seen.shifts, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)
     with np.errstate(divide="ignore"):
         mean, core = (
@@ -66,10 +65,11 @@ def metric_of(seen: Observed, baseline: Predicted) -> Metric:
             for sd in (baseline.sd, baseline.core_sd)
         )
         mean, core = (np.where(np.isfinite(one), one, np.inf) for one in (mean, core))
-        bulk = np.hypot(QUARTILES / np.sqrt(np.where(singles > 3, singles, 0.0)), SHAPE)
+        log_sd = np.sqrt(sample_spread(seen.freedom)[1] + baseline.shape[0] ** 2)
+        log_sd = np.where(seen.freedom > 0, log_sd, np.inf)
         engaged = np.sqrt(share * (1.0 - share) / tried + baseline.engaged_error[0] ** 2)
     flight = whitening(seen.flights) if baseline.flight is not None else None
-    return Metric(mean, bulk, engaged, core, flight)
+    return Metric(mean, log_sd, engaged, core, flight)
 
 
 def squared(one: Array, other: Array) -> Array:

@@ -37,6 +37,8 @@ class Spread:
     behind, behind_sd : by how much they are later than the mean of the others, and the standard
         deviation, s, (m,); NaN where nobody knows.
     delay : part of all times that is added to what was simulated, and has no error, s, (m,).
+    missed, jump : share of operating points at which times jump between two values that were
+        simulated, so that the mean is off by much more than ``error``, and by how much, s, (m,).
     """
 
     times: Array
@@ -48,12 +50,16 @@ class Spread:
     behind: Array
     behind_sd: Array
     delay: Array
+    missed: Array
+    jump: Array
 
     @classmethod
     def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Spread:
         """Return a spread without late shifts and common errors."""
         nothing, nobody = np.zeros(len(times)), np.full(len(times), np.nan)
-        return cls(times, engaged, error, engaged_error, nothing, nothing, nobody, nobody, nothing)
+        late = nothing, nobody, nobody
+        errors = error, engaged_error, nothing
+        return cls(times, engaged, *errors, *late, nothing, nothing, nothing)
 
 
 class Emulator(Protocol):

@@ -178,7 +178,7 @@ def _stretched(said: Said, factor: float, shape: float | None) -> Said:
 def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
     """Return each cell's likelihood over its offset in the form of a normal density."""
     # A cell's own offset is no jump that the emulator missed.
-    plain = replace(said, missed=0.0)
+    plain = replace(said, missed=np.zeros_like(said.missed))
     step = np.hypot(plain.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), plain.error[:, 0])
     offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
     log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])

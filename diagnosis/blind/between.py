@@ -37,9 +37,9 @@ def engines_apart(stand: Stand, bank: Bank) -> list[float]:
     engine = Engine(stand)
     found = []
     for setting, angles, first in zip(bank.settings, bank.angles, bank.baseline, strict=True):
-        apart = second_times(engine, setting, angles) - first
-        both = timely(first, first + apart)
-        found.append(float(apart[both].mean()) if both.any() else 0.0)
+        second = second_times(engine, setting, angles)
+        both = timely(first, second)
+        found.append(float((second - first)[both].mean()) if both.any() else 0.0)
     return found
 
 

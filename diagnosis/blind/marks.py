@@ -41,7 +41,8 @@ class Mark:
     set. ``shrink``, ``true_shrink`` and ``rival_shrink`` are held-out shrinks of the leading
     hypothesis, of the true one where the record has it, and of the best other one. ``inside`` has
     for each true parameter whether its 90 % interval holds it. ``plain`` and ``weights`` are what
-    the plain baselines say. A refusal of the data has no chances.
+    the plain baselines say. A refusal of the data has no chances. ``also`` are what the truth looks
+    like to any method: the truth without effects that the data cannot show.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Mark:
     plain: Names | None
     weights: dict[Names, float]
     time: float
+    also: tuple[Names, ...] = ()
 
     @property
     def refused(self) -> bool:
@@ -85,6 +87,11 @@ class Mark:
         return self.right or self.truth in self.group
 
     @property
+    def right_as_seen(self) -> bool:
+        """Whether the same holds of the truth or of what it looks like."""
+        return self.right_class or any(t == self.top or t in self.group for t in self.also)
+
+    @property
     def named(self) -> bool:
         """Whether the diagnosis names a cause."""
         return self.verdict == "effect"
@@ -93,6 +100,11 @@ class Mark:
     def named_right(self) -> bool:
         """Whether what it names is the truth, no more and no less."""
         return self.named and tuple(sorted(self.causes)) == self.truth
+
+    @property
+    def named_as_seen(self) -> bool:
+        """Whether what it names is the truth or what that looks like."""
+        return self.named and tuple(sorted(self.causes)) in (self.truth, *self.also)
 
     @property
     def causes_true(self) -> bool:

@@ -29,6 +29,7 @@ from diagnosis.blind.stand import Point, Stand, Truth, read_stand
 from diagnosis.late import bulk
 
 Record = dict[str, Any]
+Sizes = dict[str, float]  #: by effect
 
 ANGLES = 8  #: even ones, at each operating point
 KEPT = "partners.json"  #: beside the cases
@@ -36,8 +37,8 @@ KEPT = "partners.json"  #: beside the cases
 
 def partner_gaps(
     folder: Path, key: Record, jobs: int = 1, advance: Advance | None = None
-) -> dict[str, float]:
-    """Return for each pair of a set the size of its weaker effect, in sampling errors.
+) -> dict[str, Sizes]:
+    """Return for each pair of a set the size of each effect beside the other, in sampling errors.
 
     It takes 45 s of processor time a pair at 28 operating points. What is finished is kept in the
     folder; ``advance`` counts shifts.
@@ -49,11 +50,11 @@ def partner_gaps(
         for name, case in _left(folder, key).items():
             stand = read_stand(folder / "cases" / name)
             points = tuple(Point(*point) for point in key["points"])
-            pending[submit(weaker_of, stand, points, case, key)] = name
+            pending[submit(sizes_of, stand, points, case, key)] = name
         for future in as_completed(pending):
             name = pending[future]
-            found[name] = float(future.result())
-            write(path, json.dumps({"key": seal, "weaker": found}, indent=1))
+            found[name] = future.result()
+            write(path, json.dumps({"key": seal, "sizes": found}, indent=1))
             (advance or ignore)(_shifts(key["cases"][name], key))
     return found
 
@@ -63,13 +64,13 @@ def shifts_left(folder: Path, key: Record) -> int:
     return sum(_shifts(case, key) for case in _left(folder, key).values())
 
 
-def _kept(folder: Path) -> dict[str, float]:
+def _kept(folder: Path) -> dict[str, Sizes]:
     """Return what is known of this set; of another set it tells nothing."""
     path = folder / KEPT
     kept = read(path, "remove it") if path.exists() else {}
     if kept.get("key") != manifest_of(folder)["key_sha256"]:
         return {}
-    return {name: float(value) for name, value in kept["weaker"].items()}
+    return dict(kept["sizes"])
 
 
 def _left(folder: Path, key: Record) -> dict[str, Record]:
@@ -83,18 +84,18 @@ def _shifts(case: Record, key: Record) -> int:
     return (1 + len(case["parameters"])) * len(key["points"]) * ANGLES
 
 
-def weaker_of(stand: Stand, points: Sequence[Point], case: Record, key: Record) -> float:
-    """Return the size of the weaker effect of a pair beside the other, in sampling errors."""
+def sizes_of(stand: Stand, points: Sequence[Point], case: Record, key: Record) -> Sizes:
+    """Return the size of each effect of a pair beside the other, in sampling errors."""
     every = case["parameters"]
     whole = even_means(stand, points, truth_of(every, {}))
     given = zip(key["reference_s"], case["times_s"], strict=True)
     errors = np.array([sampling_error(free, len(mine)) for free, mine in given])
-    sizes = []
+    sizes = {}
     for name in every:
         rest = {other: values for other, values in every.items() if other != name}
         z = (whole - even_means(stand, points, truth_of(rest, {}))) / errors
-        sizes.append(float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist()))))
-    return min(sizes)
+        sizes[name] = float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist())))
+    return sizes
 
 
 def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,7 +16,7 @@ import numpy as np
 
 from diagnosis.blind.intervals import calibration, mean, median, share
 from diagnosis.blind.marks import Mark, Names, mark_of
-from diagnosis.blind.partners import partner_gaps, shifts_left
+from diagnosis.blind.partners import Sizes, partner_gaps, shifts_left
 from diagnosis.blind.sealed import opened, results_of
 from diagnosis.blind.settle import Advised, advised_tests, settled_figures, shifts_asked
 
@@ -50,21 +51,23 @@ def score(folder: Path, progress: Progress | None = None, jobs: int = 1) -> Reco
         progress.extend(shifts_left(folder, key) + shifts_asked(results))
     advance = None if progress is None else progress.advance
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    weaker = partner_gaps(folder, key, jobs, advance)
-    return scored(marks, advised_tests(folder, key, results, advance), weaker)
+    sizes = partner_gaps(folder, key, jobs, advance)
+    return scored(marks, advised_tests(folder, key, results, advance), sizes)
 
 
 def scored(
     marks: Sequence[Mark],
     advised: Mapping[str, Advised] | None = None,
-    weaker: Mapping[str, float] | None = None,
+    sizes: Mapping[str, Sizes] | None = None,
 ) -> Record:
     """Return all figures from the marks of the cases.
 
-    ``advised`` is what advised tests told, and ``weaker`` the size of the weaker effect of pairs in
-    sampling errors, both by case.
+    ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs in sampling
+    errors, both by case.
     """
-    told, least = advised or {}, weaker or {}
+    told, pairs = advised or {}, sizes or {}
+    least = {name: min(mine.values()) for name, mine in pairs.items()}
+    marks = [replace(m, also=looks_like(m, pairs.get(m.name, {}))) for m in marks]
     visible = [m for m in marks if m.gap >= VISIBLE]
     return {
         "cases": len(marks),
@@ -95,6 +98,17 @@ def scored(
     }
 
 
+def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
+    """Return what the truth of a case looks like to any method.
+
+    That is none below a gap of ``VISIBLE``, and a pair without its effects below that size.
+    """
+    if mark.gap < VISIBLE:
+        return ((),)
+    hidden = {name for name, size in sizes.items() if size < VISIBLE}
+    return (tuple(n for n in mark.truth if n not in hidden),) if hidden else ()
+
+
 def figures(marks: Sequence[Mark]) -> Record:
     """Return the figures that any group of cases has."""
     told = [m for m in marks if not m.refused]
@@ -102,8 +116,10 @@ def figures(marks: Sequence[Mark]) -> Record:
         "n": len(marks),
         "top_1": share(m.right for m in marks),
         "top_class": share(m.right_class for m in marks),
+        "top_class_as_seen": share(m.right_as_seen for m in marks),
         "named": share(m.named for m in marks),
         "precision_when_named": share(m.named_right for m in marks if m.named),
+        "precision_as_seen": share(m.named_as_seen for m in marks if m.named),
         "named_causes_true": share(m.causes_true for m in marks if m.causes),
         "coverage_90": share(m.truth in m.credible for m in told),
         "size_90": mean(float(len(m.credible)) for m in told),

@@ -45,8 +45,9 @@ def score_table(found: Record) -> RenderableType:
         **{f"one effect, {s}": part for s, part in found["singles_by_strength"].items()},
         **{f"data as {form}": part for form, part in found["by_form"].items()},
     }
-    names = ("top_1", "top_class", "precision_when_named", "coverage_90", "size_90")
-    table = columns("cases", "right", "right class", "right if named", "in 90 % set", "its size")
+    names = ("top_1", "top_class", "top_class_as_seen", "precision_when_named", "coverage_90")
+    heads = ("right", "right class", "as it can be seen", "right if named", "in 90 % set")
+    table = columns("cases", *heads)
     for group, part in groups.items():
         table.add_row(group, *(_figure(part[name]) for name in names))
     return Group(table, "", _others(found))
@@ -61,6 +62,8 @@ def _others(found: Record) -> RenderableType:
         ("visible pairs: both causes found", found["pairs_visible"]["both_found"]),
         ("pairs, each effect visible: both found", found["pairs_both_visible"]["both_found"]),
         ("visible: all that is named is a cause", found["visible"]["named_causes_true"]),
+        ("visible: what is named is all that can be seen", found["visible"]["precision_as_seen"]),
+        ("visible: size of the 90 % set", found["visible"]["size_90"]),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
         ("visible, outside the list: unknown, or refused", found["outside_visible"]["recognised"]),

@@ -43,7 +43,7 @@ def make(
     which: Annotated[str, typer.Option(help="published or tuning: strengths and draws")] = (
         "published"
     ),
-    size: Annotated[str, typer.Option(help="full (124 cases) or small (5)")] = "full",
+    size: Annotated[str, typer.Option(help="full (130 cases) or small (5)")] = "full",
     seed: Annotated[int | None, typer.Option(min=0, help="default: that of the set")] = None,
     jobs: Jobs = 0,
     json: Json = False,

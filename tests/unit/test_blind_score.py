@@ -17,6 +17,7 @@ from diagnosis.blind.marks import CHANCE, gap_size, mark_of
 from diagnosis.blind.score import VISIBLE, score, scored
 from sim.errors import InputError, StorageError
 
+PAIR_SIZES = {"actuation_delay": 40.0, "moving_mass": 2.5}
 FREE = [[0.1, 0.2, 0.3, 0.4]]
 
 
@@ -121,6 +122,20 @@ def test_only_gaps_beyond_two_errors_are_visible() -> None:
     assert _score()["visible"]["n"] == 3
 
 
+def test_what_no_method_can_see_counts_apart() -> None:
+    """A mass beside a delay that hides it, and friction within the sampling error."""
+    key = {"reference_s": FREE}
+    marks = [mark_of(n, CASES[n], key, RESULTS[n]) for n in CASES]
+    seen = scored(marks, None, {"case_03": PAIR_SIZES})["all"]
+    assert seen["top_class_as_seen"]["value"] == seen["top_class"]["value"]
+    hidden = scored(marks, None, {"case_03": {**PAIR_SIZES, "moving_mass": 1.5}})
+    assert hidden["all"]["top_class_as_seen"]["value"] == pytest.approx(4 / 5)
+    assert hidden["pairs_both_visible"]["n"] == 0
+    none = [mark_of("case_01", CASES["case_01"], key, _found({(): 0.9, MASS: 0.1}, "none", []))]
+    assert scored(none)["all"]["top_class"]["value"] == 0.0
+    assert scored(none)["all"]["top_class_as_seen"]["value"] == 1.0
+
+
 def test_baselines_stand_beside_the_diagnosis_on_the_same_cases() -> None:
     beside = _score()["plain"]["singles"]
     assert beside["n"] == 1
@@ -166,7 +181,9 @@ def _sealed(folder: Path) -> Path:
     digest = hashlib.sha256(text.encode()).hexdigest()
     (folder / "key.json").write_text(text)
     # What was simulated of the pairs for an earlier score.
-    (folder / "partners.json").write_text(json.dumps({"key": digest, "weaker": {"case_03": 2.5}}))
+    (folder / "partners.json").write_text(
+        json.dumps({"key": digest, "sizes": {"case_03": PAIR_SIZES}})
+    )
     manifest = {"format": sealed.FORMAT, "cases": hashes, "key_sha256": digest}
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
