@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,13 @@ import numpy as np
 import pytest
 
 from diagnosis.blind import sealed
+from diagnosis.blind.cases import Case
+from diagnosis.blind.data import Series
+from diagnosis.blind.engine import Shift
 from diagnosis.blind.intervals import calibration, mean, share
 from diagnosis.blind.marks import CHANCE, gap_size, mark_of
 from diagnosis.blind.score import VISIBLE, score, scored
+from diagnosis.blind.stand import Point, Stand
 from sim.errors import InputError, StorageError
 
 PAIR_SIZES = {"actuation_delay": 40.0, "moving_mass": 2.5}
@@ -264,3 +269,35 @@ def test_results_of_another_set_are_refused(tmp_path: Path) -> None:
     path.write_text(path.read_text().replace('"key_sha256": "', '"key_sha256": "0'))
     with pytest.raises(StorageError, match="another set of cases"):
         sealed.run(folder, _diagnose)
+
+
+def test_making_goes_on_where_it_was_stopped(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Stopped in the third of five cases, the same command makes the other three alone."""
+    made: list[int] = []
+
+    def simulate(stand: Stand, points: Sequence[Point], case: Case) -> Series:
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.append(case.seed)
+        times = 0.05 + 1e-9 * case.seed
+        return Series(tuple(points), ((Shift(times), Shift(None)),) * len(points))
+
+    def even_times(*_: Any) -> list[list[float | None]]:
+        return FREE
+
+    monkeypatch.setattr(sealed, "simulate", simulate)
+    monkeypatch.setattr(sealed, "even_times", even_times)
+    wanted = sealed.Wanted(Path("studies/bench/mq200_adams"), size="small")
+    with pytest.raises(KeyboardInterrupt):
+        sealed.make(tmp_path, wanted)
+    assert not (tmp_path / "manifest.json").exists()
+    first, made[:] = list(made), [-1] * 3  # counted from there
+    manifest = sealed.make(tmp_path, wanted)
+    assert len(made) - 3 + len(first) == len(manifest["cases"]) == 5
+    assert not set(first) & set(made)
+    # What was finished, truth too, is gone, and the key has the times of both.
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["cases", "key.json", "manifest.json"]
+    cases = sealed.opened(tmp_path)["cases"]
+    assert all(c["times_s"][0] == [0.05 + 1e-9 * c["seed"], None] for c in cases.values())
