@@ -73,6 +73,7 @@ def scored(
         "cases": len(marks),
         "all": figures(marks),
         "visible": figures(visible),
+        "visible_inside": figures([m for m in visible if m.kind != "outside"]),
         "singles_by_strength": _split(
             [m for m in marks if m.kind == "single"], lambda m: m.strength, STRENGTHS[1:]
         ),
@@ -126,6 +127,9 @@ def figures(marks: Sequence[Mark]) -> Record:
         "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
         "calibration_error": calibration([_pairs_of(m) for m in told]),
         "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in told]),
+        "calibration_error_of_top_as_seen": calibration(
+            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in told]
+        ),
         "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in told),
     }
 
@@ -176,8 +180,12 @@ def _outside(marks: Sequence[Mark]) -> Record:
 
 def _advised(marks: Sequence[Mark], told: Mapping[str, Advised]) -> Record:
     """Return how often the advised test settles what is ambiguous."""
-    mine = [m.name for m in marks if m.verdict == "ambiguous"]
-    return settled_figures(len(mine), [told[name] for name in mine if name in told])
+    mine = [m for m in marks if m.verdict == "ambiguous"]
+    tested = [(m, told[m.name]) for m in mine if m.name in told]
+    return {
+        **settled_figures(len(mine), [test for _, test in tested]),
+        "settled_as_seen": share(t.settled or t.top in m.also for m, t in tested),
+    }
 
 
 def _shrink(marks: Sequence[Mark]) -> Record:

@@ -42,6 +42,9 @@ def score_table(found: Record) -> RenderableType:
     groups = {
         f"all {found['cases']} cases": found["all"],
         f"gap of two sampling errors or more ({found['visible']['n']})": found["visible"],
+        f"of them with effects of the list ({found['visible_inside']['n']})": found[
+            "visible_inside"
+        ],
         **{f"one effect, {s}": part for s, part in found["singles_by_strength"].items()},
         **{f"data as {form}": part for form, part in found["by_form"].items()},
     }
@@ -55,6 +58,7 @@ def score_table(found: Record) -> RenderableType:
 
 def _others(found: Record) -> RenderableType:
     shrink, plain, test = found["shrink"], found["plain"], found["advised_test"]
+    inside = found["visible_inside"]
     rows: Iterable[tuple[str, Any]] = (
         ("an effect named where there is none", found["none"]["false_alarms"]),
         ("pairs: both causes found", found["pairs"]["both_found"]),
@@ -63,6 +67,8 @@ def _others(found: Record) -> RenderableType:
         ("pairs, each effect visible: both found", found["pairs_both_visible"]["both_found"]),
         ("visible: all that is named is a cause", found["visible"]["named_causes_true"]),
         ("visible: what is named is all that can be seen", found["visible"]["precision_as_seen"]),
+        ("of the list: what is named is all that can be seen", inside["precision_as_seen"]),
+        ("of the list: all that is named is a cause", inside["named_causes_true"]),
         ("visible: size of the 90 % set", found["visible"]["size_90"]),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
@@ -71,9 +77,11 @@ def _others(found: Record) -> RenderableType:
         ("ambiguous: settled as the truth itself", test["all"]["settled_as_truth"]),
         ("ambiguous: settled wrongly", test["all"]["wrongly_settled"]),
         ("visible and ambiguous: settled by the advised test", test["visible"]["settled"]),
+        ("the same, or on all that can be seen", test["visible"]["settled_as_seen"]),
         ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
         ("calibration error of probabilities", found["all"]["calibration_error"]),
         ("calibration error of the leading one", found["all"]["calibration_error_of_top"]),
+        ("the same, as far as it can be seen", found["all"]["calibration_error_of_top_as_seen"]),
         ("visible: calibration error of probabilities", found["visible"]["calibration_error"]),
         ("held-out shrink of the true hypothesis", shrink["true"]),
         ("held-out shrink over that of the true one, median", shrink["leading_over_true"]),
