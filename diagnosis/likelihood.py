@@ -209,13 +209,13 @@ def _sampled(seen: Observed, said: Said) -> tuple[Array, Array]:
     return sample_spread(freedom_of(freedom, said.kurtosis) if freedom.any() else freedom)
 
 
-def _log_spread(seen: Observed, said: Said) -> Array:
+def _log_spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
     r"""Return log densities of the logarithm of single shifts' spread, (cells, m, parts).
 
     Parts are those of the density of the mean: *j* late shifts among *n* that are not found late
     add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
     """
-    bias, own = _sampled(seen, said)
+    bias, own = sampled
     n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], np.arange(float(WAITS))
     behind, _ = _behind(seen, said)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
@@ -231,9 +231,9 @@ def _log_spread(seen: Observed, said: Said) -> Array:
     return np.where(seen.freedom[:, None, None] > 0, log, 0.0)
 
 
-def _spread(seen: Observed, said: Said) -> Array:
+def _spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
     """Return the spread that the simulation and the sample tell together, s, (cells, m)."""
-    bias, own = _sampled(seen, said)
+    bias, own = sampled
     share = said.shape**2 / np.maximum(said.shape**2 + own, 1e-12)
     share = np.where(seen.freedom[:, None] > 0, share, 0.0)
     told: Array = (1.0 - share) * np.log(said.sd) + share * (seen.log_sd[:, None] - bias)
@@ -264,9 +264,10 @@ def _log_tail(seen: Observed, said: Said, place: int) -> Array:
 
 def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     """Return the log density of means with slope and curvature, (cells, m) each."""
-    share, score, width = _waits(seen, said)
+    sampled = _sampled(seen, said)
+    share, score, width = _waits(seen, said, sampled)
     parts = share - 0.5 * score**2 - np.log(width * ROOT)
-    parts += _log_spread(seen, said)
+    parts += _log_spread(seen, said, sampled)
     log = log_sum(parts, axis=2)
     weight, steep = np.exp(parts - log[..., None]), score / width
     first = (weight * steep).sum(axis=2)
@@ -277,7 +278,7 @@ def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     return log, first, np.maximum(second, 0.5 * first**2 / below)
 
 
-def _waits(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
+def _waits(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Array, Array, Array]:
     """Return the parts of a mean's density: log share, score, width, (cells, m, parts).
 
     They are 0, 1, ... late shifts within it, and last a jump that the emulator missed.
@@ -290,7 +291,7 @@ def _waits(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     log_share = np.where(waits <= hidden, log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, said)
-    whole = _spread(seen, said) ** 2 / n + said.error**2
+    whole = _spread(seen, said, sampled) ** 2 / n + said.error**2
     width = np.sqrt(whole[..., None] + waits * ((wide / n) ** 2)[..., None])
     centre = said.mean[..., None] + waits * (behind / n)[..., None]
     if said.missed.any():
@@ -336,7 +337,7 @@ def time_score(seen: Observed, said: Said) -> Array:
 
     Zero without times.
     """
-    share, apart, _ = _waits(seen, said)
+    share, apart, _ = _waits(seen, said, _sampled(seen, said))
     below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)

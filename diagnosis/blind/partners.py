@@ -25,7 +25,8 @@ from diagnosis.blind.data import even_times
 from diagnosis.blind.effects import truth_of
 from diagnosis.blind.marks import counted, sampling_error
 from diagnosis.blind.sealed import Advance, ignore, manifest_of, pool, read, write
-from diagnosis.blind.stand import Point, Stand, Truth, read_stand
+from diagnosis.blind.settle import stage_of
+from diagnosis.blind.stand import Point, Stand, Truth
 from diagnosis.late import bulk
 
 Record = dict[str, Any]
@@ -48,9 +49,8 @@ def partner_gaps(
     with pool(jobs) as submit:
         pending = {}
         for name, case in _left(folder, key).items():
-            stand = read_stand(folder / "cases" / name)
-            points = tuple(Point(*point) for point in key["points"])
-            pending[submit(sizes_of, stand, points, case, key)] = name
+            stage = stage_of(folder, key, name)
+            pending[submit(sizes_of, stage.stand, stage.points, case, key)] = name
         for future in as_completed(pending):
             name = pending[future]
             found[name] = future.result()

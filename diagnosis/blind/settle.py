@@ -123,7 +123,7 @@ def advised_tests(
     found = {}
     for name, test in _tests(results).items():
         case, result = key["cases"][name], results[name]["diagnosis"]
-        found[name] = told(name, case, result, partial(_stage, folder, key, name))
+        found[name] = told(name, case, result, partial(stage_of, folder, key, name))
         if advance is not None and "shifts" in test:
             advance(int(test["shifts"]))
     return found
@@ -144,7 +144,8 @@ def _tests(results: Mapping[str, Record]) -> dict[str, Record]:
     }
 
 
-def _stage(folder: Path, key: Record, name: str) -> Stage:
+def stage_of(folder: Path, key: Record, name: str) -> Stage:
+    """Return where a case of a set is made."""
     points = tuple(Point(*point) for point in key["points"])
     return Stage(read_stand(folder / "cases" / name), points)
 
