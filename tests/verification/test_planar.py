@@ -18,7 +18,6 @@ Point = Callable[[float, float], OperatingPoint]
 
 
 def test_untouched_shift_is_the_free_flight(clutch: Clutch, point: Point) -> None:
-    free = point(5, 235.2).profile.free_flight_time(clutch.shift_travel, clutch.rings.mass)
     narrow = clutch.with_dog(replace(clutch.dog, traction=25 * DEG, height=2e-3))
     free = point(5, 235.2).profile.free_flight_time(narrow.shift_travel, clutch.rings.mass)
     times = planar_times(narrow, [point(0, 235.2)], np.array([[12 * DEG]]))

@@ -1,0 +1,565 @@
+"""List the published figures, document by document, with what each comes from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from benchmarks.entries import Entry
+from benchmarks.kept import numbers, result, surrogate, trial
+
+MS = 1e3
+PERCENT = 100.0
+
+
+def _study(name: str) -> Any:
+    return result(name)["confirmation"]
+
+
+def _pair(estimate: Any, scale: float = MS) -> list[float]:
+    return [scale * estimate["value"], scale * estimate["standard_error"]]
+
+
+def _share(row: list[float], first: int = 0) -> list[float]:
+    return [PERCENT * value for value in row[first : first + 3]]
+
+
+def _prototype(name: str) -> Any:
+    return result(name)["trials"][0]
+
+
+def _slower() -> list[float]:
+    """Give by how much the chosen design is slower where it is, in ms, least first."""
+    both = _study("mq200")
+    pairs = zip(both["prototype"]["points"], both["best"]["points"], strict=True)
+    return sorted(MS * (b["mean_s"] - a["mean_s"]) for a, b in pairs if b["mean_s"] > a["mean_s"])
+
+
+def _failed(name: str) -> list[Any]:
+    """Give the confirmed designs that fail a check there, as kept."""
+    designs = _study(name)["designs"]
+    return [one for one in designs if not all(check["passed"] for check in one["checks"])]
+
+
+def _search_shifts(name: str) -> float:
+    kept = result(name)
+    return sum(row["shifts"] for row in kept["trials"]) - kept["replication"]["shifts"]
+
+
+def _replication(name: str) -> list[float]:
+    """Give shifts of search and replication, unclear designs, and those on the wrong side."""
+    told = result(name)["replication"]
+    unclear = [len(told["unclear_before"]), len(told["unclear"])]
+    sides = [told["misplaced_before"], told["misplaced"]]
+    return [_search_shifts(name), told["shifts"], *unclear, *sides]
+
+
+def _robust_row() -> list[float]:
+    both = _study("mq200_robust")
+    old, new = (both[k]["estimates"]["shift_time_quantile_s"] for k in ("prototype", "best"))
+    axial = result("mq200_robust")["best"]["axial_length_mm"]
+    return [*_pair(old), _prototype("mq200_robust")["axial_length_mm"], *_pair(new), axial]
+
+
+def _three_row() -> list[float]:
+    both, row = _study("mq200_three"), []
+    lengths = {
+        "prototype": _prototype("mq200_three")["axial_length_mm"],
+        "best": result("mq200_three")["best"]["axial_length_mm"],
+    }
+    for who, axial in lengths.items():
+        told = both[who]["estimates"]
+        row += [*_pair(told["expected_shift_time_s"]), axial]
+        row += _pair(told["peak_impact_force_N"], 1e-3)
+    return row
+
+
+def _of_31() -> list[float]:
+    told = trial("mq200_three", 31)["estimates"]
+    rows = {row["trial"]: row for row in result("mq200_three")["trials"]}
+    time, force = told["expected_shift_time_s"], told["peak_impact_force_N"]
+    return [*_pair(time), rows[31]["axial_length_mm"], *_pair(force, 1e-3)]
+
+
+def _behind() -> list[float]:
+    """Give how far the search has design 31 behind the chosen one, with the error of both."""
+    rows = {row["trial"]: row for row in result("mq200_three")["trials"]}
+    a, b = rows[31], rows[_study("mq200_three")["chosen"]]
+    error = math.hypot(a["standard_error_s"], b["standard_error_s"])
+    return [MS * (a["expected_shift_time_s"] - b["expected_shift_time_s"]), MS * error]
+
+
+def _gain(name: str) -> list[float]:
+    """Give gain, error and percent of the chosen design under one of the contact sets."""
+    return numbers("contact_sets", name, "chosen (19)")[-3:]
+
+
+def _table(name: str, key: str) -> Callable[[], Sequence[float]]:
+    return lambda: numbers(name, key)
+
+
+BLIND = [
+    (
+        "blind",
+        "of them with effects of the list (59)",
+        6,
+        "leading class | {:.0f} % ({:.0f} to {:.0f});",
+    ),
+    (
+        "blind",
+        "of them with effects of the list (59)",
+        3,
+        "the whole truth {:.0f} % ({:.0f} to {:.0f}) | 95 %",
+    ),
+    (
+        "blind",
+        "of the list: what is named is all that can be seen",
+        0,
+        "what is named is all that can be seen | {:.0f} % ({:.0f} to {:.0f}) of 30;",
+    ),
+    (
+        "blind",
+        "of them with effects of the list (59)",
+        9,
+        "the whole truth {:.0f} % ({:.0f} to {:.0f}) | 98 %",
+    ),
+    ("blind", "pairs: one or both found", 0, "can be seen | {:.0f} % ({:.0f} to {:.0f});"),
+    (
+        "blind",
+        "pairs, each effect visible: both found",
+        0,
+        "; {:.0f} % ({:.0f} to {:.0f}) | both: 70 %",
+    ),
+    (
+        "blind",
+        "visible, outside the list: unknown, or refused",
+        0,
+        "unknown | {:.0f} % ({:.0f} to {:.0f}) of 15;",
+    ),
+    (
+        "blind",
+        "outside the list: an effect named",
+        0,
+        "named for it: {:.0f} % ({:.0f} to {:.0f}) of all 18",
+    ),
+    (
+        "blind",
+        "visible and ambiguous: settled by the advised test",
+        0,
+        "wrongly | {:.0f} % ({:.0f} to {:.0f});",
+    ),
+    ("blind", "visible and ambiguous: settled wrongly", 0, "; {:.0f} % ({:.0f} to {:.0f}) | 80 %"),
+    (
+        "blind_fine",
+        "of them with effects of the list (60)",
+        6,
+        "(docs/evidence/blind_fine.txt)): {:.0f} % ({:.0f} to {:.0f}),",
+    ),
+    (
+        "blind_fine",
+        "of the list: what is named is all that can be seen",
+        0,
+        ", {:.0f} % ({:.0f} to {:.0f}) of 33 named",
+    ),
+]
+
+
+def _plain(table: str) -> list[float]:
+    names = ("the diagnosis", "smallest RMSE", "AICc")
+    return [PERCENT * numbers(table, f"visible single effects: {name}")[0] for name in names]
+
+
+def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
+    return lambda: _share(numbers(table, label), first)
+
+
+def _best() -> Any:
+    return result("mq200")["best"]
+
+
+README = "README.md"
+ENTRIES: list[Entry] = [
+    # README: What it found
+    Entry(
+        README,
+        "braking \u03b3 | {:.2f}°, {:.2f}°, {:.2f}° | {:.2f}°, {:.2f}°, {:.2f}° |",
+        lambda: [
+            row[key]
+            for row in (_prototype("mq200"), _best())
+            for key in ("chamfer_deg", "traction_deg", "braking_deg")
+        ],
+    ),
+    Entry(
+        README,
+        "| height h, number N | {:.3f} mm, {:d} | {:.3f} mm, {:d} |",
+        lambda: [
+            row[key] for row in (_prototype("mq200"), _best()) for key in ("height_mm", "count")
+        ],
+    ),
+    Entry(
+        README,
+        "root to root | {:.1f} mm | {:.1f} mm |",
+        lambda: [row["axial_length_mm"] for row in (_prototype("mq200"), _best())],
+    ),
+    Entry(
+        README,
+        "| expected shift time | {:.1f} ± {:.1f} ms | {:.1f} ± {:.1f} ms |",
+        lambda: [
+            MS * _study("mq200")[who][key]
+            for who in ("prototype", "best")
+            for key in ("expected_shift_time_s", "standard_error_s")
+        ],
+    ),
+    Entry(
+        README,
+        "smallest margin | {:.0f} % (root fatigue) | {:.1f} % (release",
+        lambda: [PERCENT * row["smallest_margin"] for row in (_prototype("mq200"), _best())],
+    ),
+    Entry(
+        README,
+        "(all checks but the landing) | {:.0f} % | {:.0f} % |",
+        lambda: [PERCENT * row["margin_worst_case"] for row in (_prototype("mq200"), _best())],
+    ),
+    Entry(
+        README,
+        "The gain is {:.1f} ± {:.1f} ms, {:.0f} %.",
+        lambda: [
+            MS * _study("mq200")["gain_s"],
+            MS * _study("mq200")["gain_standard_error_s"],
+            PERCENT * _study("mq200")["gain_share"],
+        ],
+    ),
+    Entry(README, "slower than the prototype, by {:.0f} and {:.0f} ms.", _slower),
+    Entry(
+        README,
+        "All took {:d} shifts: {:d} designs",
+        lambda: [result("mq200")["n_simulated_shifts"], result("mq200")["n_simulated_designs"] - 1],
+    ),
+    Entry(
+        README,
+        "the others foretold; then {:d} where",
+        lambda: [result("mq200")["replication"]["shifts"]],
+    ),
+    Entry(
+        README,
+        "It had foretold {:.1f} ± {:.1f} ms.",
+        lambda: [MS * _best()["expected_shift_time_s"], MS * _best()["standard_error_s"]],
+    ),
+    Entry(
+        README,
+        "they took {:.1f} to {:.1f} ms,",
+        lambda: [
+            f(MS * one["expected_shift_time_s"] for one in _failed("mq200")) for f in (min, max)
+        ],
+    ),
+    Entry(
+        README,
+        "of {:d} designs it was unclear whether they are on it, and {:d} shifts more",
+        lambda: [
+            len(result("mq200")["replication"]["unclear_before"]),
+            result("mq200")["replication"]["shifts"],
+        ],
+    ),
+    Entry(README, "a fifth of the search's, leave {:d},", lambda: _replication("mq200")[3:4]),
+    Entry(README, "In `mq200_robust` {:d} shifts leave", lambda: [_replication("mq200_robust")[1]]),
+    Entry(
+        README,
+        "with {:.1f} on the wrong side instead of {:.1f}.",
+        lambda: _replication("mq200_robust")[:3:-1],
+    ),
+    Entry(
+        README,
+        "the best design gains {:.1f} ± {:.1f} ms ({:.0f} %), with the design set {:.1f} ± "
+        "{:.1f} ms ({:.0f} %); with a friction a third lower {:.1f} ± {:.1f} ms ({:.0f} %), a "
+        "third higher {:.1f} ± {:.1f} ms ({:.0f} %).",
+        lambda: [
+            *_gain("adams2019"),
+            *_gain("lubricated_steel"),
+            *_gain("friction 0.080"),
+            *_gain("friction 0.160"),
+        ],
+    ),
+    Entry(
+        README,
+        "above a friction of {:.3f} it would",
+        lambda: numbers("contact_sets", "friction above", "chosen (19)"),
+    ),
+    Entry(
+        README,
+        "{:.0f} ms slower, lets go up to {:.3f} and gains at least {:.0f} %",
+        lambda: [
+            MS
+            * (
+                trial("mq200", 43)["expected_shift_time_s"]
+                - _study("mq200")["best"]["expected_shift_time_s"]
+            ),
+            *numbers("contact_sets", "friction above", "trial 43"),
+            min(
+                numbers("contact_sets", name, "trial 43")[-1]
+                for name in ("adams2019", "lubricated_steel", "friction 0.080", "friction 0.160")
+            ),
+        ],
+    ),
+    Entry(
+        README,
+        "| expected time; axial length | {:.1f} ± {:.1f} ms; {:.1f} mm | {:.1f} ± {:.1f} ms; "
+        "{:.1f} mm |",
+        lambda: [
+            v
+            for who, row in (("prototype", _prototype("mq200")), ("best", _best()))
+            for v in (
+                MS * _study("mq200")[who]["expected_shift_time_s"],
+                MS * _study("mq200")[who]["standard_error_s"],
+                row["axial_length_mm"],
+            )
+        ],
+    ),
+    Entry(
+        README,
+        "95 % quantile of the time; axial length | {:.0f} ± {:.0f} ms; {:.1f} mm | {:.0f} ± "
+        "{:.0f} ms; {:.1f} mm |",
+        _robust_row,
+    ),
+    Entry(
+        README,
+        "peak impact force | {:.0f} ± {:.0f} ms; {:.1f} mm; {:.1f} ± {:.1f} kN | {:.0f} ± "
+        "{:.0f} ms; {:.1f} mm; {:.1f} ± {:.1f} kN |",
+        _three_row,
+    ),
+    Entry(
+        README,
+        "Its probability of the front is {:.0f} %, and its numerical error {:.0f} ms",
+        lambda: [
+            PERCENT * result("mq200_three")["best"]["probability_on_front"],
+            MS * _study("mq200_three")["best"]["numerical_error_s"],
+        ],
+    ),
+    Entry(
+        README, "at the fresh angles: {:.1f} ± {:.1f} ms, {:.1f} mm, {:.1f} ± {:.1f} kN.", _of_31
+    ),
+    Entry(README, "has it {:.1f} ± {:.1f} ms behind", _behind),
+    Entry(
+        README,
+        "root-mean-square deviation {:.1f} ms or {:.1f} %",
+        lambda: numbers("adams", "as published")[1::-1],
+    ),
+    # README: the blind score
+    *(Entry(README, text, _blind(table, label, first)) for table, label, first, text in BLIND),
+    Entry(
+        README,
+        "calibration error of probabilities | {:.2f} |",
+        lambda: numbers("blind", "calibration error of probabilities")[:1],
+    ),
+    Entry(
+        README,
+        "that of the true hypothesis, median | {:.2f} |",
+        lambda: numbers("blind", "held-out shrink over that of the true one, median")[:1],
+    ),
+    Entry(README, "AICc weights | {:.0f} %, {:.0f} %, {:.0f} % |", lambda: _plain("blind")),
+    Entry(
+        README,
+        "and {:.0f} % of single effects beside {:.0f} % and {:.0f} %.",
+        lambda: _plain("blind_fine"),
+    ),
+    # README: Commands, the surrogate
+    Entry(
+        README,
+        "{:.2f} of the hypervolume against {:.2f} of TPE",
+        lambda: [
+            numbers("samplers", name)[place]
+            for name, place in (("own, 3 of 6 points      ", 3), ("TPE", 3))
+        ],
+    ),
+    Entry(
+        README,
+        "40 designs | {:.3f} | {:.1f} ms | {:.0f} % |",
+        lambda: [
+            surrogate()["validation"]["q2"],
+            MS * surrogate()["validation"]["rmse_s"],
+            PERCENT * surrogate()["validation"]["coverage_95"],
+        ],
+    ),
+    Entry(
+        README,
+        "single operating point | {:.3f} | {:.1f} ms | {:.0f} % |",
+        lambda: [
+            surrogate()["validation"]["q2_points"],
+            MS * surrogate()["validation"]["rmse_points_s"],
+            PERCENT * surrogate()["validation"]["coverage_points"],
+        ],
+    ),
+    # docs/search.md
+    *(
+        Entry(
+            "docs/search.md",
+            f"| `{name}` | {{:d}}, {{:d}} | {{:d}}, {{:d}} | {{:.1f}}, {{:.1f}} |",
+            lambda name=name: _replication(name),
+        )  # type: ignore[misc]
+        for name in ("mq200", "mq200_robust", "mq200_three")
+    ),
+    Entry(
+        "docs/search.md",
+        "in every seed: {:.2f} of the hypervolume",
+        lambda: numbers("samplers", "own, 3 of 6 points      ")[3:4],
+    ),
+    Entry(
+        "docs/search.md",
+        "TPE {:.2f}, quasi-random designs {:.2f}, GPSampler {:.2f}, NSGA-II {:.2f}.",
+        lambda: [
+            numbers("samplers", name)[3] for name in ("TPE", "quasi-random", "GPSampler", "NSGA-II")
+        ],
+    ),
+    Entry(
+        "docs/search.md",
+        "({:d}) it has {:.2f};",
+        lambda: [230, numbers("samplers", "own, 3 of 6 points      ")[0]],
+    ),
+    Entry(
+        "docs/search.md",
+        "({:.2f} with all six)",
+        lambda: numbers("samplers", "own, all points         ")[3:4],
+    ),
+    Entry(
+        "docs/search.md",
+        "{:.2f} instead of {:.2f} at 230",
+        lambda: [
+            numbers("samplers", name)[0]
+            for name in ("own, 3 of 6 points      ", "own, all points         ")
+        ],
+    ),
+    # docs/surrogate.md
+    *(
+        Entry(
+            "docs/surrogate.md",
+            f"| {form} | {{:.3f}} | {{:.3f}} | {{:.0f}} % |",
+            lambda place=place: [  # type: ignore[misc]
+                surrogate()["comparison"][place]["log_density"],
+                surrogate()["comparison"][place]["log_rmse"],
+                PERCENT * surrogate()["comparison"][place]["coverage_95"],
+            ],
+        )
+        for place, form in enumerate(
+            (
+                "point, smooth, growing steps, growing rough, ridge",
+                "smooth, growing rough",
+                "smooth, growing steps, growing rough",
+                "point, smooth, growing steps, growing rough",
+                "smooth, rough",
+                "smooth",
+            )
+        )
+    ),
+    Entry(
+        "docs/surrogate.md",
+        "standard error {:.1f} ms) | {:.3f} | {:.1f} ms | {:.0f} % |",
+        lambda: [
+            MS * surrogate()["validation"]["noise_s"],
+            surrogate()["validation"]["q2"],
+            MS * surrogate()["validation"]["rmse_s"],
+            PERCENT * surrogate()["validation"]["coverage_95"],
+        ],
+    ),
+    Entry(
+        "docs/surrogate.md",
+        "at single operating points | {:.3f} | {:.1f} ms | {:.0f} % |",
+        lambda: [
+            surrogate()["validation"]["q2_points"],
+            MS * surrogate()["validation"]["rmse_points_s"],
+            PERCENT * surrogate()["validation"]["coverage_points"],
+        ],
+    ),
+    Entry(
+        "docs/surrogate.md",
+        "{:d} of their shifts did not engage, where {:.0f} were expected",
+        lambda: [surrogate()["validation"]["lost"], surrogate()["validation"]["lost_expected"]],
+    ),
+    Entry(
+        "docs/surrogate.md",
+        "rank correlation is {:.2f} (0.9",
+        lambda: [surrogate()["validation"]["rank_best"]],
+    ),
+    # docs/simulation.md
+    Entry(
+        "docs/simulation.md",
+        "mean is {:.2f} %, the median error",
+        lambda: numbers("convergence", "largest error of a mean, %")[3:4],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "of a single shift {:.4f} %",
+        lambda: numbers("convergence", "median error of a shift, %")[3:4],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "in the accuracy is {:.1f};",
+        lambda: numbers(
+            "convergence", "observed order of the median error in the accuracy, 3e-3 to 1e-4:"
+        ),
+    ),
+    Entry(
+        "docs/simulation.md",
+        "at 1e-2 a design loses {:.0f} %.",
+        lambda: numbers("convergence", "largest error of a mean, %")[:1],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "Adams table is {:.1f} %.",
+        lambda: numbers("adams", "as published")[:1],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "the median is {:.3f} % and the worst of these shifts {:.2f} % off; "
+        "1e-2 costs {:.2f} as much with {:.2f} % and {:.0f} %",
+        lambda: [
+            *numbers("work_precision", "Drake rk3                     3e-04")[3:5],
+            *(
+                numbers("work_precision", "Drake rk3                     1e-02")[k]
+                for k in (1, 3, 4)
+            ),
+        ],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "All dogs cost {:.1f} times one dog",
+        lambda: numbers("work_precision", "Drake rk3, all dogs           3e-04")[1:2],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "({:.2f} of the default's cost)",
+        lambda: numbers("work_precision", "MuJoCo                        20 us")[1:2],
+    ),
+    Entry(
+        "docs/simulation.md",
+        "At 0.1 % it costs {:.2f},",
+        lambda: numbers("work_precision", "MuJoCo                         5 us")[1:2],
+    ),
+    # docs/blind.md
+    Entry(
+        "docs/blind.md",
+        "they are {:.2f} apart (root mean square)",
+        lambda: numbers("blind_engines", "root mean square:")[:1],
+    ),
+    Entry(
+        "docs/blind.md",
+        "of the list {:.0f} % as far as data can show it, {:.0f} % of what",
+        lambda: [
+            PERCENT * numbers("blind_fine", "of them with effects of the list (60)")[6],
+            PERCENT
+            * numbers("blind_fine", "of the list: what is named is all that can be seen")[0],
+        ],
+    ),
+    Entry(
+        "docs/blind.md", "miss by {:.2f} errors,", lambda: numbers("blind_rest", "all cases:")[:1]
+    ),
+    Entry(
+        "docs/blind.md",
+        "and by {:.1f} % of the mean time",
+        lambda: numbers("blind_rest", "all cases:", "")[:1],
+    ),
+    Entry(
+        "docs/blind.md",
+        "(median; {:.1f} % root mean square)",
+        lambda: numbers("blind_rest", "all cases:")[1:2],
+    ),
+]

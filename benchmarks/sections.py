@@ -1,0 +1,145 @@
+"""Say which sections of the documents hold results, and which of their numbers need no source.
+
+A section is in ``RESULTS``, where each figure has an entry of ``benchmarks.published`` or matches a
+pattern with a reason, or in ``OTHERS`` with the reason why none of its figures is held.
+"""
+
+from __future__ import annotations
+
+SPEEDS, FORCES = r"(?:5|10|25|50|100|149|249)", r"(?:235(?:\.2)?|315\.5|469|641\.5)"
+#: Numbers that are no results, wherever they stand.
+EVERYWHERE = (
+    (rf"\b{SPEEDS}(?:,? (?:and|to) {SPEEDS})*\s1/min", "speed of an operating point"),
+    (rf"\b{FORCES}\b(?: (?:to|and) {FORCES})?(?:\sN)?(?!\w)", "force of an operating point"),
+    (r"\b9[05] %\)?\s(?:intervals?|quantile)|in\s95 %|hold 90 %", "level of an interval"),
+)
+TARGET = r"\| (?:9[058]|1|80) % \|$|both: 70 % \||\| 0\.(?:05|95) \|$"
+
+DEFINITIONS = "keys, limits and constants of the method, which its tests hold"
+ONCE = "measured once while the method was chosen; no table is kept"
+TABLES = "quoted from tables of docs/evidence, not yet entered one by one"
+
+RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
+    "README.md": {
+        "What it found": (
+            (r"below\s0\.01 ms", "a bound on numerical_error_s, rounded up"),
+            (r"20 000 shifts", "size of the bundled data: 500 designs, 5 points, 8 angles"),
+            (r"\(0\.12\)|\(5 kN\)|\(1\.5 mm\)|vouches for 0\.12", "keys of the study file"),
+            (r"25 cells that have", "cells of the bench tables with a time"),
+            (
+                r"up to 20 ms at low(?s:.)*?by up to 19 %",
+                "printed by `dogshape validate mq200_adams`",
+            ),
+            (
+                r"\*\*Against the stand(?s:.)*?(?=\*\*Does the diagnosis)",
+                "diagnoses; `make gaps` keeps their records, from which entries follow",
+            ),
+            (
+                r"\(74 cases\)|effects of the list \(59\)",
+                "size of the subset, in the labels of blind.txt",
+            ),
+            (rf"(?m:{TARGET})", "aims, set before the score"),
+        ),
+        "The surrogate in short": (
+            (r"20 000 shifts of 500 designs", "size of the bundled data"),
+            (r"28 operating points, 40 designs", "what was held out"),
+        ),
+    },
+    "docs/search.md": {
+        "How sure the front is": ((r"5 and 95 %|\(0\.2\)|96 angles", "rules of replication"),),
+        "Against other samplers": (
+            (r"1152\s+shifts|\(230\)", "set for the comparison"),
+            (r"by 0\.06 and 0\.14", "last column of samplers.txt"),
+            (
+                r"4\.1 minutes(?s:.)*?624 shifts",
+                "processor times of samplers.txt, other on each machine",
+            ),
+            (r"search over 20 000 designs", "set for the comparison"),
+            (r"is 0\.09\.", "one less the share above"),
+        ),
+    },
+    "docs/surrogate.md": {
+        "Model": (
+            (r"\)/0\.04|a share of 0\.999", "shape of the covariance, an example"),
+            (r"foretold to 10 %", "rmse of ln t in the table above, rounded"),
+        ),
+        "Validation": (
+            (r"12 or 24 angles|error of\s0\.7 %|costs 1\.2 s", "how references were made"),
+            (r"40 designs that|\(0\.9\s+was aimed at\)", "what was held out, an aim"),
+            (r"below 0\.1 ms", "a bound on bias_s"),
+            (r"errors 0\.7 of what is foretold|have 0\.900", "measured once, no table is kept"),
+        ),
+    },
+}
+
+OTHERS: dict[str, dict[str, str]] = {
+    "README.md": {
+        "": "what the program does",
+        "Start": "what to type",
+        "Commands": "examples, limits and defaults",
+        "Conventions": DEFINITIONS,
+        "Physics in short": DEFINITIONS,
+        "Strength in short": DEFINITIONS,
+        "Where things are": "a list of folders",
+        "Sources": "literature",
+    },
+    "docs/bench.md": dict.fromkeys(
+        ("", "Format", "Slips of units and axes", "The gap map", "Along the shift"), DEFINITIONS
+    ),
+    "docs/blind.md": {
+        **dict.fromkeys(
+            ("", "Truth", "Cases", "Seal", "Score", "Does the advised test settle it?"), DEFINITIONS
+        ),
+        "Both engines without any effect": TABLES,
+        "Another clutch": TABLES,
+        "The published score, and where it falls short": TABLES,
+        "Cost": ONCE,
+    },
+    "docs/diagnosis.md": {
+        **dict.fromkeys(("", "The bank", "The emulator", "Limits"), DEFINITIONS),
+        "The flight": ONCE,
+        "How well it foretells": ONCE,
+    },
+    "docs/effects.md": {
+        **dict.fromkeys(("", "The effects", "Mechanism", "An effect of your own"), DEFINITIONS),
+        "Checked": ONCE,
+    },
+    "docs/gap.md": dict.fromkeys(
+        ("", "Its parts, from the top", "What the caller may add"), DEFINITIONS
+    ),
+    "docs/inference.md": dict.fromkeys(
+        (
+            "",
+            "Hypotheses",
+            "Likelihood (`diagnosis/likelihood.py`)",
+            "Evidence (`diagnosis/evidence.py`)",
+            "Classes and bounds",
+            "Decision (`diagnosis/verdict.py`)",
+            "Next test (`diagnosis/next_test.py`)",
+        ),
+        DEFINITIONS,
+    ),
+    "docs/search.md": dict.fromkeys(
+        ("", "What is proposed", "What is simulated", "Checked"), DEFINITIONS
+    ),
+    "docs/simulation.md": {
+        **dict.fromkeys(("", "What is modelled", "Friction"), DEFINITIONS),
+        "Verification": TABLES,
+        "Cost": TABLES,
+    },
+    "docs/strength.md": {
+        **dict.fromkeys(("", "Material", "Dog on dog", "Drawing, print, CAD"), DEFINITIONS),
+        **dict.fromkeys(("Load", "What touches", "Root", "Locking", "Tolerances"), TABLES),
+    },
+    "docs/studies.md": {
+        "": DEFINITIONS,
+        "Operating points": DEFINITIONS,
+        "Uncertainty": ONCE,
+        "Objectives": ONCE,
+    },
+    "docs/surrogate.md": {
+        **dict.fromkeys(("", "Data", "Expectation over a mix"), DEFINITIONS),
+        "Where to simulate next": TABLES,
+        "Asking": TABLES,
+    },
+}
