@@ -21,16 +21,18 @@ from sim.actuation import ForceProfile, RiseTable
 from sim.bundled import bundled_root
 from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
+from sim.driveline import TorquePeaks, torque_peaks
 from sim.edge import dog_fields, rings, si_fields, validate
 from sim.errors import InputError, refusal, require_between
 from sim.geometry import Dog
 from sim.loadcase import LoadCase
-from sim.loads import torque_peak
+from sim.loads import Loads
 from sim.manufacture import ManufacturingLimits
 from sim.materials import material_of
 from sim.records import Record, clutch_record, content_key, uncertain_record
 from sim.strength import Limits
 from sim.tolerance import Tolerances
+from sim.trace import Trace
 from sim.uncertainty import Uncertainty, Variant
 from sim.units import MM, unit_of
 
@@ -85,15 +87,10 @@ class Study:
         """
         return replace(self.clutch.dog, **dog_fields(params))
 
-    def torque_peak(self, mismatch: float | None) -> float | None:
-        """Return the driveline's torque peak in N m for a residual mismatch in rad/s.
-
-        None where no flank closed or the study gives no driveline stiffness.
-        """
+    def torque_peaks(self, clutch: Clutch, trace: Trace, loads: Loads) -> TorquePeaks | None:
+        """Compute the driveline's torque peaks in a shift; None without its stiffness."""
         stiffness = self.file.driveline.stiffness_Nm_rad
-        if stiffness is None or mismatch is None:
-            return None
-        return torque_peak(mismatch, stiffness, self.clutch.rings.reduced_inertia)
+        return None if stiffness is None else torque_peaks(clutch, trace, loads, stiffness)
 
     def named(self, values: Iterable[float]) -> dict[str, float]:
         """Return values of the searched keys by name, the count as a whole number."""

@@ -40,6 +40,7 @@ def loads_record(result: Engagement) -> Record:
         "peak_tangential_force_N": loads.peak_tangential_force,
         "impact_impulse_Ns": loads.impact_impulse,
         "energy_dissipated_J": loads.energy_dissipated,
+        "strike_mismatch_rpm": loads.strike_mismatch / RPM,
         "residual_mismatch_rpm": None
         if loads.residual_mismatch is None
         else loads.residual_mismatch / RPM,

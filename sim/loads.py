@@ -1,15 +1,12 @@
 r"""Loads of a shift that a designer needs.
 
-The rings are rigid behind the stiffness of the dogs, so peak forces are upper
-bounds; impulses and energies follow from the momenta and are not. A blow against the
-stop behind the sliding ring is in the energy, not in forces and impulse.
-
-A driveline of torsional stiffness *c* takes up what mismatch is left when the flanks
-close: the output ring's inertia is taken as the vehicle's side behind that spring, so
-both swing against each other as two
-inertias on a spring, and with :math:`J = J_1 J_2/(J_1 + J_2)` the torque peaks at
-
-.. math:: T = \Delta\omega \sqrt{c J}.
+The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from the
+momenta and hardly depend on that; peak forces do: a blow of mass *m* at speed *v* on a contact of
+stiffness *k* peaks near :math:`v \sqrt{k m}` (``sim.impact``), so stiffer dogs and a heavier
+fork strike harder, and shafts that give way less hard. They are estimates for that contact
+and those masses and no bounds (``benchmarks/impact_force.py``). A blow against the
+stop behind the sliding ring is in the energy, not in forces and impulse. ``sim.driveline`` has
+the torque that all of it raises behind the rings.
 
 Dog on dog, while faces can meet and the force is more axial than tangential (on a flank it
 is the other way round), it bears on dogs N b long that overlap by *L*. What that does to
@@ -19,7 +16,6 @@ for each class of overlap.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,9 +50,11 @@ class Loads:
         millisecond that the contact gives beyond holding the shift force, N s.
     energy_dissipated : energy that the contact took, by balance, J: what is left
         in the compressed dogs at the end included, and what a mechanism took.
+    strike_mismatch : largest change of the relative speed that the contact makes within any
+        millisecond, rad/s: what the hardest strike takes of the mismatch.
     residual_mismatch : relative speed with which the flanks close for good, at the
         start of seating, rad/s, signed; None where none closed. Flanks that struck and
-        flew off before show in the impulse.
+        flew off before show in the impulse and in ``strike_mismatch``.
     landing : what faces and edges bore.
     """
 
@@ -64,6 +62,7 @@ class Loads:
     peak_tangential_force: float
     impact_impulse: float
     energy_dissipated: float
+    strike_mismatch: float
     residual_mismatch: float | None
     landing: Landing
 
@@ -73,14 +72,31 @@ def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
     seating = phases[-1]
     before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
     closed = seating.end > seating.start
+    pressed = _within_impact(trace, np.maximum(trace.contact_force - trace.shift_force, 0.0))
+    turned = _within_impact(trace, trace.tangential_force)
+    struck = float(np.abs(turned).max()) * clutch.dog.mean_radius
     return Loads(
         peak_axial_force=float(trace.contact_force.max()),
         peak_tangential_force=float(np.abs(trace.tangential_force).max()),
-        impact_impulse=_hardest(trace),
+        impact_impulse=float(np.hypot(pressed, turned).max()),
         energy_dissipated=float(energy_lost(clutch, trace)[-1]),
+        strike_mismatch=struck / clutch.rings.reduced_inertia,
         residual_mismatch=float(trace.relative_speed[before]) if closed else None,
         landing=_dog_on_dog(clutch, trace),
     )
+
+
+def peak_duration(trace: Trace) -> float:
+    """Measure how long the tangential force stays above half of its peak, s."""
+    force = np.abs(trace.tangential_force)
+    peak = int(np.argmax(force))
+    low = np.flatnonzero(force < 0.5 * force[peak])
+    before = low[low < peak]
+    after = low[low > peak]
+    # A force is the mean of the step that ends at its time.
+    start = trace.time[before[-1]] if before.size else trace.time[0]
+    end = trace.time[after[0] - 1] if after.size else trace.time[-1]
+    return float(end - start)
 
 
 def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
@@ -93,16 +109,12 @@ def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
     return Landing(tuple(load[classes == i].max(initial=0.0).item() for i in range(len(OVERLAPS))))
 
 
-def _hardest(trace: Trace) -> float:
-    """Return the largest impulse within any window of the impact's length, N s."""
+def _within_impact(trace: Trace, force: Series) -> Series:
+    """Return the impulse of a force (n,) over an impact's length from each time on, N s, (n,)."""
     steps = np.diff(trace.time, prepend=trace.time[0])
-    ends = trace.time + IMPACT
-    gained = []
-    pressed = np.maximum(trace.contact_force - trace.shift_force, 0.0)
-    for force in (pressed, trace.tangential_force):
-        impulse = np.cumsum(force * steps)
-        gained.append(np.interp(ends, trace.time, impulse) - impulse)
-    return float(np.hypot(*gained).max())
+    impulse = np.cumsum(force * steps)
+    gained: Series = np.interp(trace.time + IMPACT, trace.time, impulse) - impulse
+    return gained
 
 
 def energy_lost(clutch: Clutch, trace: Trace) -> Series:
@@ -121,11 +133,3 @@ def energy_lost(clutch: Clutch, trace: Trace) -> Series:
     work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.actuator_displacement))])
     lost: Series = kinetic[0] + work - kinetic
     return lost
-
-
-def torque_peak(mismatch: float, stiffness: float, inertia: float) -> float:
-    """Return the torque in N m with which a driveline takes up a residual mismatch.
-
-    ``mismatch`` in rad/s, torsional ``stiffness`` in N m/rad, reduced ``inertia`` in kg m2.
-    """
-    return abs(mismatch) * math.sqrt(stiffness * inertia)

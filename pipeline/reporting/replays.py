@@ -97,5 +97,6 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
         clutch, point = variant.clutch(clutch), variant.point(point)
     result = engage(plant_of(clutch), point, row["relative_angle_deg"] * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
-    peak = study.torque_peak(result.loads.residual_mismatch)
+    peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
+    peak = None if peaks is None else peaks.whole
     write_animation(result, path, peak, scripts_beside=True)

@@ -9,7 +9,8 @@ from rich.console import Group, RenderableType
 from pipeline.console import columns, in_ms
 from sim.engagement import Engagement
 from sim.expectation import Expectation
-from sim.units import MM, RPM
+from sim.loads import peak_duration
+from sim.units import MM, MS, RPM
 
 
 def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
@@ -46,15 +47,21 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
     """Return the loads of a shift, in words; ``torque_peak`` in N m."""
     loads = result.loads
     facts = [
-        f"peak force axial {loads.peak_axial_force:.0f} N, "
+        f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
         f"tangential {loads.peak_tangential_force:.0f} N",
+    ]
+    if loads.peak_tangential_force > 0.0:
+        lasts = peak_duration(result.trace) / MS
+        facts.append(f"the tangential one above its half for {lasts:.2g} ms")
+    facts += [
         f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
         f"energy dissipated {loads.energy_dissipated:.3g} J",
+        f"hardest strike takes {loads.strike_mismatch / RPM:.3g} 1/min of the mismatch",
     ]
     if loads.residual_mismatch is not None:
         facts.append(f"mismatch as the flanks close {loads.residual_mismatch / RPM:.3g} 1/min")
     if torque_peak is not None:
-        facts.append(f"driveline torque peak from that mismatch {torque_peak:.3g} N m")
+        facts.append(f"driveline torque peak from all strikes {torque_peak:.3g} N m")
     return facts
 
 

@@ -79,7 +79,8 @@ def shift(
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
     result = engage(ClutchPlant(clutch), point, relative_angle_deg * DEG)
-    peak = given.torque_peak(result.loads.residual_mismatch)
+    peaks = given.torque_peaks(result.clutch, result.trace, result.loads)
+    peak = None if peaks is None else peaks.whole
     if html is not None:
         write_animation(result, html, peak)
     if trace is not None:
@@ -90,7 +91,12 @@ def shift(
         "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
         "peak_axial_force_N": result.loads.peak_axial_force,
         "events": events_record(result),
-        "loads": {**loads_record(result), "torque_peak_Nm": peak},
+        "loads": {
+            **loads_record(result),
+            "torque_peak_Nm": peak,
+            "torque_peak_strike_Nm": None if peaks is None else peaks.strike,
+            "torque_peak_closing_Nm": None if peaks is None else peaks.closing,
+        },
         "detail": result.detail,
         "solver": {
             "scheme": solver.scheme,

@@ -11,7 +11,7 @@ import pytest
 
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
-from sim.loads import energy_lost, torque_peak
+from sim.loads import energy_lost
 from sim.outcome import Outcome
 from sim.plant import ClutchPlant
 from sim.units import DEG, RPM
@@ -132,17 +132,3 @@ def test_energy_of_the_mismatch_is_dissipated(plant: ClutchPlant, point: Point) 
     assert 0.5 * rings.reduced_inertia * (249 * RPM) ** 2 == pytest.approx(3.34, abs=0.01)
     lost = energy_lost(plant.clutch, trace)
     assert lost.min() > -0.02 * lost[-1]
-
-
-def test_torque_peak_is_that_of_two_inertias_on_a_spring() -> None:
-    """Against the motion itself, integrated in small steps."""
-    one, two, stiffness, mismatch = 0.01, 0.6, 320.0, 5.0
-    speeds, twist, peak, step = np.array([0.0, mismatch]), 0.0, 0.0, 1e-6
-    for _ in range(20_000):
-        torque = stiffness * twist
-        speeds += step * torque * np.array([1.0 / one, -1.0 / two])
-        twist += step * (speeds[1] - speeds[0])
-        peak = max(peak, torque)
-    assert torque_peak(mismatch, stiffness, one * two / (one + two)) == pytest.approx(
-        peak, rel=1e-3
-    )

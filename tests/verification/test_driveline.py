@@ -1,0 +1,148 @@
+"""Torque peak of the driveline against closed forms, the motion itself, and a hard shift."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+
+from pipeline.config import load_study
+from pipeline.tables.shifts import load_facts
+from sim.clutch import Clutch, OperatingPoint
+from sim.driveline import response, torque_peak, torque_peaks
+from sim.engagement import engage
+from sim.plant import ClutchPlant
+from sim.trace import Trace
+from sim.units import RPM
+from tests.conftest import dog_of
+
+STIFFNESS = 320.0  #: N m/rad
+CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: of the default study, as it is kept
+
+Point = Callable[[float, float], OperatingPoint]
+Series = NDArray[np.float64]
+
+
+def _trace(clutch: Clutch, time: Series, torque: Series, mismatch: float = 0.0) -> Trace:
+    """Make up a trace in which the contact gives a torque (n - 1,) in the steps between times."""
+    taken = np.concatenate([[0.0], np.cumsum(torque * np.diff(time))])
+    series = {name: np.zeros(time.size) for name in Trace.__dataclass_fields__}
+    force = np.concatenate([[0.0], torque]) / clutch.dog.mean_radius
+    left = mismatch - taken / clutch.rings.reduced_inertia
+    return Trace(**{**series, "time": time, "tangential_force": force, "output_speed": left})
+
+
+def _even(clutch: Clutch, mismatch: float, span: float) -> float:
+    """Return the response to a torque that takes a mismatch evenly over a time in s."""
+    time = np.concatenate([np.linspace(0.0, span, 40), [2.0 * span, 0.5]])
+    torque = np.where(time[1:] <= span * 1.0001, clutch.rings.reduced_inertia * mismatch / span, 0)
+    return response(clutch, _trace(clutch, time, torque), STIFFNESS)
+
+
+def test_torque_peak_is_that_of_two_inertias_on_a_spring() -> None:
+    """Against the motion itself, integrated in small steps."""
+    one, two, stiffness, mismatch = 0.01, 0.6, 320.0, 5.0
+    speeds, twist, peak, step = np.array([0.0, mismatch]), 0.0, 0.0, 1e-6
+    for _ in range(20_000):
+        torque = stiffness * twist
+        speeds += step * torque * np.array([1.0 / one, -1.0 / two])
+        twist += step * (speeds[1] - speeds[0])
+        peak = max(peak, torque)
+    assert torque_peak(mismatch, stiffness, one * two / (one + two)) == pytest.approx(
+        peak, rel=1e-3
+    )
+
+
+@pytest.mark.parametrize("count", [1, 50])
+def test_strikes_in_a_short_time_make_what_one_that_takes_all_makes(
+    clutch: Clutch, count: int
+) -> None:
+    inertia, mismatch = clutch.rings.reduced_inertia, 26.0
+    time = np.concatenate([[0.0], np.linspace(0.01, 0.0101, 2 * count), [0.2]])
+    torque = np.zeros(time.size - 1)
+    torque[1 : 2 * count : 2] = 1.0
+    torque *= inertia * mismatch / float((torque * np.diff(time)).sum())
+    made = response(clutch, _trace(clutch, time, torque), STIFFNESS)
+    assert made == pytest.approx(torque_peak(mismatch, STIFFNESS, inertia), rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 3.0])
+def test_many_small_strikes_make_what_their_mean_torque_makes(clutch: Clutch, share: float) -> None:
+    """An even torque over ``share`` of half a period; beyond that twice the mean torque."""
+    inertia, mismatch = clutch.rings.reduced_inertia, 26.0
+    rate = math.sqrt(STIFFNESS / inertia)
+    span = share * math.pi / rate
+    mean = inertia * mismatch / span
+    known = 2.0 * mean * (math.sin(0.5 * rate * span) if share < 1.0 else 1.0)
+    assert _even(clutch, mismatch, span) == pytest.approx(known, rel=1e-9)
+
+
+def test_strikes_half_a_period_apart_cancel_and_a_whole_one_apart_add(clutch: Clutch) -> None:
+    inertia, mismatch = clutch.rings.reduced_inertia, 10.0
+    period = 2.0 * math.pi * math.sqrt(inertia / STIFFNESS)
+    one = torque_peak(mismatch, STIFFNESS, inertia)
+    for apart, made in ((0.5 * period, one), (period, 2.0 * one)):
+        time = np.array([0.0, 1e-6, apart, apart + 1e-6, 1.0])
+        torque = np.array([1e6, 0.0, 1e6, 0.0]) * inertia * mismatch
+        trace = _trace(clutch, time, torque)
+        assert response(clutch, trace, STIFFNESS) == pytest.approx(made, rel=1e-4)
+
+
+def test_response_is_that_of_the_motion_under_any_torque(clutch: Clutch) -> None:
+    rings, draw = clutch.rings, np.random.default_rng(3)
+    time = np.concatenate([[0.0], np.cumsum(draw.uniform(1e-3, 8e-3, 30))])
+    torque = draw.normal(0.0, 40.0, 30)
+
+    def motion(now: float, state: Series) -> list[float]:
+        near, far, twist = map(float, state)
+        given = torque[min(int(np.searchsorted(time, now, side="right")) - 1, 29)]
+        spring = STIFFNESS * twist
+        drive = given / rings.reduced_inertia  # of the mismatch, into the twist's rate
+        return [drive - spring / rings.sliding_inertia, spring / rings.output_inertia, near - far]
+
+    state, peak = np.zeros(3), 0.0
+    for start, end in pairwise(time):
+        run = solve_ivp(motion, (start, end - 1e-12), state, rtol=1e-9, atol=1e-12, max_step=2e-5)
+        state, peak = run.y[:, -1], max(peak, float(STIFFNESS * np.abs(run.y[2]).max()))
+    rate = math.sqrt(STIFFNESS / rings.reduced_inertia)
+    peak = max(peak, STIFFNESS * math.hypot(state[2], (state[0] - state[1]) / rate))
+    assert response(clutch, _trace(clutch, time, torque), STIFFNESS) == pytest.approx(
+        peak, rel=1e-5
+    )
+
+
+def test_mismatch_that_a_strike_takes_before_the_flanks_close_counts(
+    clutch: Clutch, point: Point
+) -> None:
+    """One strike takes nearly all of 249 1/min and throws the ring back; then it creeps in."""
+    hard = clutch.with_dog(dog_of(clutch.dog, CHOSEN))
+    result = engage(ClutchPlant(hard), point(249, 469.0), 0.55 * hard.dog.pitch_angle)
+    peaks = torque_peaks(hard, result.trace, result.loads, STIFFNESS)
+    all_of_it = torque_peak(249 * RPM, STIFFNESS, hard.rings.reduced_inertia)
+    assert all_of_it == pytest.approx(46.26, abs=0.01)
+    assert peaks.closing is not None
+    assert peaks.closing < 0.2 * all_of_it
+    assert peaks.strike == pytest.approx(all_of_it, rel=0.05)
+    assert peaks.strike < peaks.whole < 1.5 * all_of_it
+    assert result.loads.strike_mismatch == pytest.approx(243 * RPM, rel=0.02)
+
+
+def test_study_without_a_driveline_has_no_torque_peak(plant: ClutchPlant, point: Point) -> None:
+    study = load_study("mq200")
+    result = engage(plant, point(50, 469.0), 0.2)
+    peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
+    assert peaks is not None
+    bare = study.file.driveline.model_copy(update={"stiffness_Nm_rad": None})
+    without = study.file.model_copy(update={"driveline": bare})
+    study = type(study)(**{**vars(study), "file": without})
+    assert study.torque_peaks(result.clutch, result.trace, result.loads) is None
+    facts = load_facts(result, peaks.whole)
+    assert facts[-1] == f"driveline torque peak from all strikes {peaks.whole:.3g} N m"
+    assert any(fact.startswith("hardest strike takes") for fact in facts)
+    assert any("rigid rings" in fact for fact in facts)
+    assert not any("torque" in fact for fact in load_facts(result, None))
