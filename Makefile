@@ -42,8 +42,8 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind run $(BLIND)
 	$(BIN)/dogshape blind score $(BLIND)
 
-EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
-  load_height workers effects blind_engines bank evidence
+EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
+  adams root_stress load_height impact_force crest_hang workers effects blind_engines bank evidence
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves

@@ -7,6 +7,8 @@ import pytest
 
 from benchmarks.common import DESIGNS, angles_of, clutch_of, default_study, measure, point_of
 from benchmarks.convergence import POINTS, error, with_accuracy
+from benchmarks.convergence_designs import Pair, pairs
+from sim.clutch import OperatingPoint
 from sim.plant import ClutchPlant
 
 
@@ -39,3 +41,33 @@ def test_error_falls_with_the_tolerance() -> None:
     order = np.polyfit(np.log([1e-2, 1e-3, 1e-4]), np.log(errors), 1)[0]
     assert order > 0.5
     assert errors[-1] < 1e-3
+
+
+def _pair(times: list[float], reference: list[float]) -> Pair:
+    point = OperatingPoint(0.0, default_study().points[0].profile)
+    return Pair({}, point, np.array(times), np.array(reference))
+
+
+def test_a_flip_is_another_time_or_another_outcome_and_no_small_error() -> None:
+    pair = _pair([0.100, 0.103, 0.098, np.nan, np.nan], [0.100, 0.100, 0.066, 0.1, np.nan])
+    assert pair.flipped.tolist() == [False, False, True, True, False]
+    assert pair.errors == pytest.approx([0.0, 3.0])
+    assert pair.smooth_error == pytest.approx(1.5)
+    assert pair.error == pytest.approx(100.0 * (0.301 / 0.266 - 1.0))
+
+
+def _held(made: list[Pair], most_flips: int) -> None:
+    """Hold what is claimed: flips are rare, and shifts that do not flip err little."""
+    assert sum(int(pair.flipped.sum()) for pair in made) <= most_flips
+    assert np.median(np.concatenate([pair.errors for pair in made])) < 0.01
+    assert np.quantile([abs(pair.smooth_error) for pair in made], 0.9) < 0.5
+
+
+def test_designs_drawn_over_the_space_at_both_signs() -> None:
+    _held(pairs(default_study(), designs=2, angles=3), most_flips=1)
+
+
+@pytest.mark.slow
+def test_many_designs_drawn_over_the_space_at_both_signs() -> None:
+    """At the rate that was found, 0.3 %, five flips in 240 shifts have a chance of 0.1 %."""
+    _held(pairs(default_study(), designs=20, angles=6), most_flips=4)

@@ -1,0 +1,243 @@
+r"""Crests that cross: where dogs hang by friction whatever their chamfer, against a closed form.
+
+    python -m benchmarks.crest_hang
+
+Crests are straight and lie across the axis. Where two of them meet they cross under the angle
+:math:`\psi = h \tan\beta/r`, so that over a width :math:`W = \psi b` of overlap at the mean radius
+the crossing lies on both dogs. Moved across each other there, the crossing runs along the crests
+and nothing gives way: the common normal is the axis, and friction has nothing to hold. With a
+compliant layer the rigid crest stands a depth :math:`\delta` below the other one. At the place
+*x* along it the local overlap is :math:`\ell = L + \psi x`; there the rigid face and the rigid
+flank press with the smaller of the depths below both faces of the other dog. Summed over *x*, these
+loads are :math:`N = k \delta^3 n/\psi` along the axis and :math:`T = k \delta^3 t/\psi` across,
+*n* and *t* integrals over :math:`\ell/\delta` from :math:`(L - W/2)/\delta` to
+:math:`(L + W/2)/\delta`. Over the whole pattern, :math:`-\tan\beta \le \ell/\delta \le \cot\alpha`,
+*t* vanishes for all angles; only where the pattern runs off the end of a dog there is
+something to hold. Static friction holds where :math:`|T| \le \mu N`.
+
+Printed is the width of that window over the pitch beside shifts in Drake that land at overlaps all
+over it: the share of a pitch at which they hang, and at which they stay on the crests for more
+than 20 ms and engage late. Then what stiffness, mesh and all dogs change. Takes five minutes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.common import default_study, point_of
+from benchmarks.convergence import plant_with
+from pipeline.config import VARIABLES, Study
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import Engagement, engage
+from sim.outcome import Outcome
+from sim.phases import face_overlap
+from sim.plant import ClutchPlant
+from sim.units import MM
+
+#: Chamfer, traction and braking angle in deg, height in mm, dogs. The last two lean so far that
+#: their crests cross over a wide overlap; both faces slide from rest by far.
+DESIGNS = {
+    "prototype": (8.0, 12.0, 22.0, 3.7, 15),
+    "chosen (19)": (10.633, 6.891, 24.498, 2.485, 31),
+    "lean": (12.5, 20.0, 16.0, 4.5, 14),
+    "steep face": (19.9, 15.0, 15.0, 3.5, 18),
+}
+MISMATCHES = (0.0, 5.0, 10.0)  #: 1/min
+FORCES = (235.2, 641.5)  #: N
+ANGLES = 16
+LONG = 0.02  #: s on crests from which a shift counts as late
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Crests:
+    """Two crests that cross.
+
+    Parameters
+    ----------
+    chamfer, traction : rad.
+    crossing : angle between them, rad.
+    width : overlap at the mean radius over which the crossing lies on both dogs, m.
+    stiffness : of the contact, Pa/m.
+    """
+
+    chamfer: float
+    traction: float
+    crossing: float
+    width: float
+    stiffness: float
+
+    def sums(self, cells: int = 1200) -> tuple[Array, Array, Array]:
+        """Return l/delta (m,) and the integrals *n* and *t* from its low end up to there."""
+        places = np.linspace(-math.tan(self.traction), 1.0 / math.tan(self.chamfer), cells)
+        face, flank = np.array([self._pressed(place) for place in places]).T
+        along = math.cos(self.chamfer) * face + math.sin(self.traction) * flank
+        across = math.cos(self.traction) * flank - math.sin(self.chamfer) * face
+        return places, _running(along, places), _running(across, places)
+
+    def _pressed(self, overlap: float) -> tuple[float, float]:
+        """Return what the rigid face and flank press with at an overlap, both over depth."""
+        (ca, sa), (cb, sb) = _turn(self.chamfer), _turn(self.traction)
+
+        def below_face(y: float, z: float) -> float:
+            return sa * y - ca * z
+
+        def below_flank(y: float, z: float) -> float:
+            return -(cb * y + sb * z)
+
+        found = []
+        for way in ((ca, sa), (-sb, cb)):  # up the rigid face, up the rigid flank
+            depths = [(below(-overlap, -1.0), below(*way)) for below in (below_face, below_flank)]
+            ends = [start / -slope for start, slope in depths if slope < 0.0]
+            starts = [-start / slope for start, slope in depths if slope > 0.0]
+            low, high = max([0.0, *starts]), min(ends)
+            along = low + (high - low) * (np.arange(200) + 0.5) / 200
+            least = np.minimum(*(start + slope * along for start, slope in depths))
+            inside = high > low and min(d + s * 0.5 * (low + high) for d, s in depths) > 0.0
+            found.append(float(least.mean() * (high - low)) if inside else 0.0)
+        return found[0], found[1]
+
+    def balance(self, overlap: Array, force: float) -> tuple[Array, Array]:
+        """Return depth in m and T/N at overlaps (m,) under an axial force on one dog, N."""
+        places, along, across = self.sums()
+        depths, ratios = [], []
+        for here in overlap:
+            low, high = here - 0.5 * self.width, here + 0.5 * self.width
+
+            def total(sums: Array, depth: float, a: float = low, b: float = high) -> float:
+                return float(np.diff(np.interp([a / depth, b / depth], places, sums))[0])
+
+            small, large = 1e-9, 2e-3
+            for _ in range(60):
+                depth = math.sqrt(small * large)
+                pressed = self.stiffness * depth**3 / self.crossing * total(along, depth)
+                small, large = (depth, large) if pressed < force else (small, depth)
+            depths.append(large)
+            ratios.append(total(across, large) / total(along, large))
+        return np.array(depths), np.array(ratios)
+
+    def window(self, force: float, friction: float) -> float:
+        """Return the width of overlap, m, over which friction holds one dog under a force, N."""
+        overlap = np.linspace(-self.width, self.width, 401)
+        ratio = self.balance(overlap, force)[1]
+        return float((np.abs(ratio) <= friction).sum() * (overlap[1] - overlap[0]))
+
+
+def _turn(angle: float) -> tuple[float, float]:
+    return math.cos(angle), math.sin(angle)
+
+
+def _running(values: Array, places: Array) -> Array:
+    means = 0.5 * (values[1:] + values[:-1])
+    sums: Array = np.concatenate([[0.0], np.cumsum(means * np.diff(places))])
+    return sums
+
+
+def crests_of(clutch: Clutch) -> Crests:
+    """Return the crests of a clutch."""
+    dog = clutch.dog
+    crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
+    width = crossing * dog.radial_width
+    return Crests(dog.chamfer, dog.traction, crossing, width, clutch.contact.stiffness)
+
+
+def shifts_about(
+    plant: ClutchPlant, point: OperatingPoint, angles: int = ANGLES
+) -> list[Engagement]:
+    """Simulate shifts that land at even overlaps from -W to W."""
+    clutch = plant.clutch
+    dog, width = clutch.dog, crests_of(clutch).width
+    overlap = width * (2.0 * (np.arange(angles) + 0.5) / angles - 1.0)
+    mass = clutch.mechanism.sleeve_mass(clutch.rings.mass)
+    time = point.profile.free_flight_time(dog.axial_gap, mass)
+    return [
+        engage(plant, point, (here - dog.crest_overlap) / dog.mean_radius - point.mismatch * time)
+        for here in overlap.tolist()
+    ]
+
+
+def time_on_crests(shift: Engagement) -> float:
+    """Return how long the crossing lay on both dogs at the depth of the crests, s."""
+    clutch, trace = shift.clutch, shift.trace
+    overlap, _ = face_overlap(clutch, trace.relative_angle)
+    depth = trace.displacement - clutch.dog.axial_gap
+    width = crests_of(clutch).width
+    there = (np.abs(overlap) <= 0.5 * width) & (np.abs(depth) < 0.1 * MM)
+    return float(np.diff(trace.time, prepend=0.0)[there].sum())
+
+
+def shares(shifts: list[Engagement], clutch: Clutch) -> tuple[float, float]:
+    """Return the shares of a pitch at which shifts hang, and at which they engage late, %."""
+    each = 100.0 * 2.0 * crests_of(clutch).width / clutch.dog.pitch / len(shifts)
+    hung = sum(s.outcome is Outcome.BLOCKED for s in shifts)
+    late = sum(s.outcome is Outcome.ENGAGED and time_on_crests(s) > LONG for s in shifts)
+    return hung * each, late * each
+
+
+def clutch_of(study: Study, design: str) -> Clutch:
+    """Return the study's clutch with one of the designs."""
+    values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
+    return study.clutch.with_dog(study.dog_with(values))
+
+
+def windows(study: Study) -> None:
+    """Print crossing, static window and what hangs in Drake."""
+    print("share of a pitch, %: crests cross; static friction holds; Drake hangs / is late")
+    heads = "".join(f"{f'{m:.0f} 1/min':>14}" for m in MISMATCHES)
+    print(f"{'design':<12} {'N':>6} {'W, mm':>6} {'cross':>6} {'held':>6}{heads}")
+    for name in DESIGNS:
+        clutch = clutch_of(study, name)
+        crests, pitch, plant = crests_of(clutch), clutch.dog.pitch, ClutchPlant(clutch)
+        for force in FORCES:
+            held = crests.window(force / clutch.dog.count, clutch.contact.dynamic_friction)
+            cells = []
+            for mismatch in MISMATCHES:
+                shifts = shifts_about(plant, point_of(study, mismatch, force))
+                hung, late = shares(shifts, clutch)
+                cells.append(f"{hung:7.2f} / {late:4.2f}")
+            print(
+                f"{name:<12} {force:6.1f} {crests.width / MM:6.3f} "
+                f"{100 * crests.width / pitch:6.2f} {100 * held / pitch:6.2f}" + "".join(cells),
+                flush=True,
+            )
+
+
+def variants(study: Study, name: str = "lean", angles: int = 8) -> None:
+    """Print what stiffness, mesh and all dogs change, at no mismatch and the smallest force."""
+    base, point = clutch_of(study, name), point_of(study, 0.0, FORCES[0])
+    contact, solver = base.contact, base.solver
+    changed = {
+        "as it is": ClutchPlant(base),
+        "a tenth as stiff": ClutchPlant(_stiff(base, 0.1)),
+        "ten times as stiff": ClutchPlant(_stiff(base, 10.0)),
+        "rigid side cut into 24 triangles": plant_with(base, 1),
+        "a tenth of the stiction velocity": ClutchPlant(
+            replace(base, contact=replace(contact, stiction_velocity=2e-5))
+        ),
+        "all dogs": ClutchPlant(replace(base, solver=replace(solver, all_dogs=True))),
+    }
+    print(f"\n{name}, {FORCES[0]} N, no mismatch, {angles} overlaps: share of a pitch, %")
+    print(f"{'':<34} {'held':>6} {'hangs / late':>14}")
+    for words, plant in changed.items():
+        clutch = plant.clutch
+        held = crests_of(clutch).window(FORCES[0] / clutch.dog.count, contact.dynamic_friction)
+        hung, late = shares(shifts_about(plant, point, angles), clutch)
+        print(
+            f"{words:<34} {100 * held / clutch.dog.pitch:6.2f} {hung:7.2f} / {late:4.2f}",
+            flush=True,
+        )
+
+
+def _stiff(clutch: Clutch, factor: float) -> Clutch:
+    contact = clutch.contact
+    return replace(clutch, contact=replace(contact, stiffness=factor * contact.stiffness))
+
+
+if __name__ == "__main__":
+    windows(default_study())
+    variants(default_study())
