@@ -34,7 +34,7 @@ from pipeline.config import VARIABLES, Study
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
 from sim.outcome import Outcome
-from sim.phases import face_overlap
+from sim.phases import crests_cross
 from sim.plant import ClutchPlant
 from sim.units import MM
 
@@ -163,11 +163,8 @@ def shifts_about(
 
 def time_on_crests(shift: Engagement) -> float:
     """Return how long the crossing lay on both dogs at the depth of the crests, s."""
-    clutch, trace = shift.clutch, shift.trace
-    overlap, _ = face_overlap(clutch, trace.relative_angle)
-    depth = trace.displacement - clutch.dog.axial_gap
-    width = crests_of(clutch).width
-    there = (np.abs(overlap) <= 0.5 * width) & (np.abs(depth) < 0.1 * MM)
+    trace = shift.trace
+    there = crests_cross(shift.clutch, trace.relative_angle, trace.displacement)
     return float(np.diff(trace.time, prepend=0.0)[there].sum())
 
 

@@ -17,6 +17,10 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
         "standard_error_s": number_or_none(expectation.standard_error),
         "numerical_error_s": number_or_none(expectation.numerical_error),
         "engaged": expectation.engaged,
+        "mean_engaged_s": expectation.mean_engaged,
+        "shifts": expectation.shifts,
+        "not_engaged": expectation.lost,
+        "held_dog_on_dog": expectation.blocked,
         "lower_bound": expectation.is_lower_bound,
         "points": [
             {
@@ -28,6 +32,7 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
                 "sd_s": p.sd,
                 "engaged": p.engaged,
                 "n": p.n,
+                "held_dog_on_dog": p.blocked,
             }
             for p in expectation.points
         ],

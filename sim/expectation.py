@@ -54,6 +54,7 @@ class PointExpectation:
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
     engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
     ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
+    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction.
     """
 
     point: OperatingPoint
@@ -63,6 +64,12 @@ class PointExpectation:
     sd: float
     engaged: float
     n: int
+    blocked: int = 0
+
+    @property
+    def lost(self) -> int:
+        """How many of the shifts did not engage."""
+        return self.n - round(self.engaged * self.n)
 
 
 @dataclass(frozen=True)
@@ -82,6 +89,33 @@ class Expectation:
     def is_lower_bound(self) -> bool:
         """Whether at some operating point no shift engaged at all."""
         return any(p.mean_engaged is None for p in self.points)
+
+    @property
+    def mean_engaged(self) -> float | None:
+        """Weighted mean of the shifts that engage, s: what is left without the retries.
+
+        One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly. None
+        where at some operating point none engaged.
+        """
+        total = sum(p.point.weight for p in self.points)
+        means = [(p.point.weight / total, p.mean_engaged) for p in self.points]
+        found = [weight * mean for weight, mean in means if mean is not None]
+        return sum(found) if len(found) == len(means) else None
+
+    @property
+    def shifts(self) -> int:
+        """How many shifts say something."""
+        return sum(p.n for p in self.points)
+
+    @property
+    def lost(self) -> int:
+        """How many of them did not engage."""
+        return sum(p.lost for p in self.points)
+
+    @property
+    def blocked(self) -> int:
+        """How many of them stood still dog on dog, held by friction."""
+        return sum(p.blocked for p in self.points)
 
     @property
     def engaged(self) -> float:
@@ -116,10 +150,11 @@ def expect_point(
     """
     asked = len(shifts)
     n = sum(s.outcome is not Outcome.DIVERGED for s in shifts)
+    blocked = sum(s.outcome is Outcome.BLOCKED for s in shifts)
     times = np.array([s.shift_time for s in shifts if s.shift_time is not None], dtype=float)
     lost = timeout + retraction
     if times.size == 0:
-        return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n)
+        return PointExpectation(point, timeout + asked * lost, None, lost, 0.0, 0.0, n, blocked)
     share = times.size / n
     mean = float(times.mean())
     variance = variance_of_mean(times, even=even and share == 1.0)
@@ -127,7 +162,7 @@ def expect_point(
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
     error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan
     sd = float(times.std(ddof=1)) if times.size > 1 else 0.0
-    return PointExpectation(point, mean + retry, mean, error, sd, share, n)
+    return PointExpectation(point, mean + retry, mean, error, sd, share, n, blocked)
 
 
 def variance_of_mean(times: Phases, *, even: bool = True) -> float:

@@ -26,6 +26,7 @@ from sim.trace import Series, Trace
 
 Flags = NDArray[np.bool_]
 
+CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
 PHASES = ("free fly", "face contact", "entry", "seating")
 
 
@@ -70,6 +71,21 @@ def face_left(clutch: Clutch, relative_angle: float, displacement: float) -> flo
         return math.inf
     overlap, most = face_overlap(clutch, angle)
     return float(min(overlap[0], most - overlap[0]))
+
+
+def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
+    """Tell where two crests cross within both dogs, at the depth where they meet, (n,).
+
+    Crests are straight; where their overlap is nought at the mean radius they stand
+    ``height tan(traction) / radius`` out of parallel. There the common normal is the axis, and
+    friction holds whatever the chamfer (``benchmarks/crest_hang.py``).
+    """
+    dog = clutch.dog
+    crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
+    overlap, _ = face_overlap(clutch, relative_angle)
+    near = np.abs(displacement - dog.axial_gap) < CREST_DEPTH
+    flags: Flags = near & (np.abs(overlap) <= 0.5 * crossing * dog.radial_width)
+    return flags
 
 
 def touching(trace: Trace) -> Flags:

@@ -160,7 +160,7 @@ def points_of(result: Row) -> list[str]:
     confirmation, best = result["confirmation"], result["best"]
     if best["prototype"]:
         return [_simulated(result), _limits(best)]
-    said = [_how_sure(result), *_better(result), _limits(best)]
+    said = [_how_sure(result), *_hung(result), *_better(result), _limits(best)]
     return [*said, *_slower(gains(confirmation))]
 
 
@@ -209,6 +209,22 @@ def _simulated(result: Row) -> str:
         f"{result['n_simulated_shifts']} shifts were simulated; the figures above are from "
         f"{angles} fresh relative angles at each operating point, which the search did not use."
     )
+
+
+def _hung(result: Row) -> list[str]:
+    """Return a sentence on each of both designs of which shifts did not engage when confirmed."""
+    said = []
+    for name, role in (("prototype", "the prototype"), ("best", "the chosen design")):
+        found = result["confirmation"][name]
+        count = sum(point["n"] for point in found["points"])
+        lost = sum(p["n"] - round(p["engaged"] * p["n"]) for p in found["points"])
+        if not lost:
+            continue
+        text = f"{lost} of {count} shifts of {role} did not engage there and are tried again"
+        if found.get("mean_engaged_s") is not None:
+            text += f"; without the retries it takes {ms(found['mean_engaged_s'])} ms"
+        said.append(f"{text}.")
+    return said
 
 
 def _better(result: Row) -> list[str]:

@@ -10,6 +10,8 @@ from pipeline.console import columns, in_ms
 from sim.engagement import Engagement
 from sim.expectation import Expectation
 from sim.loads import peak_duration
+from sim.outcome import Outcome
+from sim.phases import crests_cross
 from sim.units import MM, MS, RPM
 
 
@@ -30,13 +32,17 @@ def event_facts(result: Engagement) -> list[str]:
     """Return what happened in a shift, in words."""
     events = result.events
     slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
-    return [
+    facts = [
         _counted(events.face_contacts, "face contact"),
         f"{_counted(events.slots_skipped, 'slot')} skipped",
         f"thrown back {events.rebound / MM:.2f} mm",
         f"held dog on dog {in_ms(events.time_blocked)} ms",
         slid,
     ]
+    last = result.trace.relative_angle[-1:], result.trace.displacement[-1:]
+    if result.outcome is Outcome.BLOCKED and crests_cross(result.clutch, *last)[0]:
+        facts.append("stands crest across crest, where no chamfer lets go")
+    return facts
 
 
 def _counted(number: int, thing: str) -> str:
@@ -84,6 +90,18 @@ def expectation_table(result: Expectation) -> RenderableType:
     )
     if result.numerical_error is not None and not math.isnan(result.numerical_error):
         total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
+    if result.lost:
+        total += f"\n{_lost(result)}"
     if result.is_lower_bound:
         total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
     return Group(table, total)
+
+
+def _lost(result: Expectation) -> str:
+    """Say how many shifts did not engage, and what their retries make of the mean."""
+    text = f"{result.lost} of {result.shifts} shifts did not engage"
+    if result.blocked:
+        text += f", {result.blocked} held dog on dog by friction"
+    if result.mean_engaged is not None:
+        text += f"; without their retries the mean is {in_ms(result.mean_engaged)} ms"
+    return text

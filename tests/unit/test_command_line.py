@@ -307,6 +307,8 @@ def test_nothing_engaged_is_said(dogshape: Call) -> None:
     said = dogshape("expect", "mq200", *point, *hasty, "--json")
     assert said.json["lower_bound"] is True
     assert said.json["points"][0]["mean_engaged_s"] is None
+    assert said.json["mean_engaged_s"] is None
+    assert (said.json["not_engaged"], said.json["shifts"]) == (3, 3)
     assert "p = 1/(n + 1)" in dogshape("expect", "mq200", *point, *hasty).out
 
 

@@ -127,8 +127,10 @@ def test_margins_in_percent(margin: float, words: str) -> None:
 
 def test_summary_says_what_was_found(result: Row) -> None:
     assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
-    sure, limit, slower = points_of(result)
+    sure, hung, limit, slower = points_of(result)
     assert "Clear: the gain is 20 times its standard error. 100 shifts" in sure
+    said = "8 of 32 shifts of the prototype did not engage there and are tried again."
+    assert hung == said
     assert "tip width, with a margin of 3.0 %" in limit
     assert (
         "\N{MINUS SIGN}2.0 % with every tolerance at its worst, so such a part may break" in limit
@@ -145,6 +147,16 @@ def test_summary_says_what_was_found(result: Row) -> None:
     own = result | {"best": result["trials"][0]}
     assert headline(own) == "No design of this search is faster than the prototype."
     assert [line.split()[0] for line in points_of(own)] == ["100", "What"]
+
+
+def test_summary_says_what_is_left_without_shifts_that_hung(result: Row) -> None:
+    prototype = result["confirmation"]["prototype"]
+    prototype |= {"mean_engaged_s": 0.0954}
+    (hung,) = (line for line in points_of(result) if "did not engage" in line)
+    assert hung.endswith("tried again; without the retries it takes 95.4 ms.")
+    for point in prototype["points"]:
+        point["engaged"] = 1.0
+    assert not any("did not engage" in line for line in points_of(result))
 
 
 def test_summary_where_nothing_is_slower_or_only_by_chance(result: Row) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from pipeline.tables.shifts import expectation_table
 from sim.clutch import OperatingPoint
-from sim.expectation import ShiftResult, even_phases, expect, expect_point
+from sim.expectation import Expectation, ShiftResult, even_phases, expect, expect_point
 from sim.outcome import Outcome
 
 Point = Callable[[float, float], OperatingPoint]
@@ -35,6 +38,39 @@ def test_retry_formula_against_a_drawn_experiment(point: Point) -> None:
     shifts = _shifts(*[0.08] * 7, *[None] * 3)
     result = expect_point(point(50, 469.0), shifts, 1.0, 0.2)
     assert np.mean(total) == pytest.approx(result.mean, rel=0.03)
+
+
+def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: Point) -> None:
+    """One hang in six angles of one of two points: 1.2 s over five, times the point's weight."""
+    heavy = replace(point(5, 469.0), weight=3.0)
+    late = [*_shifts(0.05, None), ShiftResult(Outcome.TIMED_OUT, None)]
+    both = expect(
+        [
+            expect_point(heavy, _shifts(*[0.09] * 5, None), 1.0, 0.2),
+            expect_point(point(50, 469.0), _shifts(*[0.05] * 6), 1.0, 0.2),
+        ]
+    )
+    assert (both.shifts, both.lost, both.blocked) == (12, 1, 1)
+    assert both.mean_engaged == pytest.approx(0.75 * 0.09 + 0.25 * 0.05)
+    assert both.mean == pytest.approx(both.mean_engaged + 0.75 * 1.2 / 5)
+    assert "1 of 12 shifts did not engage, 1 held dog on dog" in _printed(both)
+    assert "without their retries the mean is 80.0 ms" in _printed(both)
+    one = expect([expect_point(heavy, late, 1.0, 0.2)])
+    assert (one.lost, one.blocked) == (2, 1)
+    nothing = expect([expect_point(heavy, _shifts(None, None), 1.0, 0.2)])
+    assert nothing.mean_engaged is None
+    assert "2 of 2 shifts did not engage" in _printed(nothing)
+    assert "without" not in _printed(nothing)
+    whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
+    assert whole.mean_engaged == pytest.approx(whole.mean)
+    assert "did not engage" not in _printed(whole)
+
+
+def _printed(result: Expectation) -> str:
+    console = Console(width=200)
+    with console.capture() as said:
+        console.print(expectation_table(result))
+    return said.get()
 
 
 def test_failed_integrations_are_left_out(point: Point) -> None:
