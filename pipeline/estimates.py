@@ -6,11 +6,11 @@
     time within which the share ``search.quantile`` of all shifts engages (``sim.estimate``).
 ``peak_impact_force_N``
     mean over the mix of each shift's peak contact force: the root of the squares of its largest
-    axial and its largest tangential force, which need not come at one time, so it is an
-    upper bound of the resultant. The forces are those of the whole ring, means over one step
-    of the integration, of rigid rings behind the stiffness of the dogs. A shift that does not
-    engage counts with what it struck; one whose integration failed is left out. Where all failed it
-    is NaN: the design counts as not simulated.
+    axial and its largest tangential force, which need not come at one time, so it is at
+    least their resultant. The forces are those of the whole ring, means over one step of the
+    integration, of rigid rings on the stiffness of the dogs, with which they grow. A shift that
+    does not engage counts with what it struck; one whose integration failed is left out. Where all
+    failed it is NaN: the design counts as not simulated.
 ``smallest_margin``
     of all checks, the hardest simulated landing among them. Most margins are exact and the
     landing's is an extreme, so no standard error is given: it is nought.

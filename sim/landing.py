@@ -20,8 +20,8 @@ below the shakedown limit of a line contact, four times the yield stress in shea
 *Contact Mechanics*, 1985). With a yield stress of a third of the hardness that is
 0.77 HV; more would flatten it landing by landing.
 
-The rings are rigid behind the dogs, so each landing is an upper bound; more angles than
-were simulated may hold harder ones.
+Each landing is one of rigid rings on the contact's stiffness with the moving mass of the study,
+and no bound: stiffer dogs land harder, and more angles than were simulated may hold harder ones.
 """
 
 from __future__ import annotations

@@ -51,23 +51,18 @@ def _counted(number: int, thing: str) -> str:
 
 def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
     """Return the loads of a shift, in words; ``torque_peak`` in N m."""
-    loads = result.loads
+    loads, lasts = result.loads, peak_duration(result.trace) / MS
     facts = [
         f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
-        f"tangential {loads.peak_tangential_force:.0f} N",
-    ]
-    if loads.peak_tangential_force > 0.0:
-        lasts = peak_duration(result.trace) / MS
-        facts.append(f"the tangential one above its half for {lasts:.2g} ms")
-    facts += [
-        f"impulse of the hardest millisecond {loads.impact_impulse:.3g} N s",
+        f"tangential {loads.peak_tangential_force:.0f} N for {lasts:.2g} ms",
+        f"hardest millisecond {loads.impact_impulse:.3g} N s, "
+        f"takes {loads.strike_mismatch / RPM:.3g} 1/min",
         f"energy dissipated {loads.energy_dissipated:.3g} J",
-        f"hardest strike takes {loads.strike_mismatch / RPM:.3g} 1/min of the mismatch",
     ]
     if loads.residual_mismatch is not None:
-        facts.append(f"mismatch as the flanks close {loads.residual_mismatch / RPM:.3g} 1/min")
+        facts.append(f"flanks close with {loads.residual_mismatch / RPM:.3g} 1/min")
     if torque_peak is not None:
-        facts.append(f"driveline torque peak from all strikes {torque_peak:.3g} N m")
+        facts.append(f"driveline torque peak {torque_peak:.3g} N m")
     return facts
 
 
