@@ -55,14 +55,13 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
     facts = [
         f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
         f"tangential {loads.peak_tangential_force:.0f} N for {lasts:.2g} ms",
-        f"hardest millisecond {loads.impact_impulse:.3g} N s, "
-        f"takes {loads.strike_mismatch / RPM:.3g} 1/min",
-        f"energy dissipated {loads.energy_dissipated:.3g} J",
+        f"hardest ms {loads.impact_impulse:.3g} N s, takes {loads.strike_mismatch / RPM:.3g} 1/min",
+        f"dissipated {loads.energy_dissipated:.3g} J",
     ]
     if loads.residual_mismatch is not None:
         facts.append(f"flanks close with {loads.residual_mismatch / RPM:.3g} 1/min")
     if torque_peak is not None:
-        facts.append(f"driveline torque peak {torque_peak:.3g} N m")
+        facts.append(f"driveline peak {torque_peak:.3g} N m")
     return facts
 
 

@@ -69,5 +69,5 @@ def test_designs_drawn_over_the_space_at_both_signs() -> None:
 
 @pytest.mark.slow
 def test_many_designs_drawn_over_the_space_at_both_signs() -> None:
-    """At the rate that was found, 0.3 %, four flips in 120 shifts have a chance of 0.1 %."""
+    """At the rate that was found, 0.3 %, four flips in 120 shifts have a chance below 0.1 %."""
     _held(pairs(default_study(), designs=12, angles=5), most_flips=3)
