@@ -482,7 +482,7 @@ ENTRIES: list[Entry] = [
     # docs/simulation.md
     Entry(
         "docs/simulation.md",
-        "mean is {:.2f} %, the median error",
+        "means is {:.2f} %, the median error",
         lambda: numbers("convergence", "largest error of a mean, %")[3:4],
     ),
     Entry(
