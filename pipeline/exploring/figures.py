@@ -85,7 +85,8 @@ def slices_figure(base: Row) -> go.Figure:
         for (said, look), one in zip(LOOKS.items(), series, strict=True):
             shown = _with_marks(look) if name == "count" and said != "95 % interval" else look
             figure.add_trace(_trace(said, one, shown, place), **_where(place, COLUMNS))
-        figure.update_xaxes(title=axis(name), **_where(place, COLUMNS))
+        title = {"text": axis(name), "font": {"size": 12}}  # four stand beside each other on paper
+        figure.update_xaxes(title=title, **_where(place, COLUMNS))
         curve = base["operating"][0]["curves"][name]
         if "values" in curve:
             figure.update_yaxes(rangemode="tozero", **_where(place, COLUMNS))
