@@ -91,7 +91,8 @@ def _cards(found: Diagnosis) -> list[Row]:
     if found.leading != NONE and gaps.held_out is not None:
         cards.append(("chosen", "gap left", gaps.held_out, "at points that the fit never saw"))
     words = "would be left if that hypothesis were true" if len(cards) > 1 else "would be the gap"
-    cards.append(("gain", *answers.by_chance(found), words))
+    title, chance_s = answers.by_chance(found)
+    cards.append(("gain", title, gaps.floor if chance_s is None else chance_s, words))
     return [dict(zip(("look", "title", "value", "words"), card, strict=True)) | {
         "value": ms(card[2]).split()[0]} for card in cards]  # fmt: skip
 
