@@ -130,8 +130,8 @@ def _size(gaps: HeldOut) -> str:
         return "There are no times to compare."
     return (
         f"Shift times on the bench and in the simulation differ by {ms(gaps.baseline)} "
-        f"(root mean square over the operating points), where scatter and numerics alone would "
-        f"make {ms(gaps.floor)}."
+        f"(root mean square over the operating points), where the simulation's own scatter "
+        f"and numerics would make {ms(gaps.floor)}."
     )
 
 

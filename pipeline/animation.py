@@ -19,6 +19,7 @@ from pipeline.reporting.html import figure_html, render, script, script_beside
 from pipeline.reporting.look import BLUE, GREEN, GREY, INK, ORANGE
 from pipeline.scene import solids, viewer_code
 from pipeline.story import facts, why
+from pipeline.tables.shifts import phase_title
 from sim.engagement import Engagement
 from sim.phases import touching
 from sim.trace import Trace
@@ -135,7 +136,12 @@ def _content(result: Engagement, series: dict[str, NDArray[np.float64]]) -> dict
         "profile": outline(dog, 1),
         "solids": solids(dog),
         "phases": [
-            {"name": p.name, "start": p.start / MS, "end": p.end / MS, "tone": _tone(p.name)[0]}
+            {
+                "name": phase_title(p.name),
+                "start": p.start / MS,
+                "end": p.end / MS,
+                "tone": _tone(p.name)[0],
+            }
             for p in result.phases
         ],
         "force_ranges": [_ceiling(result), 1.05 * result.loads.peak_axial_force],

@@ -113,26 +113,38 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
     """Return the bank of a data set: what files have of it, and the rest simulated."""
     plan = Plan(tuple(effects.values()))
     store = BankStore((brought(TIMES), means.bank / TIMES))
-    left = sum(len(block.angles) for block in store.missing(blocks_of(plan, bench)))
-    if not left:
+    lacking = store.missing(blocks_of(plan, bench))
+    if not lacking:
         return store.bank(plan, bench, _none_left)
-    means.say(_announced(left, means))
+    kept = means.bank / "shifts.jsonl"
+    left = sum(len(block.angles) for block in lacking)
+    means.say(_announced(left, _finished(lacking, kept), means))
     how = "the same command goes on from there"
     with (
         writing(means.bank),
         ShiftProgress(left) as progress,
         progress.kept_in(means.bank, how),
     ):
-        journal = ShiftJournal(means.bank / "shifts.jsonl")
-        return store.bank(plan, bench, Executor(journal, means.jobs, progress.advance).run)
+        journal = ShiftJournal(kept)
+        executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
+        return store.bank(plan, bench, executor.run)
 
 
-def _announced(shifts: int, means: Means) -> str:
+def _finished(blocks: Sequence[Block], journal: Path) -> int:
+    """Return how many shifts of blocks a run that was stopped has left in a journal."""
+    if not journal.exists():
+        return 0
+    rows = ShiftJournal(journal, only_read=True).rows
+    return sum(key in rows for block in blocks for key in block.keys)
+
+
+def _announced(shifts: int, finished: int, means: Means) -> str:
     jobs = means.jobs or os.cpu_count() or 1
-    minutes = max(1.0, shifts * SHIFT / jobs / 60.0)
+    minutes = max(1.0, (shifts - finished) * SHIFT / jobs / 60.0)
+    there = f" ({finished} more are there from a run that was stopped)" if finished else ""
     return (
-        f"the bank of this clutch lacks {shifts} shifts, about {minutes:.0f} min with {jobs} "
-        f"workers; kept in {means.bank} for this and later diagnoses"
+        f"the bank of this clutch lacks {shifts - finished} shifts{there}, about {minutes:.0f} min "
+        f"with {jobs} workers; kept in {means.bank} for this and later diagnoses"
     )
 
 

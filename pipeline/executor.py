@@ -47,13 +47,15 @@ class Executor:
     """Runs blocks in worker processes and keeps their shifts in a journal.
 
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
-    the address of a Dask scheduler, whose workers then take the place of the cores.
+    the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
+    called with the number of shifts that the journal has already, instead of ``progress``.
     """
 
     journal: ShiftJournal
     jobs: int = 0
     progress: Progress = field(default=_silent)
     cluster: str | None = None
+    known: Progress | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
@@ -67,7 +69,7 @@ class Executor:
         known = [key for key in asked - self._counted if key in self.journal.rows]
         self._counted |= asked
         if known:
-            self.progress(len(known))
+            (self.known or self.progress)(len(known))
         for rows in self._simulate(self._unfinished(blocks)):
             self.journal.add(rows)
             self.progress(len(rows))

@@ -32,7 +32,7 @@ class ShiftProgress:
         self._total = total
         self._most = most
         self._unit = unit
-        self._done = 0
+        self._done = self._known = 0
         self._start = self._said = time.monotonic()
         self._bar = Progress(
             TextColumn("{task.description}"),
@@ -64,13 +64,18 @@ class ShiftProgress:
         self._done += count
         self._total = max(self._total, self._done)
         self._bar.update(self._task, advance=count, total=self._total)
-        now = time.monotonic()
-        if not self._console.is_terminal and now - self._said >= LINE_EVERY:
+        now, new = time.monotonic(), self._done - self._known
+        if new and not self._console.is_terminal and now - self._said >= LINE_EVERY:
             self._said = now
-            left = (now - self._start) / self._done * max(0, self._total - self._done)
+            left = (now - self._start) / new * max(0, self._total - self._done)
             total = f"at most {self._total}" if self._most else f"{self._total}"
             line = f"{self._done} of {total} {self._unit}, about {left:.0f} s left"
             self._console.print(line, highlight=False)
+
+    def known(self, count: int) -> None:
+        """Count shifts that an earlier run finished, which say nothing of the time left."""
+        self._known += count
+        self.advance(count)
 
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""

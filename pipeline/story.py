@@ -7,12 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.console import in_ms
-from pipeline.tables.shifts import event_facts, load_facts
+from pipeline.tables.shifts import event_facts, load_facts, phase_title
 from sim.engagement import Engagement
 from sim.outcome import Outcome
 from sim.phases import Phase
 from sim.units import MM, MS, RPM
 
+ROSE = 0.05  #: share of the first mismatch from which a later change of it is told
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -28,7 +29,7 @@ def why(result: Engagement) -> str:
     length = in_ms(longest.end - longest.start)
     if result.outcome is Outcome.BLOCKED:
         return _why_blocked(result)
-    share = f"{longest.name} took {length} of {in_ms(end)} ms"
+    share = f"{phase_title(longest.name)} took {length} of {in_ms(end)} ms"
     if result.outcome is not Outcome.ENGAGED:
         return f"Not engaged: {result.detail}; until then {share}."
     return f"{share[0].upper()}{share[1:]}: {_REASONS[longest.name](result, longest)}."
@@ -44,7 +45,6 @@ def _why_blocked(result: Engagement) -> str:
 def _on_faces(result: Engagement, phase: Phase) -> str:
     """Say how far the faces slid to a slot, and how slowly or with what loss."""
     slip = _slip(result, phase)
-    before, after = (_mismatch(result, time) for time in (phase.start, phase.end))
     rate = slip / ((phase.end - phase.start) / MS)
     text = f"dog met dog, and the rings turned {slip:.1f} mm "
     missed = result.events.slots_skipped
@@ -52,10 +52,22 @@ def _on_faces(result: Engagement, phase: Phase) -> str:
         text += f"past {missed} slot{'s' if missed > 1 else ''} that did not let them in"
     else:
         text += "to the next slot"
-    text += f", at {rate:.2g} mm/ms"
-    if abs(after) < 0.8 * abs(before):
-        text += f"; the mismatch fell from {before:.0f} to {after:.0f} 1/min".replace("-", MINUS)
-    return text
+    return f"{text}, at {rate:.2g} mm/ms{_slowed(result, phase)}"
+
+
+def _slowed(result: Engagement, phase: Phase) -> str:
+    """Say how far the mismatch fell in a phase and rose again; empty where it hardly fell."""
+    trace = result.trace
+    inside = (trace.time >= phase.start) & (trace.time <= phase.end)
+    ends = [_mismatch(result, time) for time in (phase.start, phase.end)]
+    values = np.array([ends[0], *(trace.relative_speed[inside] / RPM), ends[1]])
+    before, least, after = values[0], values[np.abs(values).argmin()], values[-1]
+    if abs(least) > 0.8 * abs(before):
+        return ""
+    text = f"; the mismatch fell from {before:.0f} to {least:.0f}"
+    if abs(after - least) >= ROSE * abs(before):
+        text += f" and {'rose' if after > least else 'turned'} to {after:.0f}"
+    return f"{text} 1/min".replace("-0 ", "0 ").replace("-", MINUS)
 
 
 def _in_flight(result: Engagement, phase: Phase) -> str:

@@ -22,9 +22,9 @@ class Curve:
     high: Array
 
 
-def over_designs(over: Over, x: Array) -> Curve:
-    """Return the curve of designs (m, d) in edge units over a mix."""
-    time, error = over.predict(x)
+def over_designs(over: Over, x: Array, *, alone: bool = True) -> Curve:
+    """Return the curve of designs (m, d) in edge units over a mix; ``alone`` as for ``Over``."""
+    time, error = over.predict(x, alone=alone)
     return Curve(time, *interval(time, error))
 
 

@@ -73,14 +73,20 @@ class Over:
         times: Array = np.exp(centre + features @ self._sums + 0.5 * self._rest)
         return times
 
-    def predict(self, x: Array) -> tuple[Array, Array]:
-        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s."""
+    def predict(self, x: Array, *, alone: bool = True) -> tuple[Array, Array]:
+        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s.
+
+        Not ``alone``, what was simulated of a design says of itself no more than of its nearest
+        neighbours: its own roughness is left out of the time, and stays in the error.
+        """
         where = self.surrogate.coordinates(x)
-        found = [self._predict(where[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
+        found = [self._predict(where[k : k + CHUNK], alone) for k in range(0, len(x), CHUNK)]
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
-    def _predict(self, x: Array) -> tuple[Array, Array]:
+    def _predict(self, x: Array, alone: bool) -> tuple[Array, Array]:
         features = self._features(x)
+        if not alone:
+            features[:, self._rough] = 0.0
         engaged, retries, lost = self._parts(x, features)
         retry_error = np.sqrt(np.einsum("ij,ij->i", lost @ self._alike, lost))
         error = np.sqrt((engaged**2) * self._relative_variance(features) + retry_error**2)

@@ -85,7 +85,8 @@ def slices_figure(base: Row) -> go.Figure:
         for (said, look), one in zip(LOOKS.items(), series, strict=True):
             shown = _with_marks(look) if name == "count" and said != "95 % interval" else look
             figure.add_trace(_trace(said, one, shown, place), **_where(place, COLUMNS))
-        figure.update_xaxes(title=axis(name), **_where(place, COLUMNS))
+        title = {"text": axis(name), "font": {"size": 11.5}}  # four are in a row on paper
+        figure.update_xaxes(title=title, **_where(place, COLUMNS))
         curve = base["operating"][0]["curves"][name]
         if "values" in curve:
             figure.update_yaxes(rangemode="tozero", **_where(place, COLUMNS))
@@ -93,7 +94,7 @@ def slices_figure(base: Row) -> go.Figure:
         else:
             figure.update_yaxes(matches="y", **_where(place, COLUMNS))
     figure.update_yaxes(showticklabels=True)
-    figure.update_yaxes(title="expected shift time, ms", col=1)
+    figure.update_yaxes(title="time, ms", col=1)  # a longer one overlaps the next row on paper
     return _roomy(figure, _rows(len(names), COLUMNS))
 
 

@@ -23,7 +23,7 @@ from surrogate.sensitivity import LOG, Input
 Row = dict[str, Any]
 
 VALUES = 41  #: of each variable
-RIVALS = 6  #: designs of the front beside the study's own, at most
+RIVALS = 12  #: designs of the front beside the study's own, at most
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,17 @@ def bases_of(study: Study, result: Row | None) -> list[Base]:
     ``result`` is the search's, None where there is none; one of other physics counts as none.
     """
     own = Base("the study's own design", study.prototype)
+    return [own, *spread(rivals_of(study, result), RIVALS)]
+
+
+def rivals_of(study: Study, result: Row | None) -> list[Base]:
+    """Return all designs of the front but the study's own; none of other physics."""
     if result is None or result.get("physics_hash") != study.physics_hash:
-        return [own]
+        return []
     front = [
         (row["trial"], {name: row[name] for name in study.variables}) for row in result["front"]
     ]
-    rivals = [Base(f"design {trial}", design) for trial, design in front if design != own.design]
-    return [own, *spread(rivals, RIVALS)]
+    return [Base(f"design {trial}", found) for trial, found in front if found != study.prototype]
 
 
 def slices_record(
@@ -110,7 +114,9 @@ class _Cut:
 
     def choice(self, operating: Operating, over: Over) -> Row:
         """Return the curves at one choice of operating points."""
-        curves = {name: _curve_record(over_designs(over, x)) for name, x in self.lines.items()}
+        # What was simulated of one design alone would stand in its slices as a false peak.
+        smooth = {name: over_designs(over, x, alone=False) for name, x in self.lines.items()}
+        curves = {name: _curve_record(curve) for name, curve in smooth.items()}
         points = {one.name: self._points(one, operating) for one in operating_inputs(self.study)}
         expected = over_designs(over, self.own)
         return {

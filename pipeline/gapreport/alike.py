@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
 
 from diagnosis.classes import APART
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.hypotheses import UNKNOWN, plain
+from diagnosis.hypotheses import NONE, UNKNOWN, in_common, plain, without
+from diagnosis.spread import Hypothesis
+from diagnosis.words import chance
 from pipeline.gapreport.answers import MANY, short
+from pipeline.gapreport.charts import row_height
 from pipeline.reporting.look import styled
 from pipeline.reporting.maps import cells_with_words, frame
+from sim.effect import Effect
 
 MOST = 7  #: hypotheses that are compared
 #: The more alike two are, the darker.
@@ -49,7 +54,7 @@ def alike_figure(found: Diagnosis) -> go.Figure:
             frame(figure, int(i), int(j))
     figure.update_xaxes(title="odds against this")
     figure.update_yaxes(title="if this is true", automargin=True)
-    figure = styled(figure, 170 + 54 * len(names))
+    figure = styled(figure, 170 + row_height(names) * len(names))
     figure.update_layout(margin={"t": 20})
     return figure
 
@@ -62,16 +67,33 @@ def odds(log: float) -> str:
     return f"{ratio:.0f} : 1" if ratio >= 9.5 else f"{ratio:.2g} : 1"
 
 
+def class_in_words(
+    group: Sequence[Hypothesis], effects: Mapping[str, Effect], *, keys: bool = False
+) -> str:
+    """Return hypotheses that are alike as people say them, what all have in common once.
+
+    With ``keys`` the key of each effect stands behind its name.
+    """
+
+    def named(hypothesis: Hypothesis) -> str:
+        names = [effects[n].plain + (f" ({n})" if keys else "") for n in hypothesis]
+        return " and ".join(names) or ("nothing more" if common else plain(NONE, effects))
+
+    common = in_common(group)
+    names = [named(without(h, common)) for h in group]
+    beside = f", each with {named(common)}" if common else ""
+    return f"{', '.join(names[:-1])} or {names[-1]}{beside}"
+
+
 def classes_in_words(found: Diagnosis) -> list[str]:
     """Return a sentence for each class of hypotheses, and each alias."""
     said = []
     for group in found.confusion.classes:
         if len(group) > 1:
-            names = [plain(h, found.effects) for h in group]
-            together = 100.0 * sum(found.belief[h] for h in group)
+            together = chance(sum(found.belief[h] for h in group))
             said.append(
-                f"{', '.join(names[:-1])} and {names[-1]} predict the same here; they are one "
-                f"class, with {together:.0f} % together."
+                f"{class_in_words(group, found.effects)}: with sizes to suit they predict the same "
+                f"here; they are one class, with {together} together."
             )
     named = {n for h in found.confusion.hypotheses if h != UNKNOWN for n in h}
     for name in sorted(named):

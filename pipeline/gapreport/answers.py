@@ -65,6 +65,13 @@ def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
     return ",<br>".join(names) or plain(hypothesis, found.effects)
 
 
+def by_chance(found: Diagnosis) -> tuple[str, float | None]:
+    """Return the gap that chance would leave, were the leading hypothesis true: name and s."""
+    if found.leading == NONE or found.chance is None:
+        return "scatter and numerics alone", found.before_after.floor
+    return "chance alone", found.chance
+
+
 def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark]) -> Answer:
     mine = [remark for remark in remarks if remark.effect in hypothesis]
     reasons, doubts = _from_data(found, hypothesis)

@@ -12,7 +12,7 @@ from diagnosis.hypotheses import NONE
 from diagnosis.parameters import Bound
 from diagnosis.spread import Hypothesis
 from diagnosis.words import between, chance, ms, quantity, shown
-from pipeline.gapreport.answers import short, shown_hypotheses
+from pipeline.gapreport.answers import by_chance, short, shown_hypotheses
 from pipeline.gapreport.cells import NINETY
 from pipeline.reporting.look import BLUE, GREY, INK, ORANGE, Row, styled
 from pipeline.reporting.maps import MINUS
@@ -40,7 +40,7 @@ def causes_figure(found: Diagnosis) -> go.Figure:
     figure.update_layout(barmode="overlay", legend={"traceorder": "normal"})
     figure.update_yaxes(categoryorder="array", categoryarray=names[::-1])
     figure.update_xaxes(title="probability", range=[0.0, 1.12], tickformat=".0%", tickvals=_FIFTHS)
-    return _tall(figure, len(names), 54)
+    return _tall(figure, len(names), row_height(names))
 
 
 def _cause_bar(found: Diagnosis, hypothesis: Hypothesis) -> _Bar:
@@ -61,7 +61,7 @@ def held_out_figure(found: Diagnosis) -> go.Figure:
         rows.append(
             (f"best rival: {short(found, found.rival[0])}", found.rival[1].held_out, HOLLOW)
         )
-    rows.append(("scatter and numerics alone", gaps.floor, {**HOLLOW, "color": GREY}))
+    rows.append((*by_chance(found), {**HOLLOW, "color": GREY}))
     figure = go.Figure()
     known = [(name, value, marker) for name, value, marker in rows if value is not None]
     for name, value, marker in known:
@@ -70,7 +70,7 @@ def held_out_figure(found: Diagnosis) -> go.Figure:
     figure.update_yaxes(categoryorder="array", categoryarray=[name for name, *_ in known][::-1])
     most = max((1e3 * value for _, value, _ in known), default=1.0)
     figure.update_xaxes(title="root-mean-square gap, ms", range=[0.0, 1.18 * most])
-    return _tall(figure, len(known), 54)
+    return _tall(figure, len(known), row_height([name for name, *_ in known]))
 
 
 def _bars(figure: go.Figure, name: str, bars: Sequence[_Bar], marker: Row) -> None:
@@ -80,6 +80,12 @@ def _bars(figure: go.Figure, name: str, bars: Sequence[_Bar], marker: Row) -> No
         text=words, textposition="outside", cliponaxis=False,
         hovertemplate="%{y}: %{text}<extra></extra>",
     )  # fmt: skip
+
+
+def row_height(names: Sequence[str]) -> int:
+    """Return the height of a row that has room for the lines of any name, px; on paper too."""
+    lines = max((1 + name.count("<br>") for name in names), default=1)
+    return max(54, 14 + 22 * lines)
 
 
 def _tall(figure: go.Figure, rows: int, each: int) -> go.Figure:

@@ -9,11 +9,11 @@ from urllib.parse import quote
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.facts import against, facts_of
 from diagnosis.finding import Finding
-from diagnosis.hypotheses import NONE, plain
+from diagnosis.hypotheses import NONE, UNKNOWN, plain
 from diagnosis.next_test import why
 from diagnosis.words import chance, headline, in_words, ms, quantity
 from pipeline.exploring.labels import axis, label, value
-from pipeline.gapreport import alike, answers, before, cells, charts, gapmap
+from pipeline.gapreport import alike, answers, before, cells, charts, gapmap, reasons
 from pipeline.gapreport.extras import Extras, SoWhat
 from pipeline.reporting.html import figure_html
 from pipeline.reporting.tables import csv_link
@@ -39,6 +39,9 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "answers": answers.answers_of(found, extras.remarks),
         "kind": found.verdict.kind,
         "classes": alike.classes_in_words(found),
+        "limits": reasons.LIMITS,
+        "not_named": reasons.why_not_named(found),
+        "why_alike": reasons.why_alike(found),
         "readings": _readings(found),
         "unknown_cells": extras.unknown_cells,
         "tests": _tests(found),
@@ -87,9 +90,9 @@ def _cards(found: Diagnosis) -> list[Row]:
     cards = [("prototype", "gap now", gaps.baseline, "bench less simulation, root mean square")]
     if found.leading != NONE and gaps.held_out is not None:
         cards.append(("chosen", "gap left", gaps.held_out, "at points that the fit never saw"))
-    cards.append(
-        ("gain", "scatter and numerics alone", gaps.floor, "what chance would leave of it")
-    )
+    words = "would be left if that hypothesis were true" if len(cards) > 1 else "would be the gap"
+    title, chance_s = answers.by_chance(found)
+    cards.append(("gain", title, gaps.floor if chance_s is None else chance_s, words))
     return [dict(zip(("look", "title", "value", "words"), card, strict=True)) | {
         "value": ms(card[2]).split()[0]} for card in cards]  # fmt: skip
 
@@ -167,10 +170,19 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
         "corrections": ", ".join(f"{c.quantity}={c.way}" for c in bench.corrections),
         "looks odd": "; ".join(_odd(one) for one in bench.warnings),
         "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
-        "hypotheses": f"{len(found.belief)}, none and unknown among them",
+        "hypotheses": _hypotheses(found),
         **extras.provenance,
     }
     return {label(key).replace("_", " "): words for key, words in given.items() if words}
+
+
+def _hypotheses(found: Diagnosis) -> str:
+    """Return how many hypotheses were weighed, and of which kind."""
+    named = [h for h in found.belief if h not in (NONE, UNKNOWN)]
+    sizes = [sum(len(h) == k for h in named) for k in (1, 2, 3)]
+    kinds = zip(sizes, ("of one effect", "of two", "of three"), strict=True)
+    listed = [f"{count} {words}" for count, words in kinds if count]
+    return f"{len(found.belief)}: {', '.join(listed)}, no effect, and no known effect"
 
 
 def _odd(finding: Finding) -> str:

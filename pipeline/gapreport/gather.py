@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from dataclasses import replace
+from pathlib import Path
 
 from diagnosis.along import PhaseGap, along, overall
 from diagnosis.bench import Bench
@@ -13,8 +14,8 @@ from diagnosis.levels import Level
 from pipeline.config import load_study
 from pipeline.consequence import Consequence, consequence, designs_of, shifts_of
 from pipeline.diagnosing import Means
-from pipeline.executor import scratch_executor
-from pipeline.gapreport.extras import Extras, so_what
+from pipeline.gapreport.extras import Extras
+from pipeline.keeping import kept_shifts, work_folder
 from pipeline.progress import ShiftProgress
 from sim.errors import InputError
 from sim.records import content_key
@@ -23,11 +24,10 @@ from sim.versions import engine
 POINTS, ANGLES = 8, 8  #: simulated with traces: operating points at most, and shifts at each
 
 
-def extras_of(found: Diagnosis, price: Consequence | None) -> Extras:
+def extras_of(found: Diagnosis) -> Extras:
     """Return what the report of a diagnosis says beside it; simulates some traces."""
     return Extras(
         phases=phases_of(found.bench),
-        so_what=so_what(price) if price else None,
         unknown_cells=_unknown(found.bench),
         provenance={
             "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
@@ -69,14 +69,13 @@ def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
     return overall(found) if found else ()
 
 
-def price_of(found: Diagnosis, study: str | None, means: Means) -> Consequence | None:
-    """Return what the cause means for the best designs of a study; None where none is asked for.
+def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
+    """Return what the cause means for the best designs of a study.
 
-    The cause is the most probable set of effects, at the mean of its parameters.
+    The cause is the most probable set of effects, at the mean of its parameters. What is finished
+    of the simulations stays in a folder below ``folder`` until all are.
     Raises InputError where the diagnosis has no such.
     """
-    if study is None:
-        return None
     cause = next((h for h in found.belief if h not in (NONE, UNKNOWN)), None)
     if cause is None or found.belief[cause] < 0.01:
         raise InputError(
@@ -86,6 +85,9 @@ def price_of(found: Diagnosis, study: str | None, means: Means) -> Consequence |
     given = load_study(study)
     values = tuple(interval.mean for interval in found.intervals[cause].values())
     designs = designs_of(given)
-    with ShiftProgress(shifts_of(given, designs)) as progress:
-        run = scratch_executor(means.jobs, progress.advance).run
-        return consequence(given, designs, Level(cause, values), found.effects, run)
+    work = work_folder(folder, "so-what", given.config_hash)
+    with (
+        ShiftProgress(shifts_of(given, designs)) as progress,
+        kept_shifts(work, progress, means.jobs) as executor,
+    ):
+        return consequence(given, designs, Level(cause, values), found.effects, executor.run)

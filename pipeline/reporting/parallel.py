@@ -130,15 +130,16 @@ def _upright(figure: go.Figure, place: int, axis: Axis) -> None:
         layer="below",
         opacity=1,
     )
+    # Clear of the largest mark, which may lie at an end.
     for level, words in ((0.0, axis.low), (1.0, axis.high)):
         anchor = "bottom" if level else "top"
         said = _short(words).replace("-", "\N{MINUS SIGN}")
         figure.add_annotation(
             x=place, y=level, text=said, showarrow=False, yanchor=anchor,
-            yshift=4 if level else -4, font={"size": 12},
+            yshift=9 if level else -9, font={"size": 12},
         )  # fmt: skip
     figure.add_annotation(
-        x=place, y=1.0, text=axis.title, showarrow=False, yanchor="bottom", yshift=22,
+        x=place, y=1.0, text=axis.title, showarrow=False, yanchor="bottom", yshift=28,
         font={"size": 13},
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.reporting.goals import Goal, goals_of
-from pipeline.reporting.names import percent
+from pipeline.reporting.names import failed_afresh, percent
 
 Row = dict[str, Any]
 
@@ -50,13 +50,15 @@ def replicated_rows(result: Row) -> list[Replicated]:
     done, lead = result.get("replication"), goals_of(result).leading
     if not done or not done["shifts"]:
         return []
+    failed = {row["trial"] for row in failed_afresh(result)}
     return [
         Replicated(
             one["trial"],
             _both(f"{one['shifts_before']}", f"{one['shifts']}"),
             _both(_interval(lead, one, "_before"), _interval(lead, one, "")),
             _both(_chance(one, "_before"), _chance(one, "")),
-            _both(*("yes" if one[key] else "no" for key in ("on_front_before", "on_front"))),
+            _both(*("yes" if one[key] else "no" for key in ("on_front_before", "on_front")))
+            + (", then failed at the fresh angles" if one["trial"] in failed else ""),
         )
         for one in done["designs"]
     ]

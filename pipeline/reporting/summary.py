@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pipeline.design import SIMULATED
+from pipeline.exploring.labels import label, value
 from pipeline.reporting.front import confirmed_designs
 from pipeline.reporting.goals import Goal, Goals, goals_of
 from pipeline.reporting.names import check_name, percent
 from pipeline.reporting.operating import Gain, gains
 
 Row = dict[str, Any]
+Span = tuple[float, float]
+END = 0.01  #: share of a search range within which a value lies at its end
 COUNTS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven"}
 
 
@@ -165,14 +169,64 @@ def points_of(result: Row) -> list[str]:
 
 
 def failures_of(result: Row) -> list[str]:
-    """Return sentences on designs of the front that fail a check at the fresh angles."""
-    best, said, role = result["best"]["trial"], [], ", passed over,"
-    for trial, found in confirmed_designs(result).items():  # in the order of the search
-        role = ", the chosen one," if trial == best else role
-        if words := _failed(found):
-            said.append(f"Design {trial}{role} fails at the fresh angles: {words}.")
-        role = "" if trial == best else role
+    """Return a sentence where the chosen design, or else the prototype, fails a check."""
+    best, said = result["best"], []
+    if words := _failed(confirmed_designs(result).get(best["trial"], {"checks": []})):
+        said.append(f"Design {best['trial']}, the chosen one, fails at the fresh angles: {words}.")
+    own = next((row for row in result["trials"] if row["prototype"]), None)
+    if own is not None and own["failed"] and not best["prototype"]:
+        margins = own["margins"] or {}
+        words = ", ".join(
+            check_name(name) + (f" ({percent(margins[name])})" if name in margins else "")
+            for name in own["failed"]
+        )
+        said.append(f"The prototype itself fails: {words}.")
     return said
+
+
+def passed_over(result: Row) -> str:
+    """Return a sentence on designs beside the chosen one that fail at the fresh angles, or none."""
+    best, found = result["best"]["trial"], confirmed_designs(result)
+    worst = {
+        trial: min(check["margin"] for check in one["checks"] if not check["passed"])
+        for trial, one in found.items()
+        if trial != best and _failed(one)
+    }
+    if not worst:
+        return ""
+    names = ", ".join(str(trial) for trial in worst)
+    many = len(worst) > 1
+    what = sorted({check_name(check["name"]) for trial in worst
+                   for check in found[trial]["checks"] if not check["passed"]})  # fmt: skip
+    over = [percent(-margin) for margin in sorted(worst.values(), reverse=True)]
+    by = f"by {over[0]} to {over[-1]}" if many and over[0] != over[-1] else f"by {over[0]}"
+    who = f"Designs {names}, found by the search, are" if many else f"Design {names} is"
+    fails = "they fail" if many else "it fails"
+    return f"{who} out: {fails} at the fresh angles {by} ({', '.join(what)})."
+
+
+def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
+    """Return a sentence on variables of the chosen design at an end of their search range, or none.
+
+    ``ranges`` has the ends of each variable in edge units.
+    """
+    best = result["best"]
+    if best is None or best["prototype"]:
+        return ""
+    found = []
+    for name, (low, high) in ranges.items():
+        room = END * (high - low) if name != "count" else 0.0
+        for end, near in ((low, best[name] <= low + room), (high, best[name] >= high - room)):
+            if near:
+                side = "lower" if end == low else "upper"
+                found.append(f"{label(name)} {value(name, best[name])} ({side} end {end:g})")
+    if not found:
+        return ""
+    keys = "it" if len(found) == 1 else "them"
+    return (
+        f"At the end of the search range: {', '.join(found)}. The best may lie beyond: "
+        f"widen {keys} in [variables]."
+    )
 
 
 def failed_words(confirmed: Row | None) -> str:

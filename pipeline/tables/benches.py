@@ -11,6 +11,8 @@ from diagnosis.comparison import Comparison, Difference
 from pipeline.console import columns, in_ms
 from sim.units import RPM
 
+FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make
+
 
 def difference_record(d: Difference) -> dict[str, Any]:
     """Return one operating point of a comparison by the contract's names."""
@@ -66,6 +68,13 @@ def comparison_table(result: Comparison) -> RenderableType:
         f"{result.bench.name}: root-mean-square gap {in_ms(result.rmse)} ms, "
         f"relative {result.relative_rms:.1%}"
     )
+    lines = [total, "ratio: simulated over bench; z: bench less simulated, over s.e."]
     if result.numerical_error is not None:
-        total += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"
-    return Group(table, total, *examined_lines(result.bench))
+        lines[0] += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"
+        if result.numerical_error > FLIPPED:
+            lines.append(
+                "so large a numerical error is a shift that flipped: of those repeated with a "
+                "finer tolerance one or more came into another slot, or did not engage; with more "
+                "--angles one such shift counts less"
+            )
+    return Group(table, *lines, *examined_lines(result.bench))

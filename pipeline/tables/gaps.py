@@ -8,9 +8,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from diagnosis.diagnosis import Diagnosis
-from diagnosis.hypotheses import plain
+from diagnosis.hypotheses import UNKNOWN, plain
 from diagnosis.words import chance, told
 from pipeline.console import columns, in_ms
+from pipeline.gapreport.alike import class_in_words
 from pipeline.tables.benches import examined_lines
 
 SHOWN = 6  #: hypotheses in the table
@@ -26,7 +27,7 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
         _causes(found, record),
         "",
         _gap(found, record["gap"]),
-        *_classes(record["confusable"]),
+        *_classes(found),
         f"next test: {test['name']}. {test['why']}",
         *([record["so_what"]["sentence"]] if record["so_what"] else []),
         *([f"report: {record['report']}"] if record["report"] else []),
@@ -59,7 +60,7 @@ def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
     parts = [
         f"gap {in_ms(gap['baseline_rmse_s'])} ms",
         f"held out {in_ms(gap['heldout_rmse_s'])} ms",
-        f"floor {in_ms(gap['floor_rmse_s'])} ms",
+        f"chance alone {in_ms(gap['leading_floor_rmse_s'])} ms",
     ]
     if gap["rival"] is not None:
         rival = plain(tuple(gap["rival"]), found.effects)
@@ -67,5 +68,12 @@ def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
     return ", ".join(parts)
 
 
-def _classes(groups: list[list[str]]) -> list[str]:
-    return [f"cannot be told apart: {', '.join(group)}" for group in groups]
+def _classes(found: Diagnosis) -> list[str]:
+    """Return what cannot be told apart, by the names of the page with the record's keys."""
+    groups = [group for group in found.confusion.classes if len(group) > 1]
+    lines = [class_in_words(group, found.effects, keys=True) for group in groups]
+    named = {n for h in found.confusion.hypotheses if h != UNKNOWN for n in h}
+    for name in sorted(named):
+        effect = found.effects[name]
+        lines += [f"{effect.plain} ({name}) or {alias}" for alias in effect.aliases]
+    return [f"cannot be told apart: {line}" for line in lines]

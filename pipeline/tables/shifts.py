@@ -20,12 +20,17 @@ def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType
     table = columns("phase", "start, ms", "end, ms", "length, ms")
     for phase in result.phases:
         length = phase.end - phase.start
-        table.add_row(phase.name, in_ms(phase.start), in_ms(phase.end), in_ms(length))
+        table.add_row(phase_title(phase.name), in_ms(phase.start), in_ms(phase.end), in_ms(length))
     outcome = result.outcome.value.replace("_", " ")
     time = f" in {in_ms(result.shift_time)} ms" if result.shift_time is not None else ""
     happened = "; ".join(event_facts(result))
     loads = "\n".join(load_facts(result, torque_peak))
     return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
+
+
+def phase_title(name: str) -> str:
+    """Return how people read the name of a phase; records keep the name itself."""
+    return "free flight" if name == "free fly" else name
 
 
 def event_facts(result: Engagement) -> list[str]:

@@ -14,7 +14,14 @@ from pipeline.exploring.labels import axis
 from pipeline.reporting.goals import MARGIN, Goal, goals_of
 from pipeline.reporting.names import check_name, designs_shown, failed_afresh, percent
 from pipeline.reporting.replicated import replicated_words
-from pipeline.reporting.summary import choice, failures_of, gained, headline
+from pipeline.reporting.summary import (
+    at_the_ends,
+    choice,
+    failures_of,
+    gained,
+    headline,
+    passed_over,
+)
 from surrogate.store import Stored
 
 Row = dict[str, Any]
@@ -28,6 +35,7 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
     lines: list[RenderableType] = [headline(result)]
     if result["confirmation"]:
         lines += ["", _pair(study, result), *failures_of(result)]
+        lines += [words for words in (passed_over(result),) if words]
         error = result["confirmation"]["best"]["numerical_error_s"]
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
@@ -36,6 +44,7 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
         lines += [_front(study, result), ""]
         lines += [words] if (words := replicated_words(result)) else []
+        lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
         lines.append(f"{count} shifts failed and count as not engaged: {reason}")
     where = "none yet, 'dogshape report' makes it" if report is None else report

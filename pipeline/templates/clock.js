@@ -9,7 +9,8 @@ const Clock = (() => {
   const fastest = Math.max(...[...series.sliding_speed, ...series.output_speed].map(Math.abs));
   const UNITS = {displacement: ["mm", 3], sliding_speed: ["1/min", 1], output_speed: ["1/min", 1],
                  mismatch: ["1/min", 1], shift_force: ["N", 0], contact_force: ["N", 0]};
-  let now = 0, before = 0, range = [0, end], running = false, stamp = null;
+  let now = 0, before = 0, range = [0, end], running = false, stamp = null, whole = false;
+  const ceiling = () => data.force_ranges[whole ? 1 : 0];
 
   // Index of the first sample at or after a time.
   function after(time) {
@@ -76,6 +77,22 @@ const Clock = (() => {
     if (next >= range[1]) run(false); else requestAnimationFrame(step);
   }
 
+  // Ends of the upright axes: of a part of the shift those of what is shown, or lines would be flat.
+  function heights() {
+    if (range[0] <= 0 && range[1] >= end)
+      return {"yaxis.autorange": true, "yaxis2.autorange": true, "yaxis3.range": [0, ceiling()]};
+    const first = after(range[0]), last = after(range[1]) + 1;
+    const part = name => series[name].slice(first, last);
+    const [sliding, output] = [part("sliding_speed"), part("output_speed")];
+    const ends = values => {
+      const low = Math.min(...values), high = Math.max(...values), room = 0.08 * (high - low) || 0.5;
+      return [low - room, high + room];
+    };
+    const force = Math.max(...part("shift_force"), Math.min(ceiling(), Math.max(...part("contact_force"))));
+    return {"yaxis.range": ends(part("displacement")), "yaxis3.range": [0, 1.08 * force],
+            "yaxis2.range": ends([...sliding, ...output, ...output.map((speed, i) => speed - sliding[i])])};
+  }
+
   // Show a span of time on the whole width, and choose a speed that shows it in some seconds.
   function show(from, to) {
     range = [from, to];
@@ -90,7 +107,7 @@ const Clock = (() => {
       if (span.scrollWidth > span.clientWidth) span.style.color = "transparent";
     }
     const axes = Object.keys(find("curves").layout).filter(name => name.startsWith("xaxis"));
-    Plotly.relayout("curves", Object.fromEntries(axes.map(name => [name + ".range", [...range]])));
+    Plotly.relayout("curves", {...Object.fromEntries(axes.map(name => [name + ".range", [...range]])), ...heights()});
     go(now);
   }
 
@@ -129,12 +146,11 @@ const Clock = (() => {
   function forceAxis() {
     const [low, high] = data.force_ranges, button = find("ceiling");
     if (high <= low) return;
-    let whole = false;
     const name = () => { button.textContent = "axis to " + (whole ? low : high).toFixed(0) + " N"; };
     button.hidden = false; name();
     button.onclick = () => {
       whole = !whole; name();
-      Plotly.relayout("curves", {"yaxis3.range": [0, whole ? high : low]});
+      Plotly.relayout("curves", heights());
     };
   }
 

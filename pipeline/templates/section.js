@@ -57,7 +57,9 @@ const Section = (() => {
 
   // What the dogs of a stronger colour are.
   function marked() {
-    const text = "marked dog of each ring", y = 40, end = width - 12;
+    // Between the output ring's speed and the scale, where no dog comes.
+    const text = "marked dog of each ring", y = height - 12, end = width - 78 - 2 * scale;
+    if (width < 560) return;
     label(text, end, y, "#55626f", "right");
     const start = end - pen.measureText(text).width - 32;
     ["#9cc3ee", "#f5b98a"].forEach((tone, i) => {

@@ -9,12 +9,13 @@ import typer
 from diagnosis.bench import load_bench
 from diagnosis.comparison import ANGLES, compare
 from pipeline.console import emit, verb
-from pipeline.executor import scratch_executor
+from pipeline.keeping import SHIFTS, kept_shifts, work_folder
 from pipeline.options import Corrections, Jobs, Json, angles_of
 from pipeline.progress import ShiftProgress
 from pipeline.tables.benches import comparison_table, difference_record, examined_record
 from sim.errors import InputError
 from sim.numerical import repeated
+from sim.records import clutch_record
 
 
 @verb
@@ -41,9 +42,12 @@ def validate(
     chosen = None if angles is None else listed or count
     own = given.relative_angles if angles is None else None
     shifts = len(given.cells) * len(listed or own or range(count))
-    with ShiftProgress(shifts + repeated(shifts)) as progress:
-        run = scratch_executor(jobs, progress.advance).run
-        result = compare(given, run, chosen, checked=True)
+    folder = work_folder(SHIFTS, "validate", given.name, clutch_record(given.clutch), angles)
+    with (
+        ShiftProgress(shifts + repeated(shifts)) as progress,
+        kept_shifts(folder, progress, jobs) as executor,
+    ):
+        result = compare(given, executor.run, chosen, checked=True)
     data = {
         "name": given.name,
         "points": [difference_record(d) for d in result.differences],

@@ -15,7 +15,7 @@ from pipeline.console import emit, verb
 from pipeline.design import Design, design_of, root_notes
 from pipeline.drawing import dimensioned_svg
 from pipeline.evaluation import evaluate
-from pipeline.executor import scratch_executor
+from pipeline.keeping import SHIFTS, kept_shifts, work_folder
 from pipeline.options import Jobs, Json, Sets, StudyArg
 from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
@@ -81,8 +81,11 @@ def _landed(given: Study, jobs: int) -> Design:
     dog, settings = given.clutch.dog, given.file.expectation
     if not feasible(manufacturing_checks(dog, given.limits.manufacturing)):
         return design_of(given, {})
-    with ShiftProgress(len(given.points) * settings.angles) as progress:
-        executor = scratch_executor(jobs, progress.advance)
+    folder = work_folder(SHIFTS, "strength", given.config_hash)
+    with (
+        ShiftProgress(len(given.points) * settings.angles) as progress,
+        kept_shifts(folder, progress, jobs) as executor,
+    ):
         (found,) = evaluate(given, [dog], executor, [whole_plan(given)], settings.seed)
     return design_of(given, {}, found.landing)
 

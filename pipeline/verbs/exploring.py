@@ -11,7 +11,7 @@ from pipeline.config import load_study
 from pipeline.console import emit, verb
 from pipeline.exploring.page import write_page
 from pipeline.exploring.record import explored
-from pipeline.exploring.slices import bases_of
+from pipeline.exploring.slices import bases_of, rivals_of
 from pipeline.folder import StudyFolder
 from pipeline.known import stored_surrogate
 from pipeline.options import Json, Sets, StudyArg, SurrogateFile, default_out
@@ -40,6 +40,7 @@ def explore(
     bases = bases_of(given, result)
     found = explored(given, stored, bases, lambda line: typer.echo(line, err=True))
     path = out or folder.root / "explore.html"
-    record = {"file": str(path), "surrogate": str(source), **found}
+    offered = {"front_designs": len(rivals_of(given, result)), "front_shown": len(bases) - 1}
+    record = {"file": str(path), "surrogate": str(source), **offered, **found}
     write_page(record, path)
     emit(record, json, lambda: explored_text(record))

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from diagnosis.bench import load_bench
+from diagnosis.diagnosis import Diagnosis
+from diagnosis.words import headline
 from pipeline.config import load_study
 from pipeline.consequence import designs_of
 from pipeline.console import emit, verb
 from pipeline.diagnosing import BANK, Means, diagnosed
+from pipeline.gapreport.extras import Extras, so_what
 from pipeline.gapreport.gather import extras_of, price_of
 from pipeline.gapreport.publish import publish
 from pipeline.lock import writing
@@ -52,8 +56,12 @@ def gap(
         designs_of(load_study(study))  # refuses a study without a result before the long work
     with writing(out) if out is not None else nullcontext():
         found = diagnosed(given, means)
-        price = price_of(found, study, means)
-        report = None if out is None else publish(found, out, extras_of(found, price))
+        extras = Extras() if out is None else extras_of(found)
+        report, price = _reported(found, out, extras), None
+        if study is not None:
+            say(_before_price(found, report))
+            price = price_of(found, study, means, out or bank)
+            report = _reported(found, out, replace(extras, so_what=so_what(price)))
     record = {
         **found.as_dict(),
         **examined_record(given),
@@ -61,3 +69,13 @@ def gap(
         "report": str(report) if report else None,
     }
     emit(record, json, lambda: diagnosis_table(found, record))
+
+
+def _reported(found: Diagnosis, out: Path | None, extras: Extras) -> Path | None:
+    """Write the report into a folder where one is given; return its path."""
+    return None if out is None else publish(found, out, extras)
+
+
+def _before_price(found: Diagnosis, report: Path | None) -> str:
+    where = f"written to {report}" if report else "not written, for want of --out"
+    return f"{headline(found.found)}. The diagnosis is {where}; next: what ignoring the cause costs"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,7 +16,8 @@ from pipeline.animation import write_animation, write_trace
 from pipeline.config import Study, load_study
 from pipeline.console import emit, verb
 from pipeline.evaluation import expectation_of
-from pipeline.executor import Executor, scratch_executor
+from pipeline.executor import Executor
+from pipeline.keeping import SHIFTS, kept_shifts, work_folder
 from pipeline.options import (
     Cluster,
     Jobs,
@@ -45,7 +47,7 @@ from sim.units import DEG
 
 Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
-Simulate = Callable[..., Executor]  #: gives an executor that reports its progress
+Simulate = Callable[[ShiftProgress], AbstractContextManager[Executor]]
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
@@ -139,7 +141,9 @@ def expect(
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(given, mismatch_rpm, force_N, force_rise_s)
-    simulate = partial(scratch_executor, jobs, cluster=cluster)
+    asked = given.config_hash, mismatch_rpm, force_N, force_rise_s, angles, precision
+    folder = work_folder(SHIFTS, "expect", *asked)
+    simulate = partial(kept_shifts, folder, jobs=jobs, cluster=cluster)
     if precision is not None:
         if angles is not None:
             raise InputError("--precision finds the number of angles itself; leave out --angles")
@@ -153,8 +157,7 @@ def expect(
 def _expect_to(
     given: Study, points: tuple[OperatingPoint, ...], precision: float, simulate: Simulate
 ) -> Expectation:
-    with ShiftProgress(FIRST * len(points)) as progress:
-        executor = simulate(progress=progress.advance)
+    with ShiftProgress(FIRST * len(points)) as progress, simulate(progress) as executor:
         precise = expect_to(given, points, precision, executor, progress)
         error = numerical_error(precise.blocks, precise.rows, executor.run)
     return replace(precise.expectation, numerical_error=error)
@@ -170,8 +173,7 @@ def _expect_at(
     else:
         blocks = even_blocks(given.clutch, points, count, seed, uncertainty=unsure)
     shifts = sum(len(b.angles) for b in blocks)
-    with ShiftProgress(shifts + repeated(shifts)) as progress:
-        executor = simulate(progress=progress.advance)
+    with ShiftProgress(shifts + repeated(shifts)) as progress, simulate(progress) as executor:
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)
     result = expectation_of(given, points, rows, even=not listed)

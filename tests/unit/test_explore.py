@@ -14,18 +14,21 @@ import numpy as np
 import pytest
 
 from pipeline.config import Study, load_study
+from pipeline.exploring.slices import RIVALS, bases_of, rivals_of
 from pipeline.filling import filling_designs
 from pipeline.rows import study_mix, with_rows
+from sim.bundled import bundled_root
 from surrogate.covariance import Array
 from surrogate.curves import at_points, times_at
 from surrogate.effects import accumulate, effects
 from surrogate.figures import Validation
 from surrogate.fitting import Effort
 from surrogate.learning import fit
+from surrogate.mix import Mix
 from surrogate.model import Surrogate
 from surrogate.over import Over
 from surrogate.sensitivity import EVEN, LOG, WHOLE, Input, indices
-from surrogate.store import Stored, save
+from surrogate.store import Stored, load, save
 from tests.browser import PROBE, look
 
 #: Ends of the search ranges of the default study, and what each variable adds across them, s.
@@ -287,3 +290,28 @@ def test_other_physics_is_refused(dogshape: Callable[..., Any], surrogate: Surro
     )
     assert said.status == 2
     assert "other physics" in said.sentence
+
+
+def test_a_slice_has_no_peak_at_a_design_that_was_simulated(study: Study) -> None:
+    """Where the data of a design stray most, its slice is as smooth as anywhere."""
+    kept = load(bundled_root() / "mq200" / "surrogate.json").surrogate
+    over = Over(kept, Mix(np.array([[249.0, 469.0]]), np.ones(1), 0.0))
+    every = kept.data.designs
+    strays = np.abs(over.predict(every)[0] / over.predict(every, alone=False)[0] - 1.0)
+    line = np.repeat(every[[strays.argmax()]], 41, axis=0)
+    line[:, 0] += np.linspace(-2.0, 2.0, 41)
+    pinned, smooth = over.predict(line), over.predict(line, alone=False)
+    bends = [np.abs(np.diff(np.log(time), 2)).max() for time in (pinned[0], smooth[0])]
+    assert strays.max() > 0.05, "the bundled surrogate has peaks to leave out"
+    assert bends[1] < 0.1 * bends[0]
+    assert (smooth[1] >= pinned[1] * 0.999).all(), "what is left out of the line is in its error"
+
+
+def test_all_of_a_front_is_offered(study: Study) -> None:
+    designs = list(islice(filling_designs(study, 5, border=False), RIVALS + 3))
+    front = [{"trial": number, **design} for number, design in enumerate(designs)]
+    found = {"physics_hash": study.physics_hash, "front": front[:8]}
+    assert [base.name for base in bases_of(study, found)[1:]] == [f"design {k}" for k in range(8)]
+    assert len(rivals_of(study, {**found, "front": front})) == RIVALS + 3
+    assert len(bases_of(study, {**found, "front": front})) == 1 + RIVALS
+    assert bases_of(study, {**found, "physics_hash": "other"})[1:] == []

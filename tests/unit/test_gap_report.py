@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import io
+import itertools
 import json
 import re
 from dataclasses import replace
@@ -18,9 +20,10 @@ from diagnosis.bench import Bench, load_bench
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.parameters import Interval
 from diagnosis.reading import Reading, gather
-from diagnosis.words import between, chance, told
-from pipeline.gapreport import answers, before, charts, gapmap
-from pipeline.gapreport.alike import alike_figure, odds
+from diagnosis.verdict import NAMED, decide
+from diagnosis.words import between, chance, ms, told
+from pipeline.gapreport import answers, before, charts, gapmap, reasons
+from pipeline.gapreport.alike import alike_figure, class_in_words, odds
 from pipeline.gapreport.cells import cells_of
 from pipeline.gapreport.extras import Extras, Optimum, Remark, SoWhat
 from pipeline.gapreport.publish import publish
@@ -32,6 +35,7 @@ POINTS = points_of()
 #: The toy's lag makes all shifts later by the same, as a delay does; drag changes nothing.
 NAMES = ("actuation_delay", "actuation_lag", "drag_torque", "moving_mass")
 FEW = ("actuation_delay", "moving_mass", "drag_torque")
+PAPER = 0.82  #: height of a figure on paper, as paper.js has it
 MINUS = "\N{MINUS SIGN}"
 #: Parts that every report has, and those of figures.
 ALWAYS = ["causes-part", "readings", "next", "provenance"]
@@ -260,7 +264,8 @@ def test_bars_mark_the_credible_set_and_the_floor(full: Diagnosis) -> None:
     gaps = charts.held_out_figure(full)
     shown = {trace.y[0]: trace.x[0] for trace in gaps.data}
     assert shown["no effect (before)"] == pytest.approx(1e3 * full.before_after.baseline)
-    assert shown["scatter and numerics alone"] == pytest.approx(1e3 * full.before_after.floor)
+    assert full.chance is not None
+    assert shown["chance alone"] == pytest.approx(1e3 * full.chance)
 
 
 def test_bounds_say_where_there_is_no_information(full: Diagnosis) -> None:
@@ -323,3 +328,86 @@ def test_report_in_a_browser(page: Path, tmp_path: Path, width: int) -> None:
 def test_report_prints_on_a_few_pages(page: Path, tmp_path: Path) -> None:
     printed = print_pdf(page, tmp_path)
     assert 3 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
+
+
+def test_chance_has_one_figure_on_the_page(full: Diagnosis, page: Path) -> None:
+    text = page.read_text()
+    assert full.chance is not None
+    card = re.search(r'<div class="card gain"><span>([^<]*)</span><b>([^<]*) <small>', text)
+    assert card is not None
+    assert card.groups() == ("chance alone", ms(full.chance).split()[0])
+    assert f"chance alone would leave {ms(full.chance)}" in text
+    assert not re.search("chance would leave|scatter and numerics alone", text)
+
+
+def test_the_page_takes_its_limits_from_the_code(
+    full: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = {"fit": "0.017", "odds": "7.7 : 1", "named": "77 %", "credible": "97 %", "hour": "7 %"}
+    monkeypatch.setattr(reasons, "LIMITS", said)
+    text = publish(full, tmp_path).read_text()
+    for words in ("below 0.017", "below 7.7 : 1", "more than 77 %", "have 97 %", "less 7 %"):
+        assert words in text, words
+
+
+def test_a_likely_cause_that_is_not_named_has_its_reason(full: Diagnosis) -> None:
+    assert reasons.why_not_named(full) == "", "the leader has too little for a reason"
+    three = ("actuation_delay", "drag_torque", "moving_mass")
+    two = three[:2]
+    open_one = replace(full.verdict, kind="ambiguous", causes=())
+    likely = {three: 0.86, two: 0.12, (): 0.02}
+    found = replace(full, verdict=open_one, belief=likely, fits={three: 0.3})
+    said = reasons.why_not_named(found)
+    assert "86 % and is yet not called the cause" in said
+    assert "more than two effects" in said
+    assert "mass of actuator and linkage is part of the cause with 86 % only" in said
+    assert "dead time of the actuation is" not in said
+    badly = replace(found, belief={two: 0.97, (): 0.03}, fits={two: 0.004})
+    assert "further from it than chance allows (p = 0.004)" in reasons.why_not_named(badly)
+
+
+def test_every_likely_cause_that_is_left_open_has_a_reason(full: Diagnosis) -> None:
+    """The words follow the decision: whatever ``decide`` leaves open above its limit is told."""
+    pair, lone = ("actuation_delay", "moving_mass"), ("drag_torque",)
+    for top, p, fit in itertools.product((pair, lone, ()), (0.7, 0.85, 0.97), (0.001, 0.4)):
+        belief = {top: p, ("actuation_lag",): 1.0 - p}
+        verdict = decide(belief, full.confusion, {top: fit})
+        said = reasons.why_not_named(replace(full, belief=belief, verdict=verdict, fits={top: fit}))
+        assert bool(said) == (verdict.kind == "ambiguous" and p > NAMED), (top, p, fit)
+        assert "others may hold" not in said
+
+
+def test_uneven_chances_in_a_class_are_explained(full: Diagnosis, page: Path) -> None:
+    group = ("actuation_delay",), ("actuation_lag",)
+    one_class = replace(full.confusion, classes=(group,))
+    even = replace(full, confusion=one_class, belief={group[0]: 0.5, group[1]: 0.5})
+    assert reasons.why_alike(even) == ""
+    uneven = reasons.why_alike(replace(even, belief={group[0]: 0.86, group[1]: 0.09}))
+    assert uneven.startswith("That one of a class has 86 % and another 9 %")
+
+
+def test_names_have_room_for_their_lines_on_paper(full: Diagnosis) -> None:
+    """A row is as high as its name's lines, on paper too, where figures are lower."""
+    names = ["a,<br>b,<br>c", "d"]
+    for count in (2, 5):
+        height = 120 + count * charts.row_height(names)
+        row = (PAPER * height - 100) / count  # less margins, which paper leaves as they are
+        assert row > 3 * 17
+    assert charts.row_height(["d"]) == 54
+
+
+def test_the_number_of_hypotheses_is_not_read_as_unknown_ones(page: Path) -> None:
+    text = html.unescape(page.read_text())
+    assert re.search(r"\d+: 4 of one effect(, \d+ of two)?, no effect, and no known effect", text)
+
+
+def test_console_and_page_name_effects_alike(full: Diagnosis) -> None:
+    group = ("actuation_delay", "drag_torque"), ("actuation_lag", "drag_torque")
+    said = class_in_words(group, full.effects, keys=True)
+    assert said == (
+        "dead time of the actuation (actuation_delay) or slow rise of the shift force "
+        "(actuation_lag), each with drag torque on the sliding ring (drag_torque)"
+    )
+    assert class_in_words([(), ("drag_torque",)], full.effects) == (
+        "no effect or drag torque on the sliding ring"
+    )

@@ -51,6 +51,7 @@ function probe(said) {
   const phase = [...document.getElementById("phases").children].filter(b => !b.disabled)[2];
   phase.click(); steps.push(seen());
   said.range = JSON.stringify(document.getElementById("curves").layout.xaxis.range);
+  said.upright = JSON.stringify(document.getElementById("curves").layout.yaxis.range);
   said.steps = JSON.stringify(steps);
   // Without a screen there are no pictures to wait for: let a timer ask for them.
   let at = 0;
@@ -213,6 +214,12 @@ def _assert_follows(result: Engagement, seen: dict[str, str]) -> None:
     # The second phase that took any time now fills the width, and holds the cursor.
     shown = [p for p in result.phases if p.end > p.start][1]
     assert json.loads(seen["range"]) == pytest.approx([shown.start / MS, shown.end / MS])
+    inside = (trace.time >= shown.start) & (trace.time <= shown.end)
+    low, high = json.loads(seen["upright"])  # with room, but far from the whole travel
+    way = trace.displacement[inside] / MM
+    room = 0.16 * np.ptp(way) + 0.6
+    assert low <= way.min() <= way.max() <= high
+    assert high - low < np.ptp(way) + room
     assert shown.name in phase["now"]
     assert json.loads(seen["played"])["left"] > phase["left"]
 

@@ -28,7 +28,16 @@ from pipeline.reporting.provenance import command_of
 from pipeline.reporting.replays import drawn_variant, replays_of, write_replays
 from pipeline.reporting.replicated import replicated_rows, replicated_words
 from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
-from pipeline.reporting.summary import Gained, choice, failures_of, gained, headline, points_of
+from pipeline.reporting.summary import (
+    Gained,
+    at_the_ends,
+    choice,
+    failures_of,
+    gained,
+    headline,
+    passed_over,
+    points_of,
+)
 from pipeline.reporting.tables import csv_link, designs_frame, in_parts
 from pipeline.sampling.improvement import hypervolume
 from surrogate.store import save
@@ -215,11 +224,36 @@ def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
     check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
     failing = c["best"] | {"checks": [check]}
     (own,) = c["designs"]
-    c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **failing}]
-    over, after = failures_of(result)
-    assert over.startswith("Design 1, passed over, fails at the fresh angles: edge pressure impact")
-    assert after.startswith("Design 3 fails at the fresh angles")
+    assert passed_over(result) == ""
+    worse = c["best"] | {"checks": [{**check, "margin": -0.02}]}
+    c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **worse}]
+    assert failures_of(result) == [], "nobody chose them"
+    assert passed_over(result) == (
+        "Designs 1, 3, found by the search, are out: they fail at the fresh angles by 2.0 % to "
+        "10 % (edge pressure impact)."
+    )
+    c["designs"] = [{"trial": 1, **failing}, own]
+    assert passed_over(result).startswith("Design 1 is out: it fails at the fresh angles by 10 %")
     assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
+
+
+def test_a_prototype_that_fails_is_said_on_the_first_page(result: Row) -> None:
+    own = next(row for row in result["trials"] if row["prototype"])
+    own["failed"], own["margins"] = ["contact_ratio"], {"contact_ratio": -0.028}
+    (said,) = failures_of(result)
+    assert said == "The prototype itself fails: contact ratio (\N{MINUS SIGN}2.8 %)."
+
+
+def test_a_best_design_at_the_end_of_its_range_is_said(result: Row) -> None:
+    best = result["best"]
+    best |= {"count": 36, "chamfer_deg": 8.0, "height_mm": 1.61}
+    ranges = {"count": (6.0, 36.0), "chamfer_deg": (0.0, 20.0), "height_mm": (1.6, 6.0)}
+    said = at_the_ends(result, ranges)
+    assert "number of dogs N 36 (upper end 36)" in said
+    assert "(lower end 1.6)" in said
+    assert "chamfer" not in said
+    assert at_the_ends(result, {**ranges, "count": (6.0, 37.0), "height_mm": (1.0, 6.0)}) == ""
+    assert at_the_ends({**result, "best": {**best, "prototype": True}}, ranges) == ""
 
 
 def test_objectives_and_choice_are_explained(result: Row) -> None:

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import io
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from pipeline import story
 from pipeline.scene import ring_body, solids
 from pipeline.story import facts, why
+from pipeline.tables.shifts import shift_table
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import engage
 from sim.geometry import Dog
 from sim.mesh import dog_planes, dog_solid
 from sim.outcome import Outcome
 from sim.plant import ClutchPlant
-from sim.units import DEG
+from sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -28,7 +32,7 @@ Point = Callable[[float, float], OperatingPoint]
         ((50.0, 469.0, 10.0), ("Face contact took", "to the next slot", "mm/ms")),
         ((249.0, 641.5, 3.0), ("Face contact took", "past 1 slot", "mismatch fell from 249 to")),
         ((5.0, 235.2, 13.0), ("Seating took", "flanks met at")),
-        ((0.0, 641.5, 12.0), ("Free fly took", "gap of 1.00 mm")),
+        ((0.0, 641.5, 12.0), ("Free flight took", "gap of 1.00 mm")),
     ],
 )
 def test_sentence_names_the_longest_phase(
@@ -72,3 +76,39 @@ def test_touching_surfaces_come_first_in_the_order_the_page_names(prototype: Dog
         for a, b, c in dog.vertices[dog.cells[2 * index : 2 * index + 2]]:
             normal = np.cross(b - a, c - a)
             assert normal / np.linalg.norm(normal) == pytest.approx(planes[name].normal, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("speeds", "words"),
+    [
+        ((149, 60, 2, 27), "fell from 149 to 2 and rose to 27 1/min"),
+        ((149, 100, 27, 27), "fell from 149 to 27 1/min"),
+        ((100, 60, -20, 34), "fell from 100 to 0 and rose to 34 1/min"),
+        ((-149, -60, -2, -27), "fell from \N{MINUS SIGN}149 to \N{MINUS SIGN}2 and turned to "
+                               "\N{MINUS SIGN}27 1/min"),
+        ((149, 148, 140, 145), ""),
+    ],
+)  # fmt: skip
+def test_the_mismatch_is_told_with_its_least_and_its_end(
+    plant: ClutchPlant, point: Point, speeds: tuple[float, ...], words: str
+) -> None:
+    result = engage(plant, point(50.0, 469.0), 10 * DEG)
+    phase = result.phases[1]
+    times = np.linspace(phase.start, phase.end, 200)
+    course = np.interp(times, np.linspace(phase.start, phase.end, len(speeds)), speeds) * RPM
+    every = {f.name: np.interp(times, result.trace.time, getattr(result.trace, f.name))
+             for f in fields(result.trace)}  # fmt: skip
+    slower = every["output_speed"] - course
+    trace = replace(result.trace, **{**every, "time": times, "sliding_speed": slower})
+    said = story._on_faces(replace(result, trace=trace), phase)
+    assert said.partition("mismatch ")[2] == words
+
+
+def test_phases_have_the_names_of_the_field(plant: ClutchPlant, point: Point) -> None:
+    """People read free flight; the record keeps its key."""
+    result = engage(plant, point(0.0, 641.5), 12 * DEG)
+    assert result.phases[0].name == "free fly"
+    stream = io.StringIO()
+    Console(file=stream, width=120).print(shift_table(result, None))
+    assert "free flight" in stream.getvalue()
+    assert "free fly " not in stream.getvalue()

@@ -1,0 +1,182 @@
+"""What a command that is stopped leaves behind, and how the same command goes on."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from diagnosis.bank import Plan, blocks_of
+from diagnosis.bench import load_bench
+from diagnosis.diagnosis import diagnose
+from pipeline.diagnosing import Means, bank_of
+from pipeline.journal import append
+from pipeline.keeping import kept_shifts, work_folder
+from pipeline.progress import ShiftProgress
+from sim.blocks import Block
+from sim.effects import load
+from sim.loads import Landing
+from sim.records import Record, content_key, landing_record
+from tests.conftest import Said
+from tests.made_up import few_cells, made_up
+from tests.toy import EFFECTS, Toy, bench_of, points_of
+
+Call = Callable[..., Said]
+EXPECT = ("expect", "mq200", "--mismatch-rpm", 149, "--force-N", 469, "--angles", 6, "--jobs", 1)
+PRECISE = ("expect", "mq200", "--mismatch-rpm", 149, "--force-N", 469, "--precision", 0.2)
+VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
+
+
+class Quick:
+    """Made-up shifts in place of simulated ones, stopped by Ctrl-C after some of them."""
+
+    def __init__(self) -> None:
+        self.done = 0
+        self.stop: int | None = None
+
+    def __call__(self, block: Block) -> Iterator[Record]:
+        for given, row in zip(block.inputs, made_up([block])[0], strict=True):
+            if self.done == self.stop:
+                raise KeyboardInterrupt
+            self.done += 1
+            yield _whole(given, row)
+
+
+def _whole(given: Record, row: Record) -> Record:
+    landing = landing_record(Landing())
+    return {"key": content_key(given), **given, "actuator_time_s": None, **row, **landing}
+
+
+@pytest.fixture
+def quick(monkeypatch: pytest.MonkeyPatch) -> Quick:
+    shifts = Quick()
+    monkeypatch.setattr("pipeline.executor.run_block", shifts)
+    return shifts
+
+
+def _line(said: Said) -> str:
+    """Return standard error without the console's breaks."""
+    return " ".join(said.err.split())
+
+
+@pytest.mark.parametrize("asked", [EXPECT, (*PRECISE, "--jobs", 1), VALIDATE])
+def test_a_stopped_command_goes_on(
+    dogshape: Call, tmp_path: Path, quick: Quick, asked: tuple[object, ...]
+) -> None:
+    whole = dogshape(*asked)
+    assert whole.status == 0, whole.err
+    assert not list(tmp_path.iterdir()), "a command that is done leaves nothing"
+    shifts, quick.done, quick.stop = quick.done, 0, 5
+    stopped = dogshape(*asked)
+    assert stopped.status == 130
+    (folder,) = (tmp_path / "results" / "shifts").iterdir()
+    assert len((folder / "shifts.jsonl").read_bytes().splitlines()) == 5
+    assert f"5 finished shifts are kept in results/shifts/{folder.name}" in _line(stopped)
+    assert "the same command goes on" in _line(stopped)
+    quick.stop = None
+    again = dogshape(*asked)
+    assert (again.status, again.out) == (0, whole.out)
+    assert quick.done == shifts, "a finished shift was simulated again"
+    assert not list((tmp_path / "results").iterdir())
+
+
+def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
+    quick.stop = 0
+    said = dogshape(*EXPECT)
+    assert said.status == 130
+    assert "kept" not in said.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_cannot_be_written_is_told(
+    dogshape: Call, tmp_path: Path, quick: Quick
+) -> None:
+    (tmp_path / "results").write_text("a file", encoding="utf-8")
+    said = dogshape(*EXPECT)
+    assert said.status == 0
+    assert _line(said).startswith("results/shifts/expect-")
+    assert "finished shifts are lost" in _line(said)
+    assert quick.done > 6
+    assert [path.name for path in tmp_path.iterdir()] == ["results"]
+
+
+def test_the_same_command_twice_at_once_is_told(
+    tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = work_folder(tmp_path, "expect", "abc", 3)
+    with ShiftProgress(1) as progress, kept_shifts(folder, progress, 1) as first:
+        with kept_shifts(folder, progress, 1) as second:
+            assert second.journal.path != first.journal.path
+        assert folder.exists(), "the folder of the first is left alone"
+    assert "in use by another run" in " ".join(capsys.readouterr().err.split())
+    assert not list(tmp_path.iterdir()), "what was there before stays"
+
+
+def test_other_questions_have_other_folders(tmp_path: Path) -> None:
+    one = work_folder(tmp_path, "expect", "abc", 3)
+    assert one == work_folder(tmp_path, "expect", "abc", 3)
+    assert one != work_folder(tmp_path, "expect", "abc", 4)
+
+
+def test_shifts_that_are_known_say_nothing_of_the_time_left(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = iter([0.0, 1.0, 10.0, 20.0])
+    monkeypatch.setattr("pipeline.progress.LINE_EVERY", 0.0)
+    monkeypatch.setattr("pipeline.progress.time.monotonic", lambda: next(seconds, 20.0))
+    progress = ShiftProgress(100)
+    progress.known(50)
+    progress.advance(5)
+    lines = [line for line in capsys.readouterr().err.splitlines() if line]
+    assert len(lines) == 1, lines
+    left = float(lines[0].partition("about ")[2].split()[0])
+    assert lines[0].startswith("55 of 100")
+    assert 80.0 < left < 200.0  # 45 shifts at one in two seconds or so, not 55 in ten seconds
+
+
+def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
+    bench = few_cells(load_bench("mq200_adams"), [(10, 235.2)])
+    effect = load()["actuation_delay"]
+    clutch = replace(bench.clutch, timeout=1.1)  # no bank has this clutch
+    bench = replace(bench, clutch=clutch)
+    plan = Plan((effect,))
+    blocks = list(blocks_of(plan, bench))
+    whole = sum(len(block.angles) for block in blocks)
+    done = blocks[0]
+    rows = [_whole(g, r) for g, r in zip(done.inputs, made_up([done])[0], strict=True)]
+    append(tmp_path / "shifts.jsonl", *rows)
+    said: list[str] = []
+    bank_of(bench, {"actuation_delay": effect}, Means(tmp_path, jobs=1, say=said.append))
+    left = whole - len(rows)
+    assert f"lacks {left} shifts ({len(rows)} more are there" in said[0]
+
+
+def test_the_diagnosis_is_written_before_its_price(
+    dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = {name: EFFECTS[name] for name in ("actuation_delay", "moving_mass", "drag_torque")}
+    bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
+    found = diagnose(bench, Toy(points_of()), few, pairs=[])
+    monkeypatch.setattr("pipeline.verbs.gaps.diagnosed", lambda *_: found)
+    asked = ("gap", "mq200_stand", "--study", "mq200", "--out", "g", "--jobs", 1)
+    quick.stop = 100
+    stopped = dogshape(*asked)
+    assert stopped.status == 130
+    out = tmp_path / "g"
+    first = json.loads((out / "gap.json").read_text(encoding="utf-8"))
+    assert first["verdict"] == found.verdict.kind
+    assert "So what?" not in (out / "report.html").read_text(encoding="utf-8")
+    assert "100 finished shifts are kept in g/so-what-" in _line(stopped)
+    assert "The diagnosis is written to g/report.html" in _line(stopped)
+    quick.stop = None
+    again = dogshape(*asked)
+    assert again.status == 0, again.err
+    assert quick.done == 7 * 28 * 6, "a dead time needs no shift of its own"
+    assert "So what?" in (out / "report.html").read_text(encoding="utf-8")
+    assert sorted(path.name for path in out.iterdir()) == [
+        ".lock", "cells.csv", "gap.json", "report.html",
+    ]  # fmt: skip
