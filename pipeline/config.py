@@ -30,6 +30,7 @@ from sim.manufacture import ManufacturingLimits
 from sim.materials import material_of
 from sim.records import Record, clutch_record, content_key, uncertain_record
 from sim.strength import Limits
+from sim.texts import read_toml
 from sim.tolerance import Tolerances
 from sim.uncertainty import Uncertainty, Variant
 from sim.units import MM, unit_of
@@ -156,9 +157,7 @@ def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
     """
     path = find_study(where)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
+        data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     for override in overrides or []:
