@@ -24,6 +24,10 @@ class GeometryError(DogshapeError):
     """A dog that cannot be made or a pair of rings that cannot mesh."""
 
 
+class EffectError(DogshapeError):
+    """An effect whose program is wrong, whatever the values of its parameters."""
+
+
 class DataError(DogshapeError):
     """A bench data set or stored result that cannot be read."""
 
