@@ -19,7 +19,7 @@ from typing import Any
 
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore
-from diagnosis.bench import Bench, load_bench
+from diagnosis.bench import Bench, load_bench, require_times
 from diagnosis.blind import sealed
 from diagnosis.blind.between import RULES, Moved, engines_apart
 from diagnosis.blind.plain import plain
@@ -72,7 +72,11 @@ def brought(name: str) -> Path:
 
 
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
-    """Return the diagnosis of a data set; simulates what no bank has."""
+    """Return the diagnosis of a data set; simulates what no bank has.
+
+    DataError where no shift has a time, EffectError for an effect that cannot be run.
+    """
+    require_times(bench)
     effects = load(means.effects)
     _require_working(effects, bench, means)
     emulator, flights = _emulator(bench, effects, means)

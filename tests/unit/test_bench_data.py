@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from sim.bundled import bundled_root
 from sim.errors import DogshapeError
 from sim.units import RPM
 from tests.benches import good_set
+from tests.conftest import Said
 
 
 @pytest.fixture
@@ -100,6 +102,40 @@ def test_missing_sets_and_files(folder: Path) -> None:
     (folder / "bench.toml").unlink()
     with pytest.raises(DogshapeError, match=r"there is no .*bench.toml"):
         load_bench(folder)
+
+
+NOTHING = "50,469.0,0.1766,10,,,"
+FAILED = "50,469.0,0.1766,4,,false,"
+ENGAGED = "50,469.0,0.1766,1,,true,"
+
+
+@pytest.mark.parametrize("verb", ["validate", "gap"])
+def test_a_set_of_which_nothing_is_known_is_refused(
+    folder: Path, dogshape: Callable[..., Said], verb: str
+) -> None:
+    head = (folder / "shifts.csv").read_text().splitlines()[0]
+    (folder / "shifts.csv").write_text(f"{head}\n{NOTHING}\n{NOTHING}\n")
+    said = dogshape(verb, folder)
+    assert said.status == 2
+    assert "no shift with a time and none that is known to have engaged or failed" in said.sentence
+
+
+def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(
+    folder: Path, dogshape: Callable[..., Said]
+) -> None:
+    head = (folder / "shifts.csv").read_text().splitlines()[0]
+    (folder / "shifts.csv").write_text("\n".join([head, FAILED, ENGAGED, NOTHING]))
+    refused = dogshape("gap", folder)
+    assert refused.status == 2
+    assert "has no shift with a time (1 of 5 tried ones engaged)" in refused.sentence
+    assert "'dogshape validate' compares the shares" in refused.sentence
+    small = ("validate", folder, "--angles", 3, "--jobs", 1)
+    said = dogshape(*small)
+    assert "no times to compare; 1 of 5 tried shifts engaged on the bench, 100%" in said.out
+    assert "nan" not in said.out
+    record = dogshape(*small, "--json").json
+    assert (record["rmse_s"], record["relative_rms"]) == (None, None)
+    assert record["engaged"] == {"engaged": 1, "tried": 5, "simulated_share": 1.0}
 
 
 def _warned(folder: Path, head: str, rows: list[str]) -> list[str]:
