@@ -71,7 +71,7 @@ class ShiftProgress:
             left = (now - self._start) / self._done * max(0, self._total - self._done)
             total = f"at most {self._total}" if self._most else f"{self._total}"
             line = f"{self._done} of {total} {self._unit}, about {left:.0f} s left"
-            self._console.print(line)
+            self._console.print(line, soft_wrap=True)
 
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""
@@ -94,9 +94,9 @@ class ShiftProgress:
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""
-        self._console.print(line)
+        self._console.print(line, soft_wrap=True)
 
 
 def say(line: str) -> None:
     """Print a line on standard error."""
-    terminal(stderr=True).print(line)
+    terminal(stderr=True).print(line, soft_wrap=True)
