@@ -324,10 +324,15 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     return solver
 
 
-def profile_for(file: StudyFile, force: float, rise: float | None = None) -> ForceProfile:
-    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table."""
+def profile_for(
+    file: StudyFile, force: float, rise: float | None = None, other_way: str = ""
+) -> ForceProfile:
+    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table.
+
+    ``other_way`` is what a user may do beside extending the table where it lacks the force.
+    """
     profile = ForceProfile(force, rise if rise is not None else 0.1)
-    return profile if rise is not None else rise_table(file).profile(force)
+    return profile if rise is not None else rise_table(file).profile(force, other_way)
 
 
 def rise_table(file: StudyFile) -> RiseTable:

@@ -13,7 +13,7 @@ from rich.console import RenderableType
 
 from pipeline.config import load_study
 from pipeline.console import emit, verb
-from pipeline.design import design_of, root_notes
+from pipeline.design import design_of, notes_of
 from pipeline.known import stored_surrogate
 from pipeline.many import ask_many
 from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, SurrogateFile, points_of
@@ -78,7 +78,7 @@ def check(
     held = blocking_force(given.clutch.dog, given.limits.load)
 
     def text() -> RenderableType:
-        table = strength_table(design.checks, within, held, root_notes(given))
+        table = strength_table(design.checks, within, held, notes_of(given))
         return answer_text(answer, stored.validation, spread, table)
 
     emit(record, json, text)

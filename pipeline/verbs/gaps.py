@@ -9,8 +9,7 @@ from typing import Annotated
 import typer
 
 from diagnosis.bench import load_bench
-from pipeline.config import load_study
-from pipeline.consequence import designs_of
+from pipeline.consequence import studied
 from pipeline.console import emit, verb
 from pipeline.diagnosing import BANK, Means, diagnosed
 from pipeline.gapreport.gather import extras_of, price_of
@@ -34,7 +33,9 @@ def gap(
     ] = None,
     study: Annotated[
         str | None,
-        typer.Option(help="study whose best designs are simulated again with the cause"),
+        typer.Option(
+            help="study, or folder of its results: its best designs are simulated with the cause"
+        ),
     ] = None,
     correct: Corrections = None,
     jobs: Jobs = 0,
@@ -49,7 +50,7 @@ def gap(
     """
     given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, say)
     if study is not None:
-        designs_of(load_study(study))  # refuses a study without a result before the long work
+        studied(study)  # refuses a study without a result before the long work
     with writing(out) if out is not None else nullcontext():
         found = diagnosed(given, means)
         price = price_of(found, study, means)

@@ -46,6 +46,7 @@ from sim.units import DEG
 Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
 Simulate = Callable[..., Executor]  #: gives an executor that reports its progress
+OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
@@ -74,7 +75,7 @@ def shift(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     solver = replace(given.clutch.solver, all_dogs=all_dogs)
     clutch = replace(given.clutch, solver=solver)
-    point = point_of(given, mismatch_rpm, force_N, force_rise_s)
+    point = point_of(given, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     if not abs(relative_angle_deg) <= 1e6:
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
@@ -132,7 +133,7 @@ def expect(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
-    points = points_of(given, mismatch_rpm, force_N, force_rise_s)
+    points = points_of(given, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     simulate = partial(scratch_executor, jobs, cluster=cluster)
     if precision is not None:
         if angles is not None:
