@@ -89,6 +89,26 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     )
 
 
+def require_something(bench: Bench) -> None:
+    """Raise DataError where nothing is known of any shift: no time, and no engagement."""
+    if not any(cell.n or cell.tried for cell in bench.cells):
+        raise DataError(
+            f"{bench.name} has no shift with a time and none that is known to have engaged or "
+            "failed, so that there is nothing to compare; fill shift_time_s or engaged"
+        )
+
+
+def require_times(bench: Bench) -> None:
+    """Raise DataError where no shift has a time, which a diagnosis is made of."""
+    require_something(bench)
+    if not any(cell.n for cell in bench.cells):
+        engaged, tried = (sum(getattr(c, n) for c in bench.cells) for n in ("engaged", "tried"))
+        raise DataError(
+            f"{bench.name} has no shift with a time ({engaged} of {tried} tried ones engaged), but "
+            "a diagnosis needs times; 'dogshape validate' compares the shares that engaged"
+        )
+
+
 def _find(where: str | Path) -> Path:
     folder = Path(where)
     if folder.is_dir():

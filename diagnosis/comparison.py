@@ -54,13 +54,13 @@ class Comparison:
     numerical_error: float | None = None
 
     @property
-    def rmse(self) -> float:
-        """Root-mean-square gap over the cells that have a bench time, s."""
+    def rmse(self) -> float | None:
+        """Root-mean-square gap over the cells that have a bench time, s; None without any."""
         return _rms([d.gap for d in self.differences if d.gap is not None])
 
     @property
-    def relative_rms(self) -> float:
-        """Root-mean-square of simulation over bench less one."""
+    def relative_rms(self) -> float | None:
+        """Root-mean-square of simulation over bench less one; None without a gap."""
         ratios = [
             -d.gap / d.cell.time
             for d in self.differences
@@ -68,9 +68,17 @@ class Comparison:
         ]
         return _rms(ratios)
 
+    @property
+    def engaged(self) -> tuple[int, int, float]:
+        """Bench shifts that engaged, of how many tried, and the simulated share at their points."""
+        cells = [(d.cell, d.simulated) for d in self.differences if d.cell.tried]
+        tried = sum(cell.tried for cell, _ in cells)
+        expected = sum(cell.tried * simulated.engaged for cell, simulated in cells)
+        return sum(cell.engaged for cell, _ in cells), tried, expected / max(1, tried)
 
-def _rms(values: list[float]) -> float:
-    return math.sqrt(sum(v * v for v in values) / len(values)) if values else math.nan
+
+def _rms(values: list[float]) -> float | None:
+    return math.sqrt(sum(v * v for v in values) / len(values)) if values else None
 
 
 def compare(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,8 @@ from sim.effect import Effect
 from sim.units import RPM
 
 Record = dict[str, Any]
+
+BLIND = 0.999  #: hidden share of a prior from which the data tell nothing of an effect
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,7 @@ class Diagnosis:
             "inclusion": inclusion(self.belief),
             "credible_set": [list(h) for h in self.verdict.credible],
             "class_probability": self.verdict.group_probability,
-            "no_information": [n for n, share in self.hidden.items() if share > 0.999],
+            "no_information": [n for n, share in self.hidden.items() if share > BLIND],
             "hidden_share": dict(self.hidden),
             "bounds": {name: bound.as_dict() for name, bound in self.bounds.items()},
             "facts": [
@@ -152,6 +154,7 @@ class Diagnosis:
             self.effects,
             self.leading,
             self.chance,
+            sees_nothing(self.hidden),
         )
 
     @property
@@ -217,9 +220,13 @@ def diagnose(
     parts = confusion(known, metric, ranking.folded, plain)
     standing = Standing(bench, problem.seen, scored, ranking.free, belief, effects, ranking.leading)
     gaps = _gaps(standing, ranking)
+    hidden = invisible(list(scored.values()), metric)
+    verdict = decide(belief, parts, ranking.fits)
+    if verdict.kind == "none" and sees_nothing(hidden):
+        verdict = replace(verdict, kind="ambiguous")
     return Diagnosis(
         bench=bench,
-        verdict=decide(belief, parts, ranking.fits),
+        verdict=verdict,
         belief=belief,
         raw=ranking.raw,
         scored=scored,
@@ -228,7 +235,7 @@ def diagnose(
         fits=ranking.fits,
         before_after=gaps[0][1],
         rival=gaps[1] if len(gaps) > 1 else None,
-        hidden=invisible(list(scored.values()), metric),
+        hidden=hidden,
         bounds=bounds(list(scored.values()), metric),
         other=readings(problem, bench, ranking, effects),
         tests=choose(standing),
@@ -237,6 +244,15 @@ def diagnose(
         effects=effects,
         foretold=foretold(standing, ranking.leading),
     )
+
+
+def sees_nothing(hidden: Mapping[str, float]) -> bool:
+    """Tell whether data can show no effect, not even at the far end of its prior.
+
+    ``hidden`` has the share of each prior that they cannot tell from none. That nothing is
+    seen in such data is no evidence that nothing is there.
+    """
+    return all(share > BLIND for share in hidden.values())
 
 
 def _gaps(standing: Standing, ranking: Ranking) -> list[tuple[Hypothesis, HeldOut]]:

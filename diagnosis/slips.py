@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 
 from diagnosis.corrections import GIVEN, Correction, corrected
 from diagnosis.finding import Finding
+from diagnosis.repeats import repeated_rows
 from diagnosis.stand import Stand
 from diagnosis.table import Row, Sheet
 from diagnosis.table_slips import (
@@ -55,6 +56,7 @@ CHECKS: tuple[Check, ...] = (
     trace_start,
     speeds,
     trace_force,
+    repeated_rows,
 )
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -13,6 +12,7 @@ from sim.clutch import Clutch, solver_for
 from sim.contact import contact_set
 from sim.edge import DogSection, OutputSection, Section, SlidingSection, rings, si_fields, validate
 from sim.errors import DataError, refusal, require_between
+from sim.texts import read_toml
 from sim.units import DEG, MM
 
 
@@ -118,11 +118,13 @@ def load_stand(path: Path) -> Stand:
 
 def _settings(path: Path) -> _BenchFile:
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except FileNotFoundError as error:
         raise DataError(f"there is no {path}; a data set needs bench.toml") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise DataError(f"{path} is not valid TOML: {error}; correct the line") from error
+    except OSError as error:
+        raise DataError(
+            f"{path} cannot be read: {error.strerror}; check path and rights"
+        ) from error
     return validate(_BenchFile, data, str(path))
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from diagnosis.traces import BenchTrace, read_trace
-from sim.errors import DataError, did_you_mean
+from sim.errors import DataError, number_rule
+from sim.texts import TextTable, read_table
 
 COLUMNS = (
     "mismatch_rpm",
@@ -25,6 +25,9 @@ COLUMNS = (
     "engaged",
     "trace",
 )
+
+NUMERIC = COLUMNS[:5]
+MOST = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
 
 ENGAGED = {"true": True, "false": False, "": None}
 
@@ -57,25 +60,18 @@ class Sheet:
 
 def load_sheet(path: Path) -> Sheet:
     """Read the table and its traces; a mistake raises DataError with file, row and column."""
-    records = _table(path).to_dict("records")
-    return Sheet(path, tuple(_row(path, row, record) for row, record in enumerate(records, 2)))
+    table = _table(path)
+    rows = (_row(path, row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows)
+    return Sheet(path, tuple(rows))
 
 
-def _table(path: Path) -> pd.DataFrame:
+def _table(path: Path) -> TextTable:
     try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
+        table = read_table(path, NUMERIC)
     except FileNotFoundError as error:
         raise DataError(f"there is no {path}; a data set needs shifts.csv") from error
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, OSError) as error:
-        raise DataError(f"{path} is not a table of comma separated values: {error}") from error
-    for column in table.columns:
-        if column not in COLUMNS:
-            hint = did_you_mean(str(column), COLUMNS)
-            raise DataError(f"{path}, row 1: '{column}' is not a known column; {hint}")
-    for column in COLUMNS:
-        if column not in table.columns:
-            raise DataError(f"{path}, row 1: the column '{column}' is missing; add it")
-    if table.empty:
+    table.require(COLUMNS, COLUMNS)
+    if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     return table
 
@@ -85,10 +81,14 @@ def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
     mismatch, force, rise, count = (_number(path, row, record, column) for column in names)
     if count < 1 or count != int(count):
         raise bad_cell(path, row, "n_shifts", record["n_shifts"], "a whole number of at least 1")
-    if record["engaged"] not in ENGAGED:
+    if count > MOST:
+        rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
+        raise bad_cell(path, row, "n_shifts", record["n_shifts"], rule)
+    engaged_text = record["engaged"].lower()
+    if engaged_text not in ENGAGED:
         raise bad_cell(path, row, "engaged", record["engaged"], "true, false or empty")
     time = _number(path, row, record, "shift_time_s") if record["shift_time_s"] else None
-    engaged = ENGAGED[record["engaged"]]
+    engaged = ENGAGED[engaged_text]
     if time is not None and engaged is False:
         rule = "true where shift_time_s has a time, or else that cell must be empty"
         raise bad_cell(path, row, "engaged", "false", rule)
@@ -115,7 +115,7 @@ def _number(path: Path, row: int, record: dict[Any, Any], column: str) -> float:
     try:
         value = float(record[column])
     except ValueError:
-        raise bad_cell(path, row, column, record[column], "a number") from None
+        raise bad_cell(path, row, column, record[column], number_rule(record[column])) from None
     if not np.isfinite(value):
         raise bad_cell(path, row, column, record[column], "a finite number")
     return value

@@ -6,15 +6,16 @@ be a finite number; other columns or channels than those of ``COLUMNS`` are let 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from diagnosis.tdms import read_channels
-from sim.errors import DataError, did_you_mean
+from sim.errors import DataError, number_rule
+from sim.texts import TextTable, read_table
 from sim.units import to_si
 
 Series = NDArray[np.float64]
@@ -52,40 +53,30 @@ def read_trace(path: Path) -> BenchTrace:
     """Read a trace; every mistake raises DataError with file, row or channel, and remedy."""
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
-    table = read_channels(path, COLUMNS) if path.suffix.lower() == ".tdms" else _csv(path)
-    first = 0 if path.suffix.lower() == ".tdms" else 2
+    if path.suffix.lower() == ".tdms":
+        table = read_channels(path, COLUMNS)
+        rows: Sequence[int] = range(next(iter(table.values())).size)
+    else:
+        text = read_table(path, COLUMNS)
+        text.require(COLUMNS)
+        table = {column: _numbers(text, column) for column in COLUMNS}
+        rows = [number for number, _ in text.rows]
     for column in COLUMNS:
-        _require_finite(path, column, table[column], first)
-    _require_order(path, table["t_s"], first)
+        _require_finite(path, column, table[column], rows)
+    _require_order(path, table["t_s"], rows)
     values = [to_si(column, 1.0) * table[column] for column in COLUMNS]
     return BenchTrace(path, *values)
 
 
-def _csv(path: Path) -> dict[str, Series]:
-    try:
-        table = pd.read_csv(path, dtype=str, keep_default_na=False)
-    except (pd.errors.ParserError, pd.errors.EmptyDataError, UnicodeDecodeError, OSError) as error:
-        remedy = "save the trace with commas between values and a point in numbers"
-        raise DataError(
-            f"{path} is not a table of comma separated values: {error}; {remedy}"
-        ) from error
-    for column in COLUMNS:
-        if column not in table.columns:
-            hint = did_you_mean(column, [str(c) for c in table.columns])
-            raise DataError(
-                f"{path}, row 1: the column '{column}' is missing; add it (in the file: {hint})"
-            )
-    return {column: _numbers(path, column, table[column].tolist()) for column in COLUMNS}
-
-
-def _numbers(path: Path, column: str, texts: list[str]) -> Series:
+def _numbers(table: TextTable, column: str) -> Series:
+    texts = table.column(column)
     try:
         return np.array(texts, dtype=float)
     except ValueError:
-        row, text = next((k, t) for k, t in enumerate(texts, start=2) if not _is_number(t))
+        place, text = next((k, t) for k, t in enumerate(texts) if not _is_number(t))
         raise DataError(
-            f"{path}, row {row}, column {column} is '{text}', but it must be a number; "
-            "correct the cell"
+            f"{table.path}, row {table.rows[place][0]}, column {column} is '{text}', but it must "
+            f"be {number_rule(text)}; correct the cell"
         ) from None
 
 
@@ -97,17 +88,17 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _require_finite(path: Path, column: str, values: Series, first: int) -> None:
+def _require_finite(path: Path, column: str, values: Series, rows: Sequence[int]) -> None:
     bad = ~np.isfinite(values)
     if bad.any():
-        row = int(np.argmax(bad)) + first
+        place = int(np.argmax(bad))
         raise DataError(
-            f"{path}, row {row}, column {column} is '{values[row - first]}', but it must be a "
+            f"{path}, row {rows[place]}, column {column} is '{values[place]}', but it must be a "
             "finite number; correct the cell"
         )
 
 
-def _require_order(path: Path, time: Series, first: int) -> None:
+def _require_order(path: Path, time: Series, rows: Sequence[int]) -> None:
     if time.size < LEAST:
         raise DataError(
             f"{path} has {time.size} samples, but a trace needs at least {LEAST}; "
@@ -115,9 +106,9 @@ def _require_order(path: Path, time: Series, first: int) -> None:
         )
     back = np.diff(time) <= 0.0
     if back.any():
-        row = int(np.argmax(back)) + 1
+        place = int(np.argmax(back)) + 1
         raise DataError(
-            f"{path}, row {row + first}, column t_s is '{time[row]:.6g}' after "
-            f"'{time[row - 1]:.6g}', but time must grow from sample to sample; "
+            f"{path}, row {rows[place]}, column t_s is '{time[place]:.6g}' after "
+            f"'{time[place - 1]:.6g}', but time must grow from sample to sample; "
             "sort the trace and leave doubled samples out"
         )

@@ -22,7 +22,7 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 @dataclass(frozen=True)
 class Found:
-    """What is put into words."""
+    """What is put into words; ``blind`` tells that the data can show no effect."""
 
     verdict: Verdict
     belief: Probabilities
@@ -32,6 +32,7 @@ class Found:
     effects: Effects
     leading: Hypothesis
     chance: float | None
+    blind: bool = False
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -94,6 +95,8 @@ def headline(found: Found) -> str:
         return "No effect needed: bench and simulation agree within their errors"
     if verdict.kind == "unknown":
         return "Unknown: no known effect explains the difference"
+    if found.blind:
+        return "Not settled: these data cannot show any effect"
     return _open_headline(found)
 
 
@@ -153,6 +156,11 @@ def _cause(found: Found) -> str:
         return (
             "None of the known effects, alone or together as far as they were tried, explains all "
             "of the data."
+        )
+    if found.blind:
+        return (
+            "These data cannot show any effect: each of those known, as strong as it may be, would "
+            "move them by less than two standard errors."
         )
     return _open(found)
 

@@ -10,7 +10,11 @@ def main() -> None:
     try:
         from pipeline.cli import app  # noqa: PLC0415
 
-        status = app(sys.argv[1:] or ["--help"], standalone_mode=False)
+        given = sys.argv[1:]
+        if (nothing := _given_nothing(given)) is not None:
+            print(f"dogshape: {nothing} is given nothing; give a value", file=sys.stderr)
+            sys.exit(2)
+        status = app(given or ["--help"], standalone_mode=False)
     except KeyboardInterrupt:
         print("dogshape: stopped", file=sys.stderr)
         sys.exit(130)
@@ -19,10 +23,49 @@ def main() -> None:
         message = getattr(error, "format_message", None)
         if message is None:
             raise
-        sentence = message().strip().rstrip(".")
+        sentence = _sentence(error, message().strip().rstrip("."))
         print(f"dogshape: {sentence}; see 'dogshape --help'", file=sys.stderr)
         sys.exit(2)
     sys.exit(status or 0)
+
+
+def _given_nothing(arguments: list[str]) -> str | None:
+    """Return the option or argument whose value is empty, as an unset variable of a shell is.
+
+    An empty path would be taken for the current folder.
+    """
+    for place, text in enumerate(arguments):
+        if text.startswith("--") and text.endswith("="):
+            return text[:-1]
+        if not text:
+            before = arguments[place - 1] if place else ""
+            return before if before.startswith("--") else "an argument"
+    return None
+
+
+def _sentence(error: Exception, message: str) -> str:
+    """Return what is wrong with an option in the project's own words, where it has some."""
+    details = getattr(error.__cause__, "errors", None)
+    names = getattr(getattr(error, "param", None), "opts", None)
+    if details is not None and names:
+        from sim.rules import broken_rule  # noqa: PLC0415
+
+        return broken_rule(names[-1], details()[0])
+    option = getattr(error, "option_name", None)
+    if isinstance(option, str) and (keys := _keys_like(option)):
+        return f"{message}. A key of the study is set by {' or '.join(keys)}"
+    return message
+
+
+def _keys_like(option: str) -> list[str]:
+    """Return how keys of a study that an unknown option resembles are set."""
+    from pipeline.schema import keys_like  # noqa: PLC0415
+
+    given = [*sys.argv[1:], ""]
+    value = given[given.index(option) + 1] if option in given else ""
+    value = "VALUE" if not value or value.startswith("--") else value
+    stem = option.lstrip("-").replace("-", "_").lower()
+    return [f"--set {key}={value}" for key in keys_like(stem)]
 
 
 if __name__ == "__main__":

@@ -44,6 +44,11 @@ def cad_available() -> bool:
     return True
 
 
+def require_cad() -> None:
+    """Raise InputError where build123d cannot be imported."""
+    _kernel()
+
+
 def _kernel() -> Any:
     """Import build123d when it is first needed."""
     try:

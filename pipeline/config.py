@@ -7,7 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,14 +23,15 @@ from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
 from sim.contact import ContactSet, contact_set
 from sim.driveline import TorquePeaks, torque_peaks
 from sim.edge import dog_fields, rings, si_fields, validate
-from sim.errors import InputError, refusal, require_between
+from sim.errors import DogshapeError, InputError, refusal, require_between
 from sim.geometry import Dog
 from sim.loadcase import LoadCase
 from sim.loads import Loads
 from sim.manufacture import ManufacturingLimits
-from sim.materials import material_of
+from sim.materials import Material, material_of
 from sim.records import Record, clutch_record, content_key, uncertain_record
 from sim.strength import Limits
+from sim.texts import listed, read_toml
 from sim.tolerance import Tolerances
 from sim.trace import Trace
 from sim.uncertainty import Uncertainty, Variant
@@ -153,9 +154,7 @@ def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
     """
     path = find_study(where)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
+        data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     for override in overrides or []:
@@ -211,26 +210,65 @@ def build_study(file: StudyFile) -> Study:
             f"format is {file.format}, but this version reads format {FORMAT}; "
             "convert the file or use the version that wrote it"
         )
-    contact = _contact(file)
+    _require_parts(file)
+    contact, shift = _contact(file), file.shift
     clutch = Clutch(
         dog=file.dog.dog(),
         rings=rings(file.sliding, file.output),
         contact=contact,
-        timeout=_positive("shift.timeout_s", file.shift.timeout_s, 60.0),
-        seated_tolerance=_positive("shift.seated_tolerance_mm", file.shift.seated_tolerance_mm, 1.0)
-        * MM,
-        rebound=file.shift.rebound_mm * MM,
+        timeout=shift.timeout_s,
+        seated_tolerance=shift.seated_tolerance_mm * MM,
+        rebound=shift.rebound_mm * MM,
         solver=_solver(file, contact),
     )
+    points = _points(file)
+    unsure = _uncertainty(file, clutch, points)
+    return Study(file, clutch, _limits(file), points, _variables(file), unsure)
+
+
+def _points(file: StudyFile) -> tuple[OperatingPoint, ...]:
+    return points_of(file.operating, lambda force: profile_for(file, force))
+
+
+def _require_parts(file: StudyFile) -> None:
+    """Raise InputError with what is wrong in any part of a study, all at once."""
+    parts: tuple[Callable[[], object], ...] = (
+        file.dog.dog,
+        lambda: rings(file.sliding, file.output),
+        lambda: _solver(file, _contact(file)),
+        lambda: _require_shift(file),
+        lambda: _require_stiffness(file),
+        lambda: _points(file),
+        lambda: LoadCase(**si_fields(file.load.model_dump())),
+        lambda: _material(file),
+        lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
+        lambda: Tolerances(**si_fields(file.tolerance.model_dump())),
+        lambda: _variables(file),
+    )
+    faults: list[DogshapeError] = []
+    for part in parts:
+        try:
+            part()
+        except DogshapeError as error:
+            faults.append(error)
+    if len(faults) == 1:
+        raise faults[0]
+    if faults:
+        raise InputError(listed(f"the study {file.name}", map(str, faults)))
+
+
+def _require_shift(file: StudyFile) -> None:
     shift = file.shift
+    _positive("shift.timeout_s", shift.timeout_s, 60.0)
+    _positive("shift.seated_tolerance_mm", shift.seated_tolerance_mm, 1.0)
     require_between("shift.retraction_s", shift.retraction_s, 0.0, 60.0, "give a time in seconds")
     require_between("shift.rebound_mm", shift.rebound_mm, 0.0, 100.0, "give a length in mm")
+
+
+def _require_stiffness(file: StudyFile) -> None:
     stiffness = file.driveline.stiffness_Nm_rad
     if stiffness is not None:
         _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
-    points = points_of(file.operating, lambda force: profile_for(file, force))
-    unsure = _uncertainty(file, clutch, points)
-    return Study(file, clutch, _limits(file), points, _variables(file), unsure)
 
 
 def _uncertainty(
@@ -256,12 +294,11 @@ def _uncertainty(
     return unsure
 
 
-def _positive(key: str, value: float, most: float) -> float:
+def _positive(key: str, value: float, most: float) -> None:
     if not 0.0 < value <= most:
         unit = unit_of(key)
         rule = f"it must be positive and at most {most:.6g} {unit}"
         raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
-    return value
 
 
 def _contact(file: StudyFile) -> ContactSet:
@@ -284,10 +321,15 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     return solver
 
 
-def profile_for(file: StudyFile, force: float, rise: float | None = None) -> ForceProfile:
-    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table."""
+def profile_for(
+    file: StudyFile, force: float, rise: float | None = None, other_way: str = ""
+) -> ForceProfile:
+    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table.
+
+    ``other_way`` is what a user may do beside extending the table where it lacks the force.
+    """
     profile = ForceProfile(force, rise if rise is not None else 0.1)
-    return profile if rise is not None else rise_table(file).profile(force)
+    return profile if rise is not None else rise_table(file).profile(force, other_way)
 
 
 def rise_table(file: StudyFile) -> RiseTable:
@@ -296,14 +338,18 @@ def rise_table(file: StudyFile) -> RiseTable:
 
 
 def _limits(file: StudyFile) -> Limits:
-    material = file.material.model_dump(exclude={"set"}, exclude_none=True)
     return Limits(
         load=LoadCase(**si_fields(file.load.model_dump())),
-        material=replace(material_of(file.material.set), **si_fields(material)),  # type: ignore[arg-type]
+        material=_material(file),
         manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
         tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
     )
+
+
+def _material(file: StudyFile) -> Material:
+    given = file.material.model_dump(exclude={"set"}, exclude_none=True)
+    return replace(material_of(file.material.set), **si_fields(given))  # type: ignore[arg-type]
 
 
 def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:

@@ -20,8 +20,10 @@ from typing import Any
 import numpy as np
 
 from diagnosis.levels import Level
-from pipeline.config import Study
+from pipeline.config import Study, load_study
 from pipeline.evaluation import FRESH
+from pipeline.folder import StudyFolder
+from pipeline.options import default_out
 from sim.blocks import even_block
 from sim.bundled import bundled_root
 from sim.effect import Effect
@@ -132,6 +134,24 @@ def _record(one: Candidate) -> dict[str, Any]:
     }
 
 
+def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, Params]]:
+    """Return a study and the designs of its result, by a folder of results or a study.
+
+    Raises DataError where nothing is kept, StorageError where it is damaged.
+    """
+    folder = StudyFolder(Path(where))
+    if folder.manifest.is_file():
+        study = folder.stored_study()
+        if not folder.result.is_file():
+            raise DataError(
+                f"the study in {where} has no result; run 'dogshape study' with --resume and "
+                f"--out {where}"
+            )
+        return study, _designs(study, folder.stored_result(), count)
+    study = load_study(where)
+    return study, _designs(study, json.loads(_kept(study, where).read_text("utf-8")), count)
+
+
 def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
     """Return the prototype and the fastest feasible designs of a study's kept result, by name.
 
@@ -139,8 +159,11 @@ def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
 
     Raises DataError where nothing is kept.
     """
-    path = _kept(study)
-    result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    kept = _kept(study, study.name).read_text(encoding="utf-8")
+    return _designs(study, json.loads(kept), count)
+
+
+def _designs(study: Study, result: Mapping[str, Any], count: int) -> dict[str, Params]:
     confirmation = result["confirmation"] or {"chosen": None, "designs": []}
     failed = {
         one["trial"]
@@ -159,13 +182,14 @@ def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
     return found
 
 
-def _kept(study: Study) -> Path:
-    own = Path("results") / study.name / "result.json"
-    for path in (own, bundled_root() / study.name / "result.json"):
+def _kept(study: Study, where: str | Path) -> Path:
+    own = StudyFolder(default_out(study))
+    for path in (own.result, bundled_root() / study.name / "result.json"):
         if path.is_file():
             return path
     raise DataError(
-        f"there is no result of the study {study.name}; run 'dogshape study {study.name}' first"
+        f"there is no result of the study {study.name} in {own.root}; run 'dogshape study {where}' "
+        "first, or name the folder of its results"
     )
 
 

@@ -45,8 +45,15 @@ def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]
     if as_json:
         print(json.dumps(data, indent=1, allow_nan=False))
     else:
-        wide = None if sys.stdout.isatty() else 160
-        Console(highlight=False, width=wide).print(text())
+        terminal(width=None if sys.stdout.isatty() else 160).print(text())
+
+
+def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
+    """Make a console that prints names and paths as they are: no markup, emoji or colours.
+
+    Every console of the program comes from here; ``[v2]`` in a path is no markup.
+    """
+    return Console(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
 def in_ms(seconds: float | None) -> str:

@@ -27,6 +27,7 @@ from sim.strength import keeps_limits, strength_checks
 from sim.units import MM
 from surrogate.covariance import Array
 
+IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 
 
@@ -83,9 +84,19 @@ def design_of(study: Study, params: dict[str, float], landing: Landing | None = 
     return Design(params, dog, checks, "")
 
 
-def root_notes(study: Study) -> list[str]:
-    """Return warnings where the root of the study's own dog lies outside its formula's fit."""
-    return outside_fit(study.clutch.dog, study.limits.root_radius)
+def notes_of(study: Study) -> list[str]:
+    """Return warnings about the study's own dog.
+
+    Of a root outside its formula's fit, and of a torque so small that its unit is in question.
+    """
+    dog, limits = study.clutch.dog, study.limits
+    loaded = [c for c in strength_checks(dog, limits) if c.rule.group == "load"]
+    used = max(check.utilisation for check in loaded)
+    notes = [f"{note}; --fem checks it" for note in outside_fit(dog, limits.root_radius)]
+    if used < IDLE:
+        notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
+                     "is load.torque_Nm in N m?")  # fmt: skip
+    return notes
 
 
 def worth_simulating(study: Study, params: dict[str, float]) -> bool:
@@ -165,7 +176,12 @@ def objectives_of(study: Study) -> list[Objective]:
     for name in names:
         if name not in OBJECTIVES:
             hint = did_you_mean(name, OBJECTIVES)
-            raise InputError(f"search.objectives has '{name}', which is not an objective; {hint}")
+            every = (
+                "" if hint.startswith("valid") else f" Valid are {', '.join(sorted(OBJECTIVES))}"
+            )
+            raise InputError(
+                f"search.objectives has '{name}', which is not an objective; {hint}{every}"
+            )
     if len(set(names)) != len(names):
         raise InputError("search.objectives names an objective twice; remove one of the two")
     found = [OBJECTIVES[name] for name in names]

@@ -19,7 +19,7 @@ from typing import Any
 
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore
-from diagnosis.bench import Bench, load_bench
+from diagnosis.bench import Bench, load_bench, require_times
 from diagnosis.blind import sealed
 from diagnosis.blind.between import RULES, Moved, engines_apart
 from diagnosis.blind.plain import plain
@@ -34,8 +34,10 @@ from pipeline.progress import ShiftProgress
 from sim.blocks import Block
 from sim.bundled import bundled_root
 from sim.effect import Effect
-from sim.effects import load
+from sim.effects import load, own_files
+from sim.errors import EffectError
 from sim.records import Record
+from sim.setting import Setting
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"
@@ -70,12 +72,30 @@ def brought(name: str) -> Path:
 
 
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
-    """Return the diagnosis of a data set; simulates what no bank has."""
+    """Return the diagnosis of a data set; simulates what no bank has.
+
+    DataError where no shift has a time, EffectError for an effect that cannot be run.
+    """
+    require_times(bench)
     effects = load(means.effects)
+    _require_working(effects, bench, means)
     emulator, flights = _emulator(bench, effects, means)
     found = diagnose(bench, emulator, effects)
     flights.save()
     return found
+
+
+def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:
+    """Raise EffectError, with its file, for an effect of the user's that cannot be run."""
+    own = own_files(means.effects) if means.effects else {}
+    if means.effects and not own:
+        means.say(f"{means.effects} has no effect: no file NAME.py without an underscore before it")
+    base = Setting(bench.clutch, bench.cells[0].point)
+    for name, path in own.items():
+        try:
+            effects[name].require_working(base)
+        except EffectError as error:
+            raise EffectError(f"{path}: {error}") from error
 
 
 def _emulator(

@@ -37,20 +37,29 @@ OneMismatch = Annotated[float | None, typer.Option(help="one operating point onl
 OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")]
 
 
-def point_of(study: Study, mismatch: float, force: float, rise: float | None) -> OperatingPoint:
-    """Return an operating point from 1/min, N and a rise time in s, None for the study's."""
-    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise))
+def point_of(
+    study: Study, mismatch: float, force: float, rise: float | None, other_way: str = ""
+) -> OperatingPoint:
+    """Return an operating point from 1/min, N and a rise time in s, None for the study's.
+
+    ``other_way`` is what the verb offers for a force that the study's table lacks.
+    """
+    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise, other_way))
 
 
 def points_of(
-    study: Study, mismatch: float | None, force: float | None, rise: float | None = None
+    study: Study,
+    mismatch: float | None,
+    force: float | None,
+    rise: float | None = None,
+    other_way: str = "",
 ) -> tuple[OperatingPoint, ...]:
     """Return the one operating point that is asked for, or all of the study's."""
     if (mismatch is None) != (force is None):
         raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
     if mismatch is None or force is None:
         return study.points
-    return (point_of(study, mismatch, force, rise),)
+    return (point_of(study, mismatch, force, rise, other_way),)
 
 
 def default_out(given: Study) -> Path:

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,6 +16,8 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from pipeline.console import terminal
 
 LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 
@@ -28,7 +29,7 @@ class ShiftProgress:
     """
 
     def __init__(self, total: int, *, most: bool = False, unit: str = "shifts") -> None:
-        self._console = Console(stderr=True)
+        self._console = terminal(stderr=True)
         self._total = total
         self._most = most
         self._unit = unit
@@ -70,7 +71,7 @@ class ShiftProgress:
             left = (now - self._start) / new * max(0, self._total - self._done)
             total = f"at most {self._total}" if self._most else f"{self._total}"
             line = f"{self._done} of {total} {self._unit}, about {left:.0f} s left"
-            self._console.print(line, highlight=False)
+            self._console.print(line, soft_wrap=True)
 
     def known(self, count: int) -> None:
         """Count shifts that an earlier run finished, which say nothing of the time left."""
@@ -98,9 +99,9 @@ class ShiftProgress:
 
     def say(self, line: str) -> None:
         """Print a line above the bar."""
-        self._console.print(line, highlight=False)
+        self._console.print(line, soft_wrap=True)
 
 
 def say(line: str) -> None:
     """Print a line on standard error."""
-    Console(stderr=True).print(line, highlight=False)
+    terminal(stderr=True).print(line, soft_wrap=True)

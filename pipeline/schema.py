@@ -261,7 +261,7 @@ class StudyFile(Section):
     """The whole study file."""
 
     format: int
-    name: Annotated[str, Field(min_length=1, pattern=r"^[\w.-]+$")]
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\w[\w.-]*$")]
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
@@ -280,3 +280,16 @@ class StudyFile(Section):
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()
     surrogate: SurrogateSection = SurrogateSection()
+
+
+def keys_like(stem: str) -> list[str]:
+    """Return at most three keys of the study file that begin with a word, as ``dog.chamfer_deg``.
+
+    Of the sections the first in the file that has such keys.
+    """
+    for section, field in StudyFile.model_fields.items():
+        keys = getattr(field.annotation, "model_fields", {})
+        found = [f"{section}.{name}" for name in keys if name.lower().startswith(stem)]
+        if found and len(stem) > 2:
+            return found[:3]
+    return []

@@ -189,12 +189,15 @@ class RiseTable:
         """Tell whether a force in N lies within the table."""
         return min(self.forces) <= force <= max(self.forces)
 
-    def profile(self, force: float) -> ForceProfile:
-        """Return the force profile of a final ``force`` in N; one beyond raises InputError."""
+    def profile(self, force: float, other_way: str = "") -> ForceProfile:
+        """Return the force profile of a final ``force`` in N; one beyond raises InputError.
+
+        ``other_way`` is what else a user may do about that, such as an option of the verb.
+        """
         low, high = min(self.forces), max(self.forces)
         if not self.covers(force):
             rule = f"the rise times of the study cover {low:.6g} to {high:.6g} N"
-            remedy = "extend actuation.force_N and rise_s, or give --force-rise-s"
+            remedy = "extend actuation.force_N and actuation.rise_s" + other_way
             raise InputError(refusal("shift force", force, "N", rule, remedy))
         order = np.argsort(self.forces)
         known, rises = np.array(self.forces)[order], np.array(self.rises)[order]

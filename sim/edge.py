@@ -14,7 +14,9 @@ from pydantic_core import ErrorDetails
 from sim.clutch import Rings
 from sim.errors import InputError, did_you_mean
 from sim.geometry import Dog
-from sim.units import RPM, suffix_of, to_si, unit_of
+from sim.rules import broken_rule
+from sim.texts import listed
+from sim.units import RPM, suffix_of, to_si
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -80,36 +82,47 @@ def si_fields(values: dict[str, float]) -> dict[str, float]:
 
 
 def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
-    """Validate ``data`` and turn the first mistake into a sentence.
+    """Validate ``data`` and turn its mistakes into sentences, all at once.
 
-    Raises InputError that names ``source``, the key, the value and the rule.
+    Raises InputError that names ``source``, and of each mistake key, value and rule.
     """
     try:
         return model.model_validate(data)
     except ValidationError as error:
-        # A misspelt key is also a missing one; the spelling is the better hint.
-        first = min(error.errors(), key=lambda e: e["type"] != "extra_forbidden")
-        raise InputError(f"{source}: {_sentence(model, first)}") from error
+        raise InputError(listed(source, _faults(model, error.errors()))) from error
 
 
-def _sentence(model: type[BaseModel], error: ErrorDetails) -> str:
+def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
+    """Return a sentence for each mistake, misspelt keys first."""
+    unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
+    # A misspelt key is also a missing one; the spelling is the better hint.
+    missing = [_key(e) for e in errors if e["type"] == "missing"]
+    absent = [key for key in missing if not any(f"'{key}'" in sentence for sentence in unknown)]
+    broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
+    return [
+        *unknown,
+        *(f"'{key}' is missing; add it" for key in absent),
+        *(broken_rule(_key(e), e) for e in broken),
+    ]
+
+
+def _path(error: ErrorDetails) -> list[str]:
     # Pydantic names which of several kinds a value was taken for; no key has a space.
-    path = [str(part) for part in error["loc"] if " " not in str(part)]
-    key = ".".join(path) or "the file"
-    given = error.get("input")
-    if error["type"] == "extra_forbidden":
-        stem = "".join(f"{part}." for part in path[:-1])
-        valid = [stem + name for name in _keys(model, path[:-1])]
-        whole = [name for name in _keys(model, []) for name in _below(model, name)]
-        meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
-        hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(key, valid)
-        return f"'{key}' is not a known key; {hint}"
-    if error["type"] == "missing":
-        return f"'{key}' is missing; add it"
-    unit = unit_of(key)
-    hint = f" in {unit}" if unit else ""
-    rule = error["msg"][0].lower() + error["msg"][1:]
-    return f"{key} is {given!r}, but {rule}; give a value of the right kind{hint}"
+    return [str(part) for part in error["loc"] if " " not in str(part)]
+
+
+def _key(error: ErrorDetails) -> str:
+    return ".".join(_path(error)) or "the file"
+
+
+def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
+    path = _path(error)
+    stem = "".join(f"{part}." for part in path[:-1])
+    valid = [stem + name for name in _keys(model, path[:-1])]
+    whole = [name for name in _keys(model, []) for name in _below(model, name)]
+    meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
+    hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(_key(error), valid)
+    return f"'{_key(error)}' is not a known key; {hint}"
 
 
 def _below(model: type[BaseModel], section: str) -> list[str]:

@@ -6,16 +6,20 @@ uniform in the value or in its logarithm. ``sim.effects`` has one file for each 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from sim.errors import DogshapeError, InputError, did_you_mean, refusal
+from sim.errors import DogshapeError, EffectError, InputError, did_you_mean, refusal
 from sim.setting import Setting
 from sim.units import unit_of
 
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
+
+
+SCALES = ("uniform", "log-uniform")
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,9 @@ class Parameter:
     source: str
 
     def __post_init__(self) -> None:
+        if self.scale not in SCALES:
+            hint = did_you_mean(self.scale, SCALES)
+            raise InputError(f"scale of {self.name} is '{self.scale}', which is no scale; {hint}")
         least = 0.0 if self.scale == "log-uniform" else -math.inf
         if not least < self.low < self.high < math.inf:
             raise InputError(
@@ -104,7 +111,8 @@ class Effect:
         """Return the setting with the effect.
 
         Raises InputError where a value is missing, unknown, not finite or gives no such bench,
-        GeometryError where it gives no such dog. The prior's range is no limit.
+        GeometryError where it gives no such dog, EffectError where ``change`` cannot be run or
+        gives no setting. The prior's range is no limit.
         """
         names = [parameter.name for parameter in self.parameters]
         for name, value in values.items():
@@ -117,16 +125,64 @@ class Effect:
         for name in names:
             if name not in values:
                 raise InputError(f"{self.name} needs a value of '{name}'; give it")
-        return self.change(setting, values)
+        return self._changed(setting, values)
+
+    def _changed(self, setting: Setting, values: Values) -> Setting:
+        """Run ``change``; whatever goes wrong in a user's program becomes a sentence."""
+        given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
+        try:
+            changed: object = self.change(setting, values)
+        except DogshapeError:
+            raise
+        except Exception as error:
+            raise EffectError(
+                f"change of the effect {self.name} cannot be run at {given} "
+                f"({type(error).__name__}: {error}); correct it"
+            ) from error
+        if not isinstance(changed, Setting):
+            kind = "None" if changed is None else f"a {type(changed).__name__}"
+            raise EffectError(
+                f"change of the effect {self.name} returns {kind}, but it must return a Setting; "
+                "end it with, for instance, return setting.with_mechanism(...)"
+            )
+        return changed
 
     def neutral(self, setting: Setting) -> dict[str, float]:
         """Return the values that change nothing of a setting."""
-        return {p.name: p.neutral_of(setting) for p in self.parameters}
+        try:
+            return {p.name: float(p.neutral_of(setting)) for p in self.parameters}
+        except Exception as error:
+            raise EffectError(
+                f"a neutral value of the effect {self.name} is no number "
+                f"({type(error).__name__}: {error}); correct it"
+            ) from error
 
     def possible(self, setting: Setting, values: Values) -> bool:
         """Tell whether there is such a bench; dynamic above static friction, say, is none."""
         try:
             self.apply(setting, values)
+        except EffectError:
+            raise
         except DogshapeError:
             return False
         return True
+
+    def require_working(self, setting: Setting) -> None:
+        """Raise EffectError where the effect cannot be run, or no value of its priors is a bench.
+
+        Tried are the neutral values, and the ends and middles of the priors.
+        """
+        tried = [[p.at(share) for share in (0.0, 0.5, 1.0)] for p in self.parameters]
+        names = [p.name for p in self.parameters]
+        refused: DogshapeError | None = None
+        possible = False
+        for values in (tuple(self.neutral(setting).values()), *itertools.product(*tried)):
+            try:
+                self.apply(setting, dict(zip(names, values, strict=True)))
+                possible = True
+            except EffectError:
+                raise
+            except DogshapeError as error:
+                refused = refused or error
+        if not possible:
+            raise EffectError(f"no value of the effect {self.name} gives a bench: {refused}")

@@ -24,6 +24,10 @@ class GeometryError(DogshapeError):
     """A dog that cannot be made or a pair of rings that cannot mesh."""
 
 
+class EffectError(DogshapeError):
+    """An effect whose program is wrong, whatever the values of its parameters."""
+
+
 class DataError(DogshapeError):
     """A bench data set or stored result that cannot be read."""
 
@@ -56,9 +60,31 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
-    """Return a closing remark with the nearest valid name, or the whole list."""
+    """Return a closing remark with the nearest valid names, or the whole list.
+
+    Case is no difference; names that hold the given one are near it.
+    """
     names = sorted(valid)
-    near = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
-    if near:
-        return f"did you mean '{near[0]}'?"
+    low = {one.lower(): one for one in names}
+    given = name.strip().lower()
+    near = difflib.get_close_matches(given, low, n=1, cutoff=0.6)
+    holding = [one for one in low if len(given) > 3 and given in one]
+    found = [low[one] for one in dict.fromkeys([*near, *holding])][:3]
+    if found:
+        return "did you mean " + " or ".join(f"'{one}'" for one in found) + "?"
     return "valid are " + ", ".join(names)
+
+
+def meant_number(text: str) -> float | None:
+    """Return the number that a text means by a decimal comma or a typeset minus, if it does."""
+    plain = text.strip().replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-")
+    try:
+        return float(plain.replace(",", ".") if plain.count(",") == 1 else plain)
+    except ValueError:
+        return None
+
+
+def number_rule(text: str) -> str:
+    """Return what a text has to be to be a number, with how to write it where that is plain."""
+    meant = meant_number(text)
+    return "a number" if meant is None else f"a number with a point and a plain minus, as {meant:g}"

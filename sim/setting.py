@@ -12,20 +12,25 @@ What is read of a shift needs no simulation of its own:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.blocks import Block
 from sim.clutch import Clutch, OperatingPoint
-from sim.errors import require_between
+from sim.contact import ContactSet
+from sim.errors import EffectError, did_you_mean, require_between
+from sim.geometry import Dog
+from sim.mechanism import Mechanism
 from sim.records import Record
 
 Sensor = Literal["sleeve", "actuator"]
 Weights = NDArray[np.float64]
+Part = TypeVar("Part", Mechanism, ContactSet, Dog, OperatingPoint)
 
 
 @dataclass(frozen=True)
@@ -82,26 +87,40 @@ class Setting:
         return angle_weights(turns, self.concentration, self.centre)
 
     def with_mechanism(self, **fields: float) -> Setting:
-        """Return the same setting with other fields of its mechanism."""
-        return self._with(mechanism=replace(self.clutch.mechanism, **fields))
+        """Return the same setting with other fields of its mechanism.
+
+        As all four, in SI units; a field that there is not raises EffectError.
+        """
+        return self._with(mechanism=_other("with_mechanism", self.clutch.mechanism, fields))
 
     def with_contact(self, **fields: float) -> Setting:
         """Return the same setting with other fields of its contact set.
 
         The solver stays, so that a change of numbers is taken for none of the scheme.
         """
-        return self._with(contact=replace(self.clutch.contact, **fields))  # type: ignore[arg-type]
+        return self._with(contact=_other("with_contact", self.clutch.contact, fields))
 
     def with_dog(self, **fields: float) -> Setting:
         """Return the same setting with other fields of its dog."""
-        return self._with(dog=replace(self.clutch.dog, **fields))  # type: ignore[arg-type]
+        return self._with(dog=_other("with_dog", self.clutch.dog, fields))
 
     def with_point(self, **fields: Any) -> Setting:
         """Return the same setting with other fields of its operating point."""
-        return replace(self, point=replace(self.point, **fields))
+        return replace(self, point=_other("with_point", self.point, fields))
 
     def _with(self, **fields: Any) -> Setting:
         return replace(self, clutch=replace(self.clutch, **fields))
+
+
+def _other(method: str, part: Part, fields: Mapping[str, Any]) -> Part:
+    """Return a part of the setting with other fields; unknown ones raise EffectError."""
+    valid = [field.name for field in dataclasses.fields(part)]
+    for name in fields:
+        if name not in valid:
+            hint = did_you_mean(name, valid)
+            every = "" if hint.startswith("valid") else f" Valid are {', '.join(valid)}"
+            raise EffectError(f"{method} has no field '{name}'; {hint}{every}, in SI units")
+    return replace(part, **fields)
 
 
 def angle_weights(

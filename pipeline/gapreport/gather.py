@@ -11,8 +11,7 @@ from diagnosis.bench import Bench
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.levels import Level
-from pipeline.config import load_study
-from pipeline.consequence import Consequence, consequence, designs_of, shifts_of
+from pipeline.consequence import Consequence, consequence, shifts_of, studied
 from pipeline.diagnosing import Means
 from pipeline.gapreport.extras import Extras
 from pipeline.keeping import kept_shifts, work_folder
@@ -82,9 +81,8 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
             f"--study is '{study}', but the diagnosis of {found.bench.name} names no effect whose "
             "price could be told; leave --study out"
         )
-    given = load_study(study)
+    given, designs = studied(study)
     values = tuple(interval.mean for interval in found.intervals[cause].values())
-    designs = designs_of(given)
     work = work_folder(folder, "so-what", given.config_hash)
     with (
         ShiftProgress(shifts_of(given, designs)) as progress,

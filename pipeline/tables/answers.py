@@ -11,6 +11,8 @@ from sim.tolerance import Spread
 from surrogate.figures import Validation
 from surrogate.query import Answer
 
+TOLD = 5  #: impossible rows of a table that are told one by one
+
 
 def answer_text(
     answer: Answer, validation: Validation, spread: Spread, checks: RenderableType
@@ -38,7 +40,24 @@ def answer_text(
 
 def many_text(data: dict[str, Any]) -> str:
     """Return what was asked of a table of designs."""
-    return (
-        f"wrote {data['file']}: {data['n']} designs, {data['in_range']} of them in the trained "
-        f"range; least predicted time {in_ms(data['best']['expected_shift_time_s'])} ms"
+    best, many = data["best_feasible"], len(data["impossible"])
+    lines = [f"row {one['row']} is no design: {one['reason']}" for one in data["impossible"][:TOLD]]
+    lines += [f"and {many - TOLD} more rows are no designs"] if many > TOLD else []
+    least = (
+        f"least predicted time of a feasible one {in_ms(best['expected_shift_time_s'])} ms, "
+        f"row {best['row']}"
+        if best
+        else "none passes every check"
     )
+    counts = f"{data['n']} designs, {data['in_range']} of them in the trained range"
+    impossible = f", {many} impossible" if many else ""
+    feasible = f"{data['feasible']} feasible before their landing is simulated"
+    return "\n".join([*lines, f"wrote {data['file']}: {counts}{impossible}, {feasible}; {least}"])
+
+
+def filled_lines(data: dict[str, Any]) -> list[str]:
+    """Return what the study filled in for a table of designs, and what was only copied."""
+    filled = ", ".join(f"{name} = {value:.6g}" for name, value in data["filled"].items())
+    lines = [f"the table has no column for, and the study gives, {filled}"] if filled else []
+    kept = ", ".join(data["kept"])
+    return lines + ([f"columns copied, and no part of the question: {kept}"] if kept else [])

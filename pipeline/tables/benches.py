@@ -52,6 +52,23 @@ def examined_lines(bench: Bench) -> list[str]:
     return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]
 
 
+def engaged_record(result: Comparison) -> dict[str, Any]:
+    """Return what of the tried shifts engaged, on the bench and in the simulation."""
+    engaged, tried, simulated = result.engaged
+    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}
+
+
+def _gap(result: Comparison) -> str:
+    """Return the gap of times over all points, or of shares engaged where there are no times."""
+    if result.rmse is None or result.relative_rms is None:
+        engaged, tried, simulated = result.engaged
+        return (
+            f"no times to compare; {engaged} of {tried} tried shifts engaged on the bench, "
+            f"{simulated:.0%} in the simulation"
+        )
+    return f"root-mean-square gap {in_ms(result.rmse)} ms, relative {result.relative_rms:.1%}"
+
+
 def comparison_table(result: Comparison) -> RenderableType:
     """Return bench and simulation side by side."""
     head = ("mismatch, 1/min", "force, N", "bench, ms", "simulated, ms", "s.e., ms", "ratio", "z")
@@ -64,10 +81,7 @@ def comparison_table(result: Comparison) -> RenderableType:
         force = f"{d.cell.point.profile.force:.1f}"
         error = in_ms(d.standard_error)
         table.add_row(mismatch, force, in_ms(bench), in_ms(simulated), error, ratio, z)
-    total = (
-        f"{result.bench.name}: root-mean-square gap {in_ms(result.rmse)} ms, "
-        f"relative {result.relative_rms:.1%}"
-    )
+    total = f"{result.bench.name}: {_gap(result)}"
     lines = [total, "ratio: simulated over bench; z: bench less simulated, over s.e."]
     if result.numerical_error is not None:
         lines[0] += f"; numerical error of the mean {result.numerical_error * 1e3:.2g} ms"

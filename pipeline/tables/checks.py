@@ -52,7 +52,7 @@ def strength_table(
         "its worst, and by root sum of squares (no tolerances for the landing)",
         f"{verdict}; smallest margin {percentage(weakest.margin, 1)}, {weakest.name}",
         *_within_line(within),
-        *(f"warning: {note}; --fem checks it" for note in notes),
+        *(f"warning: {note}" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
     ]
     return Group(table, *lines, *([_rules_table(checks)] if explain else []))

@@ -13,12 +13,13 @@ from rich.console import RenderableType
 
 from pipeline.config import load_study
 from pipeline.console import emit, verb
-from pipeline.design import design_of, root_notes
+from pipeline.design import design_of, notes_of
 from pipeline.known import stored_surrogate
 from pipeline.many import ask_many
 from pipeline.options import Json, OneForce, OneMismatch, Sets, StudyArg, SurrogateFile, points_of
+from pipeline.progress import say
 from pipeline.rows import mix_over
-from pipeline.tables.answers import answer_text, many_text
+from pipeline.tables.answers import answer_text, filled_lines, many_text
 from pipeline.tables.checks import strength_table
 from pipeline.tolerances import checks_within, margins_within, spread_record, time_spread
 from sim.errors import InputError
@@ -42,7 +43,8 @@ def check(
 ) -> None:
     """Quick check of one design, or predicted times of many, without simulating them.
 
-    The time is expected over the study's operating points, or at the one that is given.
+    The time is expected over the study's operating points, or at the one that is given. Of a
+    table the answers go beside it, into NAME-times.csv; status 1 if a row is no design at all.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
@@ -51,7 +53,11 @@ def check(
     stored, path = stored_surrogate(given, surrogate)
     if designs is not None:
         data = ask_many(given, stored.surrogate, mix, designs, out)
+        for line in filled_lines(data):
+            say(line)
         emit(data, json, lambda: many_text(data))
+        if data["impossible"]:
+            raise typer.Exit(1)
         return
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
@@ -72,7 +78,7 @@ def check(
     held = blocking_force(given.clutch.dog, given.limits.load)
 
     def text() -> RenderableType:
-        table = strength_table(design.checks, within, held, root_notes(given))
+        table = strength_table(design.checks, within, held, notes_of(given))
         return answer_text(answer, stored.validation, spread, table)
 
     emit(record, json, text)

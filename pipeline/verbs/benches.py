@@ -6,13 +6,18 @@ from typing import Annotated
 
 import typer
 
-from diagnosis.bench import load_bench
+from diagnosis.bench import load_bench, require_something
 from diagnosis.comparison import ANGLES, compare
 from pipeline.console import emit, verb
 from pipeline.keeping import SHIFTS, kept_shifts, work_folder
 from pipeline.options import Corrections, Jobs, Json, angles_of
 from pipeline.progress import ShiftProgress
-from pipeline.tables.benches import comparison_table, difference_record, examined_record
+from pipeline.tables.benches import (
+    comparison_table,
+    difference_record,
+    engaged_record,
+    examined_record,
+)
 from sim.errors import InputError
 from sim.numerical import repeated
 from sim.records import clutch_record
@@ -39,6 +44,7 @@ def validate(
         raise InputError(
             f"--angles is '{angles}', but a comparison needs at least three; give more"
         )
+    require_something(given)
     chosen = None if angles is None else listed or count
     own = given.relative_angles if angles is None else None
     shifts = len(given.cells) * len(listed or own or range(count))
@@ -53,6 +59,7 @@ def validate(
         "points": [difference_record(d) for d in result.differences],
         "rmse_s": result.rmse,
         "relative_rms": result.relative_rms,
+        "engaged": engaged_record(result),
         "numerical_error_s": result.numerical_error,
         **examined_record(given),
     }

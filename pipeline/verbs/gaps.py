@@ -12,8 +12,7 @@ import typer
 from diagnosis.bench import load_bench
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.words import headline
-from pipeline.config import load_study
-from pipeline.consequence import designs_of
+from pipeline.consequence import studied
 from pipeline.console import emit, verb
 from pipeline.diagnosing import BANK, Means, diagnosed
 from pipeline.gapreport.extras import Extras, so_what
@@ -38,7 +37,9 @@ def gap(
     ] = None,
     study: Annotated[
         str | None,
-        typer.Option(help="study whose best designs are simulated again with the cause"),
+        typer.Option(
+            help="study, or folder of its results: its best designs are simulated with the cause"
+        ),
     ] = None,
     correct: Corrections = None,
     jobs: Jobs = 0,
@@ -53,7 +54,7 @@ def gap(
     """
     given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, say)
     if study is not None:
-        designs_of(load_study(study))  # refuses a study without a result before the long work
+        studied(study)  # refuses a study without a result before the long work
     with writing(out) if out is not None else nullcontext():
         found = diagnosed(given, means)
         extras = Extras() if out is None else extras_of(found)

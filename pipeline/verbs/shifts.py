@@ -48,6 +48,7 @@ from sim.units import DEG
 Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
 Simulate = Callable[[ShiftProgress], AbstractContextManager[Executor]]
+OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
 
@@ -76,7 +77,7 @@ def shift(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     solver = replace(given.clutch.solver, all_dogs=all_dogs)
     clutch = replace(given.clutch, solver=solver)
-    point = point_of(given, mismatch_rpm, force_N, force_rise_s)
+    point = point_of(given, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     if not abs(relative_angle_deg) <= 1e6:
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", relative_angle_deg, "deg", rule, remedy))
@@ -140,7 +141,7 @@ def expect(
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
-    points = points_of(given, mismatch_rpm, force_N, force_rise_s)
+    points = points_of(given, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     asked = given.config_hash, mismatch_rpm, force_N, force_rise_s, angles, precision
     folder = work_folder(SHIFTS, "expect", *asked)
     simulate = partial(kept_shifts, folder, jobs=jobs, cluster=cluster)

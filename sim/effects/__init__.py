@@ -37,6 +37,11 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     return dict(sorted(effects.items()))
 
 
+def own_files(folder: Path) -> dict[str, Path]:
+    """Return the files of a folder that ``load`` takes effects from, by the effects' names."""
+    return {path.stem: path for path in _files(folder)}
+
+
 def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}; give one with effects as Python files")

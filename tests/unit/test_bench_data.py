@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,8 @@ from diagnosis.bench import load_bench
 from sim.bundled import bundled_root
 from sim.errors import DogshapeError
 from sim.units import RPM
+from tests.benches import good_set
+from tests.conftest import Said
 
 
 @pytest.fixture
@@ -54,6 +57,11 @@ def test_single_shifts_are_gathered_by_operating_point(folder: Path) -> None:
         ("0.4807", "nan", "row 2, column shift_time_s is 'nan'"),
         ("5,235.2,0.251,10", "5,235.2,0.251,0", "row 2, column n_shifts is '0'"),
         ("0.4807,true", "0.4807,yes", "row 2, column engaged is 'yes'"),
+        (
+            "5,235.2,0.251,10",
+            "5,235.2,0.251,1e12",
+            "row 2, column n_shifts is '1e12', but it must be at most",
+        ),
         ("mismatch_rpm", "mismatch_rmp", "row 1: 'mismatch_rmp' is not a known column"),
         (",trace", "", "row 1: the column 'trace' is missing"),
         ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
@@ -94,3 +102,66 @@ def test_missing_sets_and_files(folder: Path) -> None:
     (folder / "bench.toml").unlink()
     with pytest.raises(DogshapeError, match=r"there is no .*bench.toml"):
         load_bench(folder)
+
+
+NOTHING = "50,469.0,0.1766,10,,,"
+FAILED = "50,469.0,0.1766,4,,false,"
+ENGAGED = "50,469.0,0.1766,1,,true,"
+
+
+@pytest.mark.parametrize("verb", ["validate", "gap"])
+def test_a_set_of_which_nothing_is_known_is_refused(
+    folder: Path, dogshape: Callable[..., Said], verb: str
+) -> None:
+    head = (folder / "shifts.csv").read_text().splitlines()[0]
+    (folder / "shifts.csv").write_text(f"{head}\n{NOTHING}\n{NOTHING}\n")
+    said = dogshape(verb, folder)
+    assert said.status == 2
+    assert "no shift with a time and none that is known to have engaged or failed" in said.sentence
+
+
+def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(
+    folder: Path, dogshape: Callable[..., Said]
+) -> None:
+    head = (folder / "shifts.csv").read_text().splitlines()[0]
+    (folder / "shifts.csv").write_text("\n".join([head, FAILED, ENGAGED, NOTHING]))
+    refused = dogshape("gap", folder)
+    assert refused.status == 2
+    assert "has no shift with a time (1 of 5 tried ones engaged)" in refused.sentence
+    assert "'dogshape validate' compares the shares" in refused.sentence
+    small = ("validate", folder, "--angles", 3, "--jobs", 1)
+    said = dogshape(*small)
+    assert "no times to compare; 1 of 5 tried shifts engaged on the bench, 100%" in said.out
+    assert "nan" not in said.out
+    record = dogshape(*small, "--json").json
+    assert (record["rmse_s"], record["relative_rms"]) == (None, None)
+    assert record["engaged"] == {"engaged": 1, "tried": 5, "simulated_share": 1.0}
+
+
+def _warned(folder: Path, head: str, rows: list[str]) -> list[str]:
+    (folder / "shifts.csv").write_text("\n".join([head, *rows]))
+    return [finding.sentence for finding in load_bench(folder).warnings]
+
+
+def test_rows_that_are_there_twice_are_a_warning(folder: Path) -> None:
+    head, *rows = (folder / "shifts.csv").read_text().splitlines()
+    assert _warned(folder, head, rows) == []
+    (mean,) = _warned(folder, head, [*rows, rows[0]])
+    assert mean.startswith(f"a row is there twice: row {len(rows) + 2} is row 2 again")
+    (all_of_them,) = _warned(folder, head, [*rows, *rows])
+    timed = sum(bool(row.split(",")[4]) for row in rows)
+    assert all_of_them.startswith(f"{timed} rows repeat earlier ones: ")
+    single = [f"50,469.0,0.1766,1,0.0{60 + k},true," for k in range(6)]
+    failed = ["50,469.0,0.1766,1,,false,"] * 3
+    assert _warned(folder, head, [*single, single[2], *failed]) == []
+    (copied,) = _warned(folder, head, [*single, *single, *failed])
+    assert copied.startswith("6 rows repeat earlier ones: row 8 is row 2 again; this looks like")
+
+
+def test_a_trace_belongs_to_one_shift(tmp_path: Path) -> None:
+    folder = good_set(tmp_path)
+    head, *rows = (folder / "shifts.csv").read_text().splitlines()
+    longer = rows[1].split(",")[-1]
+    other = [*rows[0].split(",")[:-1], longer]
+    (warning,) = _warned(folder, head, [",".join(other), rows[1]])
+    assert warning.startswith("a row is there twice: row 3 is row 2 again")

@@ -233,6 +233,7 @@ def test_validate_asks_about_a_slip_of_units(dogshape: Call, tmp_path: Path) -> 
     assert "corrected as asked: time=ms" in dogshape(*arguments).out
 
 
+HARD = ("--mismatch-rpm", 50, "--force-N", 5000)
 BAD: list[tuple[tuple[Any, ...], str]] = [
     (("strength", "nowhere"), "there is no study at nowhere"),
     (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
@@ -241,6 +242,14 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("shift", "mq200", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
     (("shift", "mq200", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
     (("shift", "mq200", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
+    (("shift", "mq200", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
+    (("expect", "mq200", *HARD), "actuation.rise_s, or give --force-rise-s."),
+    (("check", "mq200", *HARD), "extend actuation.force_N and actuation.rise_s."),
+    (
+        ("study", "mq200", "--set", "operating.force_N=[99]"),
+        "actuation.force_N and actuation.rise_s.",
+    ),
+    (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
     (("shift", "mq200", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
     (("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"), "No such file"),
     (("shift", "mq200", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),

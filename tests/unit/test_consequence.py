@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
 from diagnosis.levels import Level
 from pipeline.config import Study, load_study
-from pipeline.consequence import ANGLES, angles_of, consequence, designs_of, shifts_of
+from pipeline.consequence import ANGLES, angles_of, consequence, designs_of, shifts_of, studied
+from pipeline.folder import StudyFolder
 from sim.blocks import Block
 from sim.bundled import bundled_root
 from sim.effects import load
+from sim.errors import DataError
 from sim.records import Record
 from sim.setting import Setting
 
@@ -79,3 +83,23 @@ def test_angles_of_follow_their_distribution(study: Study) -> None:
     assert all(0.35 < turn < 0.65 for turn in turns)
     even = Setting(study.clutch, study.points[0])
     assert max(angles_of(even, (1, 0))) - min(angles_of(even, (1, 0))) > 0.8 * pitch
+
+
+def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever its study file lies, and however the folder is called."""
+    monkeypatch.chdir(tmp_path)
+    own = load_study("mq200", ["name=truck"])
+    folder = StudyFolder(Path("runs") / "first")
+    folder.root.mkdir(parents=True)
+    folder.open(own, resume=False)
+    with pytest.raises(DataError, match=r"the study in runs/first has no result; run .*--resume"):
+        studied(folder.root)
+    shutil.copy(bundled_root() / "mq200" / "result.json", folder.result)
+    found, designs = studied(folder.root)
+    assert found.name == "truck"
+    assert designs == studied("mq200")[1]
+    mine = Path("mine.toml")
+    text = (bundled_root() / "mq200" / "study.toml").read_text()
+    mine.write_text(text.replace('name = "mq200"', 'name = "truck"'))
+    with pytest.raises(DataError, match=r"in results/truck; run 'dogshape study mine.toml' first"):
+        studied("mine.toml")

@@ -57,6 +57,19 @@ def test_no_effect_is_none_with_bounds_and_what_cannot_be_seen() -> None:
     assert not found.bounds["drag_torque"].informed
 
 
+def test_data_that_can_show_no_effect_are_no_evidence_of_none() -> None:
+    """Drag moves the toy's times by less than their errors, wherever in its prior it is."""
+    found = _found({}, names=("drag_torque",))
+    record = found.as_dict()
+    assert record["no_information"] == ["drag_torque"]
+    assert (record["verdict"], record["causes"]) == ("ambiguous", [])
+    assert record["headline"] == "Not settled: these data cannot show any effect"
+    assert "These data cannot show any effect: each of those known" in record["summary"]
+    seen = _found({}, names=("drag_torque", "actuation_delay"))
+    assert seen.verdict.kind == "none"
+    assert "cannot show any" not in seen.as_dict()["summary"]
+
+
 def test_a_wave_over_the_operating_points_is_unknown() -> None:
     found = _found({}, extra=0.04 * np.sin(1.3 * np.arange(len(POINTS))))
     assert found.verdict.kind == "unknown"

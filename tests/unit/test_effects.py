@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from diagnosis.bench import load_bench
 from pipeline.config import load_study
+from pipeline.diagnosing import Means, _require_working
 from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
 from pipeline.rows import dataset_of
@@ -20,11 +23,12 @@ from sim.blocks import Block
 from sim.clutch import Clutch, OperatingPoint
 from sim.effect import Effect, Parameter
 from sim.effects import load
-from sim.errors import GeometryError, InputError
+from sim.errors import EffectError, GeometryError, InputError
 from sim.mechanism import MECHANISM_KEYS, Mechanism
 from sim.records import clutch_record
 from sim.setting import Setting
 from sim.units import suffix_of
+from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -210,6 +214,101 @@ def test_mistakes_in_a_users_file(tmp_path: Path, file: str, text: str, words: s
 def test_a_missing_folder_of_effects(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         load(tmp_path / "nowhere")
+
+
+WRONG = {
+    'return setting.with_mechanism(drag_Nm=values["damping_Ns_m"])': (
+        "with_mechanism has no field 'drag_Nm'; valid are added_mass, .*drag_torque.*, in SI units"
+    ),
+    "return setting.with_mechanism(dampin=1.0)": "did you mean 'damping'.*Valid are added_mass",
+    "return setting.with_contact(friction=0.1)": "with_contact has no field 'friction'",
+    "return setting.with_dog(hight=0.003)": "with_dog has no field 'hight'; did you mean 'height'",
+    "return setting.with_point(speed=1.0)": "with_point has no field 'speed'",
+    "return 1.0 / 0.0": r"cannot be run at damping_Ns_m = .* \(ZeroDivisionError: ",
+    'return setting.with_mechanism(damping="x")': r"cannot be run at .* \(TypeError",
+    "setting.with_mechanism(damping=1.0)": "returns None, but it must return a Setting",
+    "return values": "returns a dict, but it must return a Setting",
+    "return setting.with_mechanism(damping=-1.0)": "no value of the effect .* gives a bench: mech",
+}
+
+
+@pytest.mark.parametrize("change", WRONG)
+def test_a_users_program_that_is_wrong_is_a_sentence(
+    tmp_path: Path, setting: Setting, change: str
+) -> None:
+    right = 'return setting.with_mechanism(damping=values["damping_Ns_m"])'
+    (tmp_path / "thick_oil.py").write_text(OWN.format(name="thick_oil").replace(right, change))
+    effect = load(tmp_path)["thick_oil"]
+    with pytest.raises(EffectError, match=WRONG[change]) as refused:
+        effect.require_working(setting)
+    assert "\n" not in str(refused.value)
+    if "no value" not in WRONG[change]:
+        with pytest.raises(EffectError):
+            effect.possible(setting, {"damping_Ns_m": 3.0})
+
+
+def test_effects_of_the_list_work(setting: Setting) -> None:
+    for effect in EFFECTS.values():
+        effect.require_working(setting)
+
+
+def test_a_neutral_value_is_a_number(setting: Setting) -> None:
+    def missing(_: Setting) -> float:
+        raise KeyError("nothing")
+
+    wrong = replace(EFFECTS["drag_torque"], parameters=(
+        replace(EFFECTS["drag_torque"].parameters[0], neutral=missing),
+    ))  # fmt: skip
+    with pytest.raises(EffectError, match=r"a neutral value of .* is no number \(KeyError"):
+        wrong.require_working(setting)
+
+
+@pytest.mark.parametrize(
+    ("scale", "hint"),
+    [("unifrom", "did you mean 'uniform'"), ("linear", "valid are log-uniform, uniform")],
+)
+def test_a_scale_that_there_is_not_is_refused(tmp_path: Path, scale: str, hint: str) -> None:
+    text = OWN.format(name="thick_oil").replace('"uniform"', f'"{scale}"')
+    (tmp_path / "thick_oil.py").write_text(text)
+    with pytest.raises(InputError, match=f"scale of damping_Ns_m is '{scale}', .*{hint}"):
+        load(tmp_path)
+
+
+def test_a_wrong_effect_is_refused_before_anything_is_simulated(
+    tmp_path: Path, dogshape: Callable[..., Said]
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    right = 'return setting.with_mechanism(damping=values["damping_Ns_m"])'
+    wrong = OWN.format(name="thick_oil").replace(
+        right, "return setting.with_mechanism(drag_Nm=1.0)"
+    )
+    (mine / "thick_oil.py").write_text(wrong)
+    said = dogshape("gap", "mq200_stand", "--effects", mine)
+    assert said.status == 2
+    assert f"{mine}/thick_oil.py: with_mechanism has no field 'drag_Nm'" in said.sentence
+
+
+def test_a_folder_without_effects_is_said(tmp_path: Path) -> None:
+    said: list[str] = []
+    (tmp_path / "_notes.py").write_text("x = 1")
+    means = Means(effects=tmp_path, say=said.append)
+    _require_working(EFFECTS, load_bench("mq200_stand"), means)
+    assert said == [f"{tmp_path} has no effect: no file NAME.py without an underscore before it"]
+
+
+def test_the_documentation_has_every_field(setting: Setting) -> None:
+    lines = (Path(__file__).parents[2] / "docs" / "effects.md").read_text().splitlines()
+    parts = {
+        "with_mechanism": setting.clutch.mechanism,
+        "with_contact": setting.clutch.contact,
+        "with_dog": setting.clutch.dog,
+        "with_point": setting.point,
+    }
+    for method, part in parts.items():
+        (line,) = [line for line in lines if line.startswith(f"| `setting.{method}`")]
+        named = set(re.findall(r"`(\w+)`", line.split("|")[2]))
+        assert named == {field.name for field in fields(part)} - {"name"}
 
 
 def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:

@@ -141,3 +141,9 @@ def test_a_quick_answer_loads_nothing_slow(arguments: list[str]) -> None:
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stdout or "No such command" in done.stderr
     assert done.stderr.splitlines()[-1] == "slow:"
+
+
+def test_one_place_makes_consoles() -> None:
+    """It turns markup off: names and paths of users have square brackets."""
+    making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
+    assert making == [ROOT / "pipeline" / "console.py"]

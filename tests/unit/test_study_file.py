@@ -42,7 +42,7 @@ def test_rise_time_lies_between_the_table() -> None:
         ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
         ("dog.height_m=0.003", "did you mean 'dog.height_mm'?"),
         ("surprise.key=1", "'surprise' is not a known key; valid are"),
-        ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but input should be a valid number"),
+        ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
         ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
         ("dog.count=15.5", "dog.count is 15.5"),
         ("dog.count=true", "dog.count is True"),

@@ -1,0 +1,196 @@
+"""Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
+
+One reader for every table that comes in (``shifts.csv``, traces, designs). Commas, semicolons or
+tabs part the cells; where these are no commas, numbers may have a decimal comma. What could be
+read in two ways is refused with what to save instead.
+"""
+
+from __future__ import annotations
+
+import codecs
+import csv
+import re
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sim.errors import DataError, InputError, did_you_mean
+
+SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
+NO_TABLE = "is not a table of comma separated values"
+SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+_WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table as text: names of the columns, and the rows with their numbers in the file.
+
+    Rows are as long as the head. In the columns that were named numeric, numbers have a point.
+    """
+
+    path: Path
+    head: tuple[str, ...]
+    rows: tuple[tuple[int, tuple[str, ...]], ...]
+
+    def column(self, name: str) -> list[str]:
+        """Return the cells below a name."""
+        place = self.head.index(name)
+        return [cells[place] for _, cells in self.rows]
+
+    def require(self, needed: Iterable[str], known: Iterable[str] | None = None) -> None:
+        """Raise DataError with all columns at once that are missing, unknown or there twice.
+
+        ``known`` None lets other columns be.
+        """
+        needed = tuple(needed)
+        own = None if known is None else tuple(known)
+        if len(self.head) == 1 < len(needed):
+            only = f"its first line is '{self.head[0]}'"
+            raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
+        unknown = [n for n in dict.fromkeys(self.head) if own is not None and n not in own]
+        hints = {name: did_you_mean(name, own or ()) for name in unknown}
+        faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
+        for name in needed:
+            # A misspelt column is also a missing one; the spelling is the better hint.
+            if name not in self.head and not any(f"'{name}'" in hint for hint in hints.values()):
+                faults.append(
+                    f"the column '{name}' is missing; add it" + self._instead(needed, own)
+                )
+        twice = {name for name in self.head if self.head.count(name) > 1}
+        faults += [
+            f"the column '{name}' is there twice; keep one"
+            for name in sorted(twice)
+            if name in needed or own is not None
+        ]
+        if faults:
+            raise DataError(listed(f"{self.path}, row 1", faults))
+
+    def _instead(self, needed: tuple[str, ...], known: tuple[str, ...] | None) -> str:
+        """Return the columns that a missing one may be, where others are let be."""
+        others = [name for name in self.head if name not in needed]
+        return f" (in the file: {', '.join(others)})" if others and known is None else ""
+
+
+def listed(where: str, faults: Iterable[str]) -> str:
+    """Return one fault behind its place, or several below it, a line each."""
+    faults = list(faults)
+    if len(faults) == 1:
+        return f"{where}: {faults[0]}"
+    return "\n".join([f"{where}: {len(faults)} mistakes", *(f"- {fault}" for fault in faults)])
+
+
+def text_of(path: Path) -> str:
+    """Return a file's text: UTF-8 or UTF-16 with or without a byte-order mark, or Windows' own.
+
+    Raises DataError for what is no text, OSError where the file cannot be read.
+    """
+    raw = path.read_bytes()
+    try:
+        if raw.startswith(_WIDE):
+            return raw.decode("utf-16")
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        # Western Windows saves "CSV" so; bytes that no text has give away anything else.
+        if raw.startswith(_WIDE) or not _BINARY.isdisjoint(raw):
+            raise DataError("it is no text") from error
+        return raw.decode("cp1252", errors="replace")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; raises InputError with the line, OSError where there is none."""
+    try:
+        return tomllib.loads(text_of(path))
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
+    except DataError as error:
+        raise InputError(f"{path} is not valid TOML: {error}; save it as UTF-8") from error
+
+
+def read_table(path: Path, numeric: Iterable[str]) -> TextTable:
+    """Read a table of text; in the ``numeric`` columns a decimal comma becomes a point.
+
+    Raises
+    ------
+    DataError
+        The file is no table, a row has more cells than the head, or numbers can be read in two
+        ways; with row and remedy.
+    FileNotFoundError
+        There is no such file.
+    """
+    try:
+        text = text_of(path)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
+    except DataError as error:
+        raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
+    lines = text.splitlines(keepends=True)
+    if lines and re.fullmatch(r"sep=.\s*", lines[0]):
+        lines = lines[1:]  # Excel's own line, which it does not show
+    separator = _separator(lines)
+    try:
+        found = list(csv.reader(lines, delimiter=separator))
+    except csv.Error as error:
+        raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
+    rows = [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
+    if not rows or "\0" in text:
+        reason = "it is no text" if rows else "it is empty"
+        raise DataError(f"{path} {NO_TABLE}: {reason}; {SAVE}")
+    head = _unpadded(rows[0][1])
+    body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
+    if separator != ",":
+        body = _with_points(path, head, body, frozenset(numeric))
+    return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
+
+
+def _separator(lines: list[str]) -> str:
+    """Return what parts the head into most cells."""
+    head = next((line for line in lines if line.strip()), "")
+    return max(SEPARATORS, key=lambda one: len(next(csv.reader([head], delimiter=one), [])))
+
+
+def _unpadded(row: list[str]) -> list[str]:
+    """Return a row without empty cells at its end."""
+    return row[: max((place for place, cell in enumerate(row, start=1) if cell), default=0)]
+
+
+def _fitted(path: Path, number: int, row: list[str], head: list[str], separator: str) -> list[str]:
+    """Return a row of the head's length; cells beyond it raise DataError."""
+    row = _unpadded(row)
+    if len(row) > len(head):
+        comma = "; is a decimal comma among them? write numbers with a point"
+        raise DataError(
+            f"{path}, row {number} has {len(row)} cells for {len(head)} columns: "
+            f"'{row[len(head)]}' stands beyond the last column, '{head[-1]}'"
+            f"{comma if separator == ',' else ''}; take away what is too many"
+        )
+    return row + [""] * (len(head) - len(row))
+
+
+def _with_points(
+    path: Path, head: list[str], rows: list[tuple[int, list[str]]], numeric: frozenset[str]
+) -> list[tuple[int, list[str]]]:
+    """Return rows whose numbers have a decimal point; raises DataError where both stand."""
+    places = [place for place, name in enumerate(head) if name in numeric]
+    cells = [(number, row[place]) for number, row in rows for place in places]
+    comma = next(((n, cell) for n, cell in cells if _COMMA.fullmatch(cell)), None)
+    point = next(((n, cell) for n, cell in cells if _POINT.fullmatch(cell)), None)
+    if comma and point:
+        raise DataError(
+            f"{path} has numbers with a comma ('{comma[1]}', row {comma[0]}) and with a point "
+            f"('{point[1]}', row {point[0]}), which can be read in two ways; save it with one"
+        )
+    if comma is None:
+        return rows
+    return [(number, [_pointed(c, k in places) for k, c in enumerate(row)]) for number, row in rows]
+
+
+def _pointed(cell: str, is_number: bool) -> str:
+    return cell.replace(",", ".") if is_number and _COMMA.fullmatch(cell) else cell

@@ -1,0 +1,198 @@
+"""Rules of the study file, of bench.toml and of options, in sentences of the project's own."""
+
+from __future__ import annotations
+
+import inspect
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib import import_module
+from itertools import product
+from pathlib import Path
+from typing import Any, get_args
+
+import pytest
+import typer
+from pydantic import BaseModel, ValidationError
+from typer.core import TyperGroup
+
+from diagnosis.stand import _BenchFile
+from pipeline.cli import PLAIN, VERBS
+from pipeline.config import load_study
+from pipeline.schema import StudyFile
+from sim.edge import validate
+from sim.errors import DogshapeError, InputError
+from sim.rules import RULES, broken_rule
+
+#: One of these breaks any rule that a key may have.
+BAD: tuple[Any, ...] = (
+    None, True, "", "x", "3,7", "a b", "n" * 300, 1.5, -1, 0, 1e9,
+    10**30, [], [1], [1, 2, 3] * 2000, ["x"], [-1.5, "y"], {}, {"x": 1},
+)  # fmt: skip
+#: Words of the validator, none of which is to reach a user.
+THEIRS = ("input should", "valid dictionary", "instance of", "unable to parse", "after validation",
+          "should match pattern", "extra inputs", "field required")  # fmt: skip
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        yield annotation
+    for one in get_args(annotation):
+        yield from _sections(one)
+
+
+def _models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    yield model
+    for field in model.model_fields.values():
+        for section in _sections(field.annotation):
+            yield from _models(section)
+
+
+def _faults(model: type[BaseModel]) -> Iterator[tuple[str, Any, Any]]:
+    """Every key of a table with every bad value, and what the validator says."""
+    for name in model.model_fields:
+        for value in BAD:
+            try:
+                model.__pydantic_validator__.validate_assignment(
+                    model.model_construct(), name, value
+                )
+            except ValidationError as error:
+                yield from ((name, value, one) for one in error.errors())
+
+
+@pytest.mark.parametrize("file", [StudyFile, _BenchFile])
+def test_every_rule_of_the_files_has_a_sentence(file: type[BaseModel]) -> None:
+    kinds = set()
+    for model in set(_models(file)):
+        for name, _, fault in _faults(model):
+            if fault["type"] in {"missing", "extra_forbidden", "frozen_instance"}:
+                continue  # these are sentences of their own
+            kinds.add(fault["type"])
+            sentence = broken_rule(name, fault)
+            assert "of another kind" not in sentence, fault
+            assert "{" not in sentence.replace(repr(fault["input"]), ""), sentence
+            assert not any(words in sentence.lower() for words in THEIRS), sentence
+            assert len(sentence) < 300
+    assert kinds <= set(RULES)
+    assert {"float_type", "int_type", "string_type", "list_type"} <= kinds
+
+
+def test_every_option_has_a_sentence() -> None:
+    """Numbers, paths and switches of all verbs: nothing else is asked of an option."""
+    asked = set()
+    for verb, module in VERBS.items():
+        found = getattr(import_module(module), verb)
+        app = found if isinstance(found, typer.Typer) else typer.Typer(**PLAIN)
+        if app is not found:
+            app.command()(found)
+        command = typer.main.get_command(app)
+        commands = command.commands.values() if isinstance(command, TyperGroup) else [command]
+        for one in commands:
+            options = [p.opts[-1] for p in one.params if p.opts[-1].startswith("--")]
+            for option, value in product(options, ("x", "3,7", "1.5", "-1", "0", "9" * 5000)):
+                try:
+                    one.make_context(verb, [option, value])
+                except Exception as error:
+                    faults = getattr(error.__cause__, "errors", list)()
+                    asked |= {fault["type"] for fault in faults}
+    assert {"float_parsing", "int_parsing", "greater_than_equal"} <= asked
+    assert asked <= set(RULES)
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        (["name=a b"], "name is 'a b', but it must be letters, digits"),
+        (["name=."], "beginning with no '-' or '.'"),
+        (["name=.."], "beginning with no '-' or '.'"),
+        (["name='x" + "x" * 200 + "'"], "(203 characters), but it must be at most 100 characters"),
+        (["name=''"], "name is '', but it must be not empty"),
+        (["dog.height_mm='3,7'"], "but it must be a number in mm; write 3.7"),
+        (["dog.height_mm='\N{MINUS SIGN}3.7'"], "write -3.7"),
+        (["dog.height_mm='3.7 mm'"], "write the number alone, without a unit"),
+        (["dog.count=15.5"], "dog.count is 15.5, but it must be a whole number; correct"),
+        (["dog=3"], "dog is 3, but it must be a table of keys; give its keys one by one"),
+        (
+            ["operating.force_N=[]"],
+            "operating.force_N is [], but it must be a list of at least one",
+        ),
+        (["operating.force_N=469"], "must be a list in square brackets; write [469]"),
+        (["variables.count=[1,2,3]"], "but it must be a list of at most 2 values"),
+        (["search.trials=0"], "search.trials is 0, but it must be at least 1"),
+        (["solver.scheme=3"], "solver.scheme is 3, but it must be a text in quotation marks"),
+    ],
+)
+def test_sentences(overrides: list[str], words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        load_study("mq200", overrides)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        load_study("mq200", ["dog.height_mm=x", "dog.cuont=3", "search.trials=0", "name=a b"])
+    first, *faults = str(refused.value).splitlines()
+    assert first.endswith("with --set: 4 mistakes")
+    assert [fault.split()[1] for fault in faults] == [
+        "'dog.cuont'", "name", "dog.height_mm", "search.trials",
+    ]  # fmt: skip
+    values = ["dog.height_mm=-3", "sliding.mass_kg=-1", "load.torque_Nm=0", "shift.timeout_s=-1"]
+    with pytest.raises(DogshapeError) as refused:
+        load_study("mq200", values)
+    first, *faults = str(refused.value).splitlines()
+    assert first == "the study mq200: 4 mistakes"
+    assert [fault.split()[1] for fault in faults] == [
+        "dog.height_mm", "sliding.mass_kg", "shift.timeout_s", "load.torque_Nm",
+    ]  # fmt: skip
+    empty = tmp_path / "study.toml"
+    empty.write_text("format = 1\nname = 'x'\n[dgo]\ncount = 3\n")
+    with pytest.raises(InputError) as refused:
+        load_study(empty)
+    faults = str(refused.value).splitlines()[1:]
+    assert [fault.split()[1] for fault in faults] == [
+        "'dgo'", "'sliding'", "'output'", "'actuation'", "'operating'",
+    ]  # fmt: skip
+
+
+def test_a_list_of_mistakes_is_printed_without_a_traceback(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "pipeline", "check", "mq200"]
+    sets = ["--set", "dog.height_mm=x", "--set", "search.trials=0"]
+    done = subprocess.run([*command, *sets], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 3
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (
+            ("shift", "mq200", "--mismatch-rpm", "3,7"),
+            "is '3,7', but it must be a number; write 3.7",
+        ),
+        (("shift", "mq200", "--mismatch-rpm", "\N{MINUS SIGN}3"), "a number; write -3"),
+        (("study", "mq200", "--trials", "0"), "--trials is '0', but it must be at least 1"),
+        (("study", "mq200", "--trials", "1.5"), "--trials is '1.5', but it must be a whole number"),
+        (("check", "mq200", "--chamfer", "9"), "--set dog.chamfer_deg=9"),
+        (("study", "mq200", "--out", ""), "--out is given nothing"),
+        (("study", "mq200", "--out="), "--out is given nothing"),
+        (("report", ""), "an argument is given nothing"),
+    ],
+)
+def test_options_speak_the_same_language(arguments: tuple[str, ...], words: str) -> None:
+    command = [sys.executable, "-m", "pipeline", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    assert not any(theirs in done.stderr.lower() for theirs in THEIRS)
+
+
+def test_the_longest_name_is_a_folder(tmp_path: Path) -> None:
+    (tmp_path / (load_study("mq200", ["name=" + "n" * 100]).name + "-space")).mkdir()
+
+
+def test_bench_files_tell_all_mistakes_too() -> None:
+    with pytest.raises(InputError, match=r"bench.toml: 8 mistakes\n- 'nam' is not a known key"):
+        validate(_BenchFile, {"nam": "x", "timeout_s": "1,0"}, "bench.toml")
