@@ -43,7 +43,7 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind score $(BLIND)
 
 EVIDENCE := convergence stiction floor work_precision expectation second_engine adams root_stress \
-  load_height workers effects blind_engines bank evidence
+  load_height workers effects blind_engines bank evidence keeping
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves

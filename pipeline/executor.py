@@ -23,7 +23,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from pipeline.journal import ShiftJournal, append
-from pipeline.watchdog import broken, watched
+from pipeline.watchdog import broken, end_with_parent, watched
 from sim.batch import run_block
 from sim.blocks import Block
 from sim.errors import InputError, WorkerError
@@ -163,10 +163,11 @@ def _work(block: Block, path: Path) -> list[Record]:
 
 
 def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own; Ctrl-C is the parent's business.
+    """Work in a process of its own, and no longer than its parent; Ctrl-C is the parent's business.
 
     The watch leaves the simulation's own limit of time the chance to come first.
     """
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     limit = 1.5 * block.clutch.solver.time_limit + 1.0
     rows = []

@@ -53,8 +53,7 @@ def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
 def exhausted(search: Search, sampler_of: SamplerOf) -> bool:
     """Tell whether every design that may be proposed was told: its space has no others."""
     search.optuna.sampler = sampler_of(len(_begun(search)))
-    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-    return not running and _none_left(search)
+    return not _running(search) and _none_left(search)
 
 
 def _none_left(search: Search) -> bool:
@@ -76,18 +75,36 @@ def _begun(search: Search) -> list[FrozenTrial]:
     return [t for t in search.optuna.get_trials(deepcopy=False) if t.state not in OVER]
 
 
+def _running(search: Search) -> list[FrozenTrial]:
+    """Return the trials that were asked and not told, but for those this run leaves open."""
+    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    return [trial for trial in running if trial.number not in search.left_open]
+
+
 def _cut_off(search: Search) -> list[FrozenTrial]:
-    """Return the trials that a dead run asked and did not tell; fail incomplete ones."""
+    """Return the trials that a dead run asked and did not tell; put incomplete ones back."""
     left, living = [], search.claims.living()
     names = set(search.study.variables)
-    for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+    for trial in _running(search):
         if trial.user_attrs.get(WORKER) in living:
             continue
         if names <= set(trial.params):
             left.append(trial)
         else:
-            search.optuna.tell(trial.number, state=TrialState.FAIL)
+            _put_back(search, trial)
     return left
+
+
+def _put_back(search: Search, trial: FrozenTrial) -> None:
+    """Let a trial that was cut off while it was asked be asked again, under its number.
+
+    Where others were asked after it, it would propose one of their designs: then it has failed.
+    """
+    last = search.optuna.get_trials(deepcopy=False)[-1]
+    if trial.number == last.number:
+        search.optuna._storage.set_trial_state_values(trial._trial_id, TrialState.WAITING)
+    else:
+        search.optuna.tell(trial.number, state=TrialState.FAIL)
 
 
 def _of_one_round(

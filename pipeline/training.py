@@ -25,6 +25,7 @@ from pipeline.progress import ShiftProgress
 from pipeline.references import best_designs, reference_designs, simulate_references
 from pipeline.rows import dataset_of, study_mix, with_rows
 from sim.errors import InputError
+from sim.files import naming
 from surrogate.comparison import compare
 from surrogate.dataset import COLUMNS, Dataset, among
 from surrogate.figures import LEAST, Validation, predict, ranked
@@ -114,7 +115,8 @@ def train(
     figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
     save(out or folder.surrogate, stored)
-    data.frame().to_csv(folder.points, index=False)
+    with naming(folder.points):
+        data.frame().to_csv(folder.points, index=False)
     return stored
 
 

@@ -15,6 +15,7 @@ from pipeline.reporting.goals import MARGIN, Goal, goals_of
 from pipeline.reporting.names import check_name, designs_shown, failed_afresh, percent
 from pipeline.reporting.replicated import replicated_words
 from pipeline.reporting.summary import choice, failures_of, gained, headline
+from sim.outcome import depends_on_clock
 from surrogate.store import Stored
 
 Row = dict[str, Any]
@@ -37,7 +38,8 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         lines += [_front(study, result), ""]
         lines += [words] if (words := replicated_words(result)) else []
     for reason, count in result["failed_shifts"].items():
-        lines.append(f"{count} shifts failed and count as not engaged: {reason}")
+        again = "; --resume simulates them again" if depends_on_clock(reason) else ""
+        lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
     where = "none yet, 'dogshape report' makes it" if report is None else report
     lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {where}")
     return Group(*lines)
