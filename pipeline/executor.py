@@ -15,7 +15,6 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -193,15 +192,25 @@ def scratch_executor(
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
 
 
-@cache
+_clients: dict[str, Any] = {}  #: of Dask clusters, by address
+
+
 def connect(address: str | None) -> Any:
     """Return the client of a Dask cluster, None where none is asked for.
 
-    Raises InputError where the extra is missing or nothing answers, WorkerError where a worker
-    has other versions than this machine.
+    There is one client to an address, until it has lost the cluster. Raises InputError where the
+    extra is missing or nothing answers, WorkerError where a worker has other versions than this
+    machine.
     """
     if address is None:
         return None
+    if address not in _clients or _clients[address].status != "running":
+        _clients[address] = _client(address)
+    return _clients[address]
+
+
+def _client(address: str) -> Any:
+    """Return a new client whose workers have this machine's versions; see ``connect``."""
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import optuna
+from optuna.distributions import BaseDistribution
 from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial, TrialState
 
@@ -45,9 +46,22 @@ def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
         search.optuna.sampler = sampler_of(number)
         if _none_left(search):
             break
-        ids.append(search.optuna.ask(space)._trial_id)
+        ids.append(_ask(search, space))
         _claim(search, ids[-1], mark)
     return ids
+
+
+def _ask(search: Search, space: dict[str, BaseDistribution]) -> int:
+    """Ask for a trial; one that was put back draws again what it has, so that the rest follows."""
+    trial, sampler = search.optuna.ask(), search.optuna.sampler
+    cut = search.optuna._storage.get_trial(trial._trial_id)
+    fixed = cut.system_attrs.get("fixed_params", {})
+    for name, distribution in space.items():
+        drawn = name in cut.params and name not in fixed and not distribution.single()
+        if drawn and name not in trial.relative_params:
+            sampler.sample_independent(search.optuna, cut, name, distribution)
+        trial._suggest(name, distribution)
+    return trial._trial_id
 
 
 def exhausted(search: Search, sampler_of: SamplerOf) -> bool:

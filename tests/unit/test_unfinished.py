@@ -33,7 +33,7 @@ from sim.errors import InputError
 from sim.estimate import Estimate
 from sim.expectation import Expectation, PointExpectation
 from sim.landing import LANDING_RULES
-from sim.loads import Landing
+from sim.loads import OVERLAPS, Landing
 from sim.records import Record, unfinished
 from tests.conftest import SMALL, searching
 
@@ -167,7 +167,9 @@ def _asked(study: Study, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[
         load = 5e6 if is_whole(asked[0]) else 1e3  # harder at the points that were left out
         point = PointExpectation(study.points[0], 0.1, 0.1, 0.001, 0.0, 1.0, 3)
         found = {"expected_shift_time_s": time}
-        one = Simulated(Expectation((point,), 0.1, 0.001), Landing((load, load)), NO_ROWS, found)
+        one = Simulated(
+            Expectation((point,), 0.1, 0.001), Landing((load,) * len(OVERLAPS)), NO_ROWS, found
+        )
         return [one] * len(dogs)
 
     monkeypatch.setattr("pipeline.trials.evaluate", evaluated)
@@ -186,7 +188,7 @@ def test_constraints_are_those_of_the_last_simulation(
     assert plans == [[3, 0]] * len(ids) + [whole_plan(study)] * len(ids)
     landings = {rule.name for rule in LANDING_RULES}
     for trial in search.trials:
-        hard = design_of(study, dict(trial.params), Landing((5e6, 5e6))).constraints
+        hard = design_of(study, dict(trial.params), Landing((5e6,) * len(OVERLAPS))).constraints
         assert landings & hard.keys()
         assert trial.constraints == hard
         assert any(value > 0.0 for value in hard.values())
