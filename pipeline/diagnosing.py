@@ -124,7 +124,9 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
         progress.kept_in(means.bank, how),
     ):
         journal = ShiftJournal(means.bank / "shifts.jsonl")
-        return store.bank(plan, bench, Executor(journal, means.jobs, progress.advance).run)
+        bank = store.bank(plan, bench, Executor(journal, means.jobs, progress.advance).run)
+        journal.say_unfinished(means.say)
+        return bank
 
 
 def _announced(shifts: int, means: Means) -> str:

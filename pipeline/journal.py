@@ -13,7 +13,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -83,6 +83,14 @@ class ShiftJournal:
     def finished(self) -> list[str]:
         """Keys of the shifts that are finished, without those that the clock ended."""
         return [key for key, row in self.rows.items() if not unfinished(row)]
+
+    def say_unfinished(self, say: Callable[[str], None]) -> None:
+        """Say how many shifts the clock ended, if any."""
+        if ended := len(self.rows) - len(self.finished):
+            say(
+                f"{ended} of the shifts failed at solver.time_limit_s or hung, as on a busy "
+                "machine; they are not kept, and the same command simulates them again"
+            )
 
     def frame(self) -> pd.DataFrame:
         """Return all finished shifts as a table."""

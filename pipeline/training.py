@@ -56,6 +56,8 @@ def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = Non
             apart = [d for d in reference_designs(study, settings.references) if d not in designs]
             both = [*apart, *_best(study, folder, progress.say)]
             simulate_references(study, both, executor, progress.extend)
+            for journal in (shifts, apart_from_them):
+                journal.say_unfinished(progress.say)
 
 
 def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:

@@ -285,6 +285,12 @@ def test_what_the_clock_ended_is_dropped_from_a_journal_of_before(tmp_path: Path
     journal = ShiftJournal(path)
     assert not journal.rows
     assert journal.outdated == {"a", "b"}
+    said: list[str] = []
+    journal.say_unfinished(said.append)
+    journal.add([row])  # as this run finds it again
+    journal.say_unfinished(said.append)
+    (line,) = said
+    assert line.startswith("1 of the shifts failed at solver.time_limit_s or hung")
 
 
 def test_keys_of_the_default_study_stay() -> None:
