@@ -233,7 +233,7 @@ def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Study) -> 
     with pytest.raises(StorageError) as refused:
         folder.open(load_study("mq200", [*SMALL, *changed]), resume=True)
     assert (
-        "search.points was not given and is now 4; search.seed was 1 and is now 3; "
+        "search.points was 10 and is now 4; search.seed was 1 and is now 3; "
         "variables.count was [12, 24] and is now [12, 26]); give"
     ) in str(refused.value)
     assert "trials" not in str(refused.value)
