@@ -9,7 +9,6 @@ of a bench that reads elsewhere takes what is there and simulates the rest.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,9 +18,10 @@ from diagnosis.bank import Bank, Plan, blocks_of, collect, settings_of
 from diagnosis.bench import Bench
 from sim.blocks import Block
 from sim.errors import StorageError
+from sim.files import write_whole
 from sim.numerical import Runner
 from sim.outcome import Outcome
-from sim.records import Record, content_key
+from sim.records import Record, content_key, unfinished
 from sim.versions import engine
 
 Ticks = list[int | None]
@@ -74,18 +74,19 @@ class BankStore:
         return bank
 
     def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
+        """Return the shifts of blocks; a series that the clock cut short is simulated again."""
         keys = [_key(block) for block in blocks]
         left = [(k, b) for k, b in zip(keys, blocks, strict=True) if k not in self.series]
         done = run([block for _, block in left]) if left else []
         for (key, _), rows in zip(left, done, strict=True):
-            self._fresh[key] = _kept(rows)
-        self.series.update(self._fresh)
+            self.series[key] = _kept(rows)
+            if not any(unfinished(row) for row in rows):
+                self._fresh[key] = self.series[key]
         return [_rows(self.series[key]) for key in keys]
 
     def _write(self) -> None:
-        """Write the last file as a whole or not at all."""
+        """Write the last file as a whole or not at all, a power cut included."""
         path = self.paths[-1]
-        part = path.with_name(path.name + ".part")
         mine = {**(_read(path) if path.exists() else {}), **self._fresh}
         lines = [
             f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
@@ -93,8 +94,7 @@ class BankStore:
         text = f'{{"bank":{FORMAT},"series":{{\n' + ",\n".join(lines) + "\n}}\n"
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
+            write_whole(path, text)
         except OSError as error:
             raise StorageError(
                 f"{path} cannot be written ({error.strerror}); make room or give another folder"

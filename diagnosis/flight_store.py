@@ -6,7 +6,7 @@ physics or another prior is another table.
 
 from __future__ import annotations
 
-import os
+import io
 import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -17,6 +17,7 @@ import numpy as np
 
 from diagnosis.spread import Array
 from sim.errors import StorageError
+from sim.files import write_whole
 from sim.records import clutch_record, content_key
 from sim.setting import Setting
 from sim.versions import engine
@@ -55,14 +56,12 @@ class FlightStore:
         if not self.fresh or not self.paths:
             return
         path = self.paths[-1]
-        part = path.with_name(f"{path.name}.{os.getpid()}.part")
-        mine = {**(_read(path) if path.exists() else {}), **self.fresh}
+        mine, file = {**(_read(path) if path.exists() else {}), **self.fresh}, io.BytesIO()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with part.open("wb") as file:
-                kept = {key: table.astype(np.float32) for key, table in mine.items()}
-                np.savez_compressed(file, **kept)  # type: ignore[arg-type]  # keys are no options
-            os.replace(part, path)
+            kept = {key: table.astype(np.float32) for key, table in mine.items()}
+            np.savez_compressed(file, **kept)  # type: ignore[arg-type]  # keys are no options
+            write_whole(path, file.getvalue())
         except OSError as error:
             raise StorageError(
                 f"{path} cannot be written ({error.strerror}); make room or give another folder"

@@ -21,6 +21,7 @@ from pipeline.scene import solids, viewer_code
 from pipeline.story import facts, why
 from pipeline.tables.shifts import phase_title
 from sim.engagement import Engagement
+from sim.files import naming
 from sim.phases import touching
 from sim.trace import Trace
 from sim.units import DEG, MM, MS, RPM
@@ -53,7 +54,8 @@ def write_trace(result: Engagement, path: Path) -> None:
             "contact_force_N": t.contact_force,
         }
     )
-    table.to_csv(path, index=False, float_format="%.9g")
+    with naming(path):
+        table.to_csv(path, index=False, float_format="%.9g")
 
 
 def write_animation(
@@ -84,7 +86,8 @@ def write_animation(
         plotly=_script(path, "plotly.js", get_plotlyjs(), scripts_beside),
         meshcat=_script(path, "meshcat.js", viewer_code(), scripts_beside),
     )
-    path.write_text(page, encoding="utf-8")
+    with naming(path):
+        path.write_text(page, encoding="utf-8")
 
 
 def _script(page: Path, name: str, code: str, beside: bool) -> Markup:

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from sim.errors import InputError
+from sim.files import naming
 from sim.geometry import Dog
 from sim.mesh import Vertices
 from sim.part import require_body
@@ -89,7 +90,8 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     pair = cad.Compound(label="dog clutch", children=[ring, other])
     written = io.BytesIO()
     cad.export_step(pair, written, timestamp=TIME)
-    path.write_bytes(_numbered(written.getvalue()))
+    with naming(path):
+        path.write_bytes(_numbered(written.getvalue()))
 
 
 def _numbered(text: bytes) -> bytes:

@@ -147,7 +147,9 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
     ):
         journal = ShiftJournal(kept)
         executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
-        return store.bank(plan, bench, executor.run)
+        bank = store.bank(plan, bench, executor.run)
+        journal.say_unfinished(means.say)
+        return bank
 
 
 def _finished(blocks: Sequence[Block], journal: Path) -> int:

@@ -19,7 +19,7 @@ from sim.landing import hardest, landing_checks
 from sim.loads import Landing
 from sim.manufacture import require_makeable
 from sim.numerical import numerical_error
-from sim.records import Record, landing_of, result_of
+from sim.records import Record, landing_of, result_of, unfinished
 from sim.strength import strength_checks
 from surrogate.covariance import Array
 from surrogate.dataset import rows_of
@@ -32,14 +32,15 @@ class Simulated:
     """What the shifts of a design gave.
 
     Expected shift time over the operating points that were simulated, hardest landing, a row for
-    the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, and all simulated
-    objectives by name.
+    the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
+    objectives by name, and how many of the shifts the clock ended.
     """
 
     expectation: Expectation
     landing: Landing
     rows: Array
     estimates: dict[str, Estimate]
+    unfinished: int = 0
 
     @property
     def known(self) -> bool:
@@ -87,9 +88,8 @@ def _simulated(
     landing = hardest(landing_of(row) for row in shifts)
     checks = strength_checks(dog, study.limits) + landing_checks(dog, landing, study.limits)
     found = Shifts(study, Design({}, dog, checks, ""), expectation, rows)
-    return Simulated(
-        expectation, landing, rows_of(tuple(study.variables), shifts), estimates_of(found)
-    )
+    learned, ended = rows_of(tuple(study.variables), shifts), sum(map(unfinished, shifts))
+    return Simulated(expectation, landing, learned, estimates_of(found), ended)
 
 
 def expectation_of(

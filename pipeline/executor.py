@@ -15,7 +15,6 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +22,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from pipeline.journal import ShiftJournal, append
-from pipeline.watchdog import broken, watched
+from pipeline.watchdog import broken, end_with_parent, watched
 from sim.batch import run_block
 from sim.blocks import Block
 from sim.errors import InputError, WorkerError
@@ -165,10 +164,11 @@ def _work(block: Block, path: Path) -> list[Record]:
 
 
 def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own; Ctrl-C is the parent's business.
+    """Work in a process of its own, and no longer than its parent; Ctrl-C is the parent's business.
 
     The watch leaves the simulation's own limit of time the chance to come first.
     """
+    end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     limit = 1.5 * block.clutch.solver.time_limit + 1.0
     rows = []
@@ -194,15 +194,25 @@ def scratch_executor(
     return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
 
 
-@cache
+_clients: dict[str, Any] = {}  #: of Dask clusters, by address
+
+
 def connect(address: str | None) -> Any:
     """Return the client of a Dask cluster, None where none is asked for.
 
-    Raises InputError where the extra is missing or nothing answers, WorkerError where a worker
-    has other versions than this machine.
+    There is one client to an address, until it has lost the cluster. Raises InputError where the
+    extra is missing or nothing answers, WorkerError where a worker has other versions than this
+    machine.
     """
     if address is None:
         return None
+    if address not in _clients or _clients[address].status != "running":
+        _clients[address] = _client(address)
+    return _clients[address]
+
+
+def _client(address: str) -> Any:
+    """Return a new client whose workers have this machine's versions; see ``connect``."""
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:

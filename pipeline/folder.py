@@ -27,6 +27,7 @@ from pipeline.lock import writing
 from pipeline.schema import FORMAT, StudyFile
 from sim.edge import validate
 from sim.errors import StorageError
+from sim.files import write_whole
 from sim.versions import versions
 
 
@@ -78,10 +79,10 @@ class StudyFolder:
                 f"{self.root} holds a study already; add --resume to go on with it "
                 "or choose another --out"
             )
-        if comparable(stored.file) != comparable(study.file):
+        if apart := differing(comparable(stored.file), comparable(study.file)):
             raise StorageError(
-                f"{self.root} was started with another configuration; give the one it was "
-                "started with, or choose another --out"
+                f"{self.root} was started with another configuration ({'; '.join(apart)}); give "
+                "the one it was started with, or choose another --out"
             )
 
     def stored_study(self) -> Study:
@@ -131,11 +132,24 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     return content
 
 
+def differing(before: Any, now: Any, name: str = "") -> list[str]:
+    """Return what differs between two configurations, a key with both of its values each."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys = sorted({*before, *now})
+        inner = ((key, f"{name}.{key}" if name else key) for key in keys)
+        return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
+    if before == now:
+        return []
+    return [f"{name} was {_shown(before)} and is now {_shown(now)}"]
+
+
+def _shown(value: Any) -> str:
+    return "not given" if value is None else json.dumps(value, default=str)
+
+
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """Write a JSON file so that a kill leaves the old one or the new one, whole."""
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
-    temporary.replace(path)
+    """Write a JSON file so that a kill or a power cut leaves the old one or the new one, whole."""
+    write_whole(path, json.dumps(content, indent=1, allow_nan=False))
 
 
 def read_json(path: Path, remedy: str) -> dict[str, Any]:

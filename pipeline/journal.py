@@ -2,6 +2,10 @@
 
 Workers append one at a time, under a lock of the operating system's, so lines do not mix. What
 a kill or a full disk left of a line is cut off before the next one is written, and on opening.
+The parent forces lines to the disk before it counts their shifts as finished.
+
+A shift that the clock ended, on a machine that was too busy, is a result of this run alone: it
+is in memory, not in the file, and the next run simulates it again.
 """
 
 from __future__ import annotations
@@ -9,25 +13,29 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 
 from sim.errors import StorageError
-from sim.records import Record, landing_of, result_of
+from sim.files import sync_folder
+from sim.records import Record, landing_of, result_of, unfinished
 
 
 class ShiftJournal:
-    """Finished shifts by their content key, on disk and in memory.
+    """Shifts by their content key: those that are finished on disk too.
 
-    ``only_read`` leaves the file alone, in which another run may be writing a line.
+    ``only_read`` leaves the file alone, in which another run may be writing a line. ``outdated``
+    are keys of shifts in the file that the clock ended, as earlier versions kept them.
     """
 
     def __init__(self, path: Path, only_read: bool = False) -> None:
         self.path = path.absolute()  # workers may stand in another folder
         self.rows: dict[str, Record] = {}
+        self.outdated: set[str] = set()
+        self._named = False
         if path.exists():
             self._read(only_read)
 
@@ -48,7 +56,10 @@ class ShiftJournal:
                 row = json.loads(line)
                 result_of(row)
                 landing_of(row)
-                self.rows[row["key"]] = row
+                if unfinished(row):
+                    self.outdated.add(row["key"])
+                else:
+                    self.rows[row["key"]] = row
             except (ValueError, KeyError, TypeError) as error:
                 raise StorageError(
                     f"{self.path}, line {number} is not a finished shift; remove the line "
@@ -56,8 +67,30 @@ class ShiftJournal:
                 ) from error
 
     def add(self, rows: Iterable[Record]) -> None:
-        """Take up rows that a worker has already written."""
+        """Take up rows that a worker has already written; from now on a power cut leaves them.
+
+        Raises StorageError where the disk does not take them.
+        """
+        if self.path.exists():
+            with _writing(self.path):
+                _sync(self.path)
+                if not self._named:
+                    sync_folder(self.path.parent)
+                    self._named = True
         self.rows.update((row["key"], row) for row in rows)
+
+    @property
+    def finished(self) -> list[str]:
+        """Keys of the shifts that are finished, without those that the clock ended."""
+        return [key for key, row in self.rows.items() if not unfinished(row)]
+
+    def say_unfinished(self, say: Callable[[str], None]) -> None:
+        """Say how many shifts the clock ended, if any."""
+        if ended := len(self.rows) - len(self.finished):
+            say(
+                f"{ended} of the shifts failed at solver.time_limit_s or hung, as on a busy "
+                "machine; they are not kept, and the same command simulates them again"
+            )
 
     def frame(self) -> pd.DataFrame:
         """Return all finished shifts as a table."""
@@ -73,19 +106,26 @@ def drop_torn_line(path: Path) -> None:
 
 
 def append(path: Path, *rows: Record) -> None:
-    """Append finished shifts, all of them or none.
+    """Append finished shifts, all of them or none; those that the clock ended are left out.
 
     Raises StorageError where there is no room or no right to write.
     """
-    lines = "".join(json.dumps(row, allow_nan=False) + "\n" for row in rows).encode()
+    kept = [row for row in rows if not unfinished(row)]
+    lines = "".join(json.dumps(row, allow_nan=False) + "\n" for row in kept).encode()
+    with _writing(path), _alone_in(path) as descriptor:
+        end = _drop_torn_line(descriptor)
+        try:
+            _write(descriptor, lines)
+        except OSError:
+            os.ftruncate(descriptor, end)
+            raise
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn what a disk refuses into one sentence."""
     try:
-        with _alone_in(path) as descriptor:
-            end = _drop_torn_line(descriptor)
-            try:
-                _write(descriptor, lines)
-            except OSError:
-                os.ftruncate(descriptor, end)
-                raise
+        yield
     except OSError as error:
         raise StorageError(
             f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
@@ -100,6 +140,15 @@ def _alone_in(path: Path) -> Iterator[int]:
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _sync(path: Path) -> None:
+    """Force to the disk what any process wrote into a file."""
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
     finally:
         os.close(descriptor)
 

@@ -22,6 +22,16 @@ from pipeline.console import terminal
 LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 
 
+def duration(seconds: float) -> str:
+    """Return a time as people say it: in s below two minutes, then in min, then in h and min."""
+    minutes = round(seconds / 60.0)
+    if seconds < 120.0:
+        return f"{seconds:.0f} s"
+    if minutes < 120:
+        return f"{minutes} min"
+    return f"{minutes // 60} h" if minutes >= 600 else f"{minutes // 60} h {minutes % 60} min"
+
+
 class ShiftProgress:
     """Counts finished shifts; a context manager that clears its bar at the end.
 
@@ -70,8 +80,8 @@ class ShiftProgress:
             self._said = now
             left = (now - self._start) / new * max(0, self._total - self._done)
             total = f"at most {self._total}" if self._most else f"{self._total}"
-            line = f"{self._done} of {total} {self._unit}, about {left:.0f} s left"
-            self._console.print(line, soft_wrap=True)
+            line = f"{self._done} of {total} {self._unit}, about {duration(left)} left"
+            self._console.print(line, soft_wrap=True, highlight=False)
 
     def known(self, count: int) -> None:
         """Count shifts that an earlier run finished, which say nothing of the time left."""

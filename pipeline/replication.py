@@ -35,8 +35,9 @@ from pipeline.plans import Plan, is_whole, most_to_replicate
 from pipeline.precision import MOST
 from pipeline.sampling.plans import HALF, telling_points
 from pipeline.sampling.sampler import PLAN
-from pipeline.search import Search, attributes_of, front
+from pipeline.search import Search, front
 from pipeline.standing import Drawn, Standing, draw, standings
+from pipeline.trials import attributes_of
 from surrogate.covariance import Array, Places
 
 LOW, HIGH = 0.05, 0.95  #: probabilities between which a place on the front is unclear
@@ -238,10 +239,10 @@ def _simulate(
     """Simulate designs by their new plans and take up what that gives."""
     for (trial, plan), found in zip(plans, _evaluated(search, plans, executor), strict=True):
         same = [one for one in search.simulated if one.params == trial.params]
-        search.renew([_renewed(search, one, plan, found) for one in same])
+        search.renew([renewed(search, one, plan, found) for one in same])
 
 
-def _renewed(search: Search, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
+def renewed(search: Search, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
     """Return a trial as all shifts of its design say; times that are foretold stay as told."""
     known: dict[str, Any] = {**trial.user_attrs, **attributes_of(found)}
     if not is_whole(plan):

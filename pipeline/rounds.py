@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import optuna
+from optuna.distributions import BaseDistribution
 from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial, TrialState
 
@@ -45,16 +46,28 @@ def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
         search.optuna.sampler = sampler_of(number)
         if _none_left(search):
             break
-        ids.append(search.optuna.ask(space)._trial_id)
+        ids.append(_ask(search, space))
         _claim(search, ids[-1], mark)
     return ids
+
+
+def _ask(search: Search, space: dict[str, BaseDistribution]) -> int:
+    """Ask for a trial; one that was put back draws again what it has, so that the rest follows."""
+    trial, sampler = search.optuna.ask(), search.optuna.sampler
+    cut = search.optuna._storage.get_trial(trial._trial_id)
+    fixed = cut.system_attrs.get("fixed_params", {})
+    for name, distribution in space.items():
+        drawn = name in cut.params and name not in fixed and not distribution.single()
+        if drawn and name not in trial.relative_params:
+            sampler.sample_independent(search.optuna, cut, name, distribution)
+        trial._suggest(name, distribution)
+    return trial._trial_id
 
 
 def exhausted(search: Search, sampler_of: SamplerOf) -> bool:
     """Tell whether every design that may be proposed was told: its space has no others."""
     search.optuna.sampler = sampler_of(len(_begun(search)))
-    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-    return not running and _none_left(search)
+    return not _running(search) and _none_left(search)
 
 
 def _none_left(search: Search) -> bool:
@@ -76,18 +89,36 @@ def _begun(search: Search) -> list[FrozenTrial]:
     return [t for t in search.optuna.get_trials(deepcopy=False) if t.state not in OVER]
 
 
+def _running(search: Search) -> list[FrozenTrial]:
+    """Return the trials that were asked and not told, but for those this run leaves open."""
+    running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+    return [trial for trial in running if trial.number not in search.left_open]
+
+
 def _cut_off(search: Search) -> list[FrozenTrial]:
-    """Return the trials that a dead run asked and did not tell; fail incomplete ones."""
+    """Return the trials that a dead run asked and did not tell; put incomplete ones back."""
     left, living = [], search.claims.living()
     names = set(search.study.variables)
-    for trial in search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,)):
+    for trial in _running(search):
         if trial.user_attrs.get(WORKER) in living:
             continue
         if names <= set(trial.params):
             left.append(trial)
         else:
-            search.optuna.tell(trial.number, state=TrialState.FAIL)
+            _put_back(search, trial)
     return left
+
+
+def _put_back(search: Search, trial: FrozenTrial) -> None:
+    """Let a trial that was cut off while it was asked be asked again, under its number.
+
+    Where others were asked after it, it would propose one of their designs: then it has failed.
+    """
+    last = search.optuna.get_trials(deepcopy=False)[-1]
+    if trial.number == last.number:
+        search.optuna._storage.set_trial_state_values(trial._trial_id, TrialState.WAITING)
+    else:
+        search.optuna.tell(trial.number, state=TrialState.FAIL)
 
 
 def _of_one_round(

@@ -20,6 +20,7 @@ FORMAT = 1  #: version of the study file and of the folder that a study writes
 
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
+MOST_TRIALS = 10_000  #: designs of a search; at 28 points of 8 angles 15 GB of memory
 REPLICATE = 0.2  #: shifts of replication over those of the search, at most
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
@@ -211,7 +212,7 @@ class SearchSection(Section):
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: str = "surrogate"
-    trials: Annotated[int, Field(ge=1)] = 32
+    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 32
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1

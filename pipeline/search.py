@@ -1,7 +1,7 @@
 """The search: rounds of proposals, simulated in parallel, told in order.
 
 Trials of a round are asked together, simulated side by side and told in the
-order of their numbers, so the result does not depend on which finished first.
+order of their numbers (``pipeline.trials``), so the result does not depend on which finished first.
 A round that was cut off is taken up again with the parameters it had
 (``pipeline.rounds``); shifts that it had finished come from the journal. Several
 runs can share a search: each asks for rounds of its own, and takes up those of
@@ -12,14 +12,12 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import optuna
-from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
+from optuna.exceptions import ExperimentalWarning
 from optuna.trial import FrozenTrial, TrialState
 
 from pipeline.claims import Alone, Claims
@@ -31,24 +29,20 @@ from pipeline.design import (
     leading,
     losses_of,
     objectives_of,
-    values_of,
 )
-from pipeline.evaluation import Simulated, evaluate
 from pipeline.executor import Executor
 from pipeline.folder import StudyFolder, comparable
 from pipeline.plans import Plan, blocks_of, is_whole, whole_plan
 from pipeline.rounds import SamplerOf, exhausted, next_round
-from pipeline.rows import row_record
 from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.improvement import not_dominated
 from pipeline.sampling.sampler import PLAN
 from pipeline.storage import opening
+from pipeline.trials import finish
 from sim.errors import InputError, StorageError
-from sim.records import content_key, landing_of, landing_record
+from sim.records import content_key, landing_of
 from sim.versions import engine
 from surrogate.covariance import Array
-
-UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
 
 AfterRound = Callable[[str], None]  #: called with a line about the search so far
 
@@ -59,6 +53,8 @@ class Search:
 
     ``better`` are trials as replication knows them, by number; the storage keeps what they were
     told. ``unfit`` are those that failed a check at fresh angles: they are no longer feasible.
+    ``left_open`` are trials, by number, of which the clock ended a shift: what this run knows of
+    them. In the storage they go on running, so that another run takes them up.
     """
 
     study: Study
@@ -67,6 +63,7 @@ class Search:
     guide: DogGuide | None = None
     better: dict[int, FrozenTrial] = field(default_factory=dict)
     unfit: set[int] = field(default_factory=set)
+    left_open: dict[int, FrozenTrial] = field(default_factory=dict)
     _foretold: tuple[int, dict[int, tuple[float, float]]] = (0, {})
 
     def plan(self, trial: FrozenTrial) -> Plan:
@@ -96,13 +93,20 @@ class Search:
     @property
     def trials(self) -> list[FrozenTrial]:
         """Finished trials in the order of their numbers, as all of their shifts say."""
-        told = self.optuna.get_trials(deepcopy=False)
+        told = [
+            self.left_open.get(trial.number, trial) if trial.state == TrialState.RUNNING else trial
+            for trial in self.optuna.get_trials(deepcopy=False)
+        ]
         return [self.better.get(t.number, t) for t in told if t.state == TrialState.COMPLETE]
 
     def renew(self, trials: Iterable[FrozenTrial]) -> None:
         """Take up what more shifts say of finished trials."""
         self.better.update((trial.number, trial) for trial in trials)
         self._foretold = 0, {}
+
+    def leave_open(self, trial: FrozenTrial) -> None:
+        """Take up what this run found of a trial, and leave it to the next run."""
+        self.left_open[trial.number] = trial
 
     @property
     def simulated(self) -> list[FrozenTrial]:
@@ -240,7 +244,7 @@ def run(
             ended = not ids and exhausted(search, sampler_of)
         if ids:
             waiting = False
-            _finish(search, ids, executor)
+            finish(search, ids, executor)
             after_round(_status(search))
         elif (left := search.study.file.search.trials - len(search.trials)) <= 0:
             return
@@ -252,96 +256,6 @@ def run(
                 after_round(f"waiting for {left} designs that other runs simulate")
             waiting = True
             search.claims.wait()
-
-
-def _finish(search: Search, ids: list[int], executor: Executor) -> None:
-    """Simulate the designs among trials that may pass and tell them all in order."""
-    study = search.study
-    trials = [optuna.Trial(search.optuna, trial_id) for trial_id in ids]
-    designs = [design_of(study, dict(t.params)) for t in trials]
-    worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
-    plans = [search.plan(_frozen(search, ids[k])) for k in worth]
-    results = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
-    found = {k: result for k, result in zip(worth, results, strict=True) if result.known}
-    # A run that seemed dead may have told them meanwhile: it found the same.
-    with suppress(UpdateFinishedTrialError):
-        for k, trial in enumerate(trials):
-            _note(study, trial, designs[k], found.get(k))
-            if k in worth and k not in found:
-                trial.set_user_attr("failed", [UNKNOWN])
-        try:
-            times = _foretell(search, [ids[k] for k in found])
-        except InputError:  # too few engage to foretell anything
-            for trial_id in ids:
-                search.optuna._storage.set_trial_system_attr(trial_id, PLAN, whole_plan(study))
-            _finish(search, ids, executor)
-            return
-        for k, trial in enumerate(trials):
-            estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}
-            if ids[k] in times:
-                estimates[SIMULATED] = times[ids[k]]
-            values = values_of(study, designs[k], estimates)
-            search.optuna.tell(trial, values, skip_if_finished=True)
-
-
-def _frozen(search: Search, trial_id: int) -> FrozenTrial:
-    return search.optuna._storage.get_trial(trial_id)
-
-
-def _note(study: Study, trial: optuna.Trial, design: Design, found: Simulated | None) -> None:
-    """Write what the simulation of a design gave into its trial."""
-    landed = design if found is None else design_of(study, design.params, found.landing)
-    known = trial.constraints
-    for name, value in landed.constraints.items():
-        if name not in known:  # a round that was cut off may have noted it
-            trial.set_constraint(name, value)
-    if found is not None:
-        for name, value in attributes_of(found).items():
-            trial.set_user_attr(name, value)
-    if landed.failed:
-        trial.set_user_attr("failed", landed.failed)
-
-
-def attributes_of(found: Simulated) -> dict[str, Any]:
-    """Return what a trial keeps of its design's simulation."""
-    estimates = found.estimates.items()
-    return {
-        "engaged": found.expectation.engaged,
-        "standard_error_s": found.expectation.standard_error,
-        "simulated": {name: e.value for name, e in estimates},
-        "standard_errors": {name: e.standard_error for name, e in estimates},
-        **landing_record(found.landing),
-        "rows": row_record(found.rows),
-    }
-
-
-def _foretell(search: Search, ids: Sequence[int]) -> dict[int, float]:
-    """Note and return the expected times, s, of a round's trials that lack some operating points.
-
-    ``ids`` are all that were simulated of the round. They are foretold from those and all before.
-    """
-    trials = [_frozen(search, trial_id) for trial_id in ids]
-    lacking = {t._trial_id for t in trials if not is_whole(search.plan(t))}
-    if not lacking or search.guide is None:
-        return {}
-    # A round that was cut off while it was told is foretold from the same again.
-    known = {trial.number: trial for trial in [*search.simulated, *trials]}
-    together = [known[number] for number in sorted(known)]
-    times, errors = search.guide.times(together)
-    found = {}
-    for trial, time, error in zip(together, times.tolist(), errors.tolist(), strict=True):
-        if trial._trial_id in lacking:
-            found[trial._trial_id] = time
-            _note_foretold(optuna.Trial(search.optuna, trial._trial_id), time, error)
-    return found
-
-
-def _note_foretold(trial: optuna.Trial, time: float, error: float) -> None:
-    """Write the expected time over all operating points into a trial that lacks some."""
-    attributes = trial.user_attrs
-    trial.set_user_attr("standard_error_s", error)
-    trial.set_user_attr("simulated", {**attributes["simulated"], SIMULATED: time})
-    trial.set_user_attr("standard_errors", {**attributes["standard_errors"], SIMULATED: error})
 
 
 def _status(search: Search) -> str:

@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from optuna.exceptions import StorageInternalError
 from optuna.storages import BaseStorage, JournalStorage, RDBStorage
@@ -20,6 +21,7 @@ from pipeline.claims import KEEPALIVE, Alone, Claims, OneFile, Shared
 from pipeline.folder import StudyFolder
 from pipeline.journal import drop_torn_line
 from sim.errors import StorageError
+from sim.files import naming
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
 
@@ -69,7 +71,7 @@ def _journal(folder: StudyFolder) -> BaseStorage:
     if path.exists():
         drop_torn_line(path)
     try:
-        return JournalStorage(JournalFileBackend(str(path)))
+        return JournalStorage(_TrialsFile(path))
     except OSError:
         raise
     except Exception as error:
@@ -77,6 +79,19 @@ def _journal(folder: StudyFolder) -> BaseStorage:
             f"{path}{_first_bad_line(path)} is damaged; remove the file and run again with "
             "--resume: finished shifts are kept in shifts.jsonl and not simulated again"
         ) from error
+
+
+class _TrialsFile(JournalFileBackend):
+    """Optuna's journal file, which names itself where the disk is full."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+
+    def append_logs(self, logs: list[dict[str, Any]]) -> None:
+        """Append lines of the journal."""
+        with naming(self._path):
+            super().append_logs(logs)
 
 
 def _first_bad_line(path: Path) -> str:

@@ -25,17 +25,19 @@ from pipeline.journal import ShiftJournal
 from pipeline.known import digest_of, joining
 from pipeline.plans import most_confirmed, most_to_confirm, most_to_replicate, most_to_search
 from pipeline.progress import ShiftProgress
+from pipeline.repair import repair
 from pipeline.replication import replicate, replication_record
 from pipeline.reporting.publish import publish
 from pipeline.rounds import SamplerOf
 from pipeline.rows import study_mix
 from pipeline.sampling.dogs import DogGuide, distinct, simulated
 from pipeline.sampling.factory import sampler_factory
-from pipeline.search import UNKNOWN, Search, best_trial, front, open_search, run, value_of
+from pipeline.search import Search, best_trial, front, open_search, run, value_of
 from pipeline.standing import standings
 from pipeline.storage import kept
 from pipeline.tolerances import smallest_within, spread_record, time_spread
 from pipeline.training import Say, train
+from pipeline.trials import UNKNOWN
 from sim.checks import smallest_margin
 from sim.errors import InputError
 from sim.outcome import Outcome
@@ -73,10 +75,10 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
         search.guide = guide
         with closing(search.claims), kept(how.storage, folder):
             result, say = _searched(search, sampler_of, how)
-        if result["n_simulated_designs"] > MIN_DESIGNS:
+        if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:
-            say(f"no surrogate: it needs more than {MIN_DESIGNS} simulated designs")
+            say(f"no surrogate: it needs at least {MIN_DESIGNS} simulated designs")
         write_json(folder.result, result)
         if how.report:
             publish(folder, say)
@@ -99,6 +101,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
 
         executor = Executor(journal, how.jobs, progress.advance, how.cluster)
         with progress.kept_in(folder.root, "--resume goes on"):
+            repair(search, executor, progress.say)
             run(search, sampler_of, executor, after_round)
             replication = _replicate(search, executor, progress)
             confirmation = _confirm(search, executor, progress)
@@ -168,7 +171,7 @@ def collect(
         "front": [rows[trial.number] for trial in shown],
         "trials": list(rows.values()),
         "n_simulated_designs": len(distinct(search.simulated)),
-        "n_simulated_shifts": search.shifts(journal.rows),
+        "n_simulated_shifts": search.shifts(journal.finished),
         "failed_shifts": failed_shifts(journal),
         "replication": replication,
         "confirmation": None,

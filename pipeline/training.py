@@ -25,6 +25,7 @@ from pipeline.progress import ShiftProgress
 from pipeline.references import best_designs, reference_designs, simulate_references
 from pipeline.rows import dataset_of, study_mix, with_rows
 from sim.errors import InputError
+from sim.files import naming
 from surrogate.comparison import compare
 from surrogate.dataset import COLUMNS, Dataset, among
 from surrogate.figures import LEAST, Validation, predict, ranked
@@ -55,6 +56,8 @@ def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = Non
             apart = [d for d in reference_designs(study, settings.references) if d not in designs]
             both = [*apart, *_best(study, folder, progress.say)]
             simulate_references(study, both, executor, progress.extend)
+            for journal in (shifts, apart_from_them):
+                journal.say_unfinished(progress.say)
 
 
 def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:
@@ -114,7 +117,8 @@ def train(
     figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
     save(out or folder.surrogate, stored)
-    data.frame().to_csv(folder.points, index=False)
+    with naming(folder.points):
+        data.frame().to_csv(folder.points, index=False)
     return stored
 
 

@@ -1,4 +1,4 @@
-"""A watch over processes that simulate: which shift hung or crashed, and no waiting for ever.
+"""A watch over processes that simulate: no shift hangs for ever, no worker outlives its parent.
 
 A worker marks the shift it is at in a file of its own. A shift that takes too long, or breaks
 the process, ends it; the C library's side of Python then writes its last words into that file,
@@ -11,11 +11,33 @@ from __future__ import annotations
 import faulthandler
 import os
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 
+from sim.outcome import HUNG
+
 MARK = ".running-"  #: with the number of the process
+LOOK = 1.0  #: s between looks whether the parent is alive
+
+
+@cache
+def end_with_parent() -> None:
+    """End this process soon after its parent, of which nothing else tells it if it was killed.
+
+    A process whose parent is gone has another one. The thread is started once in a process.
+    """
+    parent = os.getppid()
+
+    def look() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    threading.Thread(target=look, name="parent", daemon=True).start()
 
 
 @contextmanager
@@ -48,5 +70,5 @@ def broken(folder: Path) -> dict[str, str]:
 
 def _reason(words: str) -> str:
     if words.startswith("Timeout"):
-        return "hung: it did not come back and its process was ended"
+        return f"{HUNG}: it did not come back and its process was ended"
     return f"crashed: {words.removeprefix('Fatal Python error: ')}"

@@ -17,7 +17,7 @@ from pydrake.systems.framework import Context, EventStatus
 from sim.clutch import Clutch, OperatingPoint
 from sim.events import Events, events_of, stays_held
 from sim.loads import Loads, loads_of
-from sim.outcome import Outcome
+from sim.outcome import TIME_LIMIT, Outcome
 from sim.phases import Phase, phases_of
 from sim.plant import ClutchPlant
 from sim.trace import Series, Trace, crossing, trace_of
@@ -109,8 +109,8 @@ class _Record:
             limit = f"solver.max_steps = {self._solver.max_steps}"
             raise RuntimeError(f"no end after {limit}, at {now:.6g} s of the shift")
         if time.monotonic() > self._end:
-            limit = f"solver.time_limit_s = {self._solver.time_limit:.6g}"
-            raise RuntimeError(f"no end after {limit}, at {now:.6g} s of the shift")
+            limit = f"{TIME_LIMIT} = {self._solver.time_limit:.6g}"
+            raise RuntimeError(f"{limit}, at {now:.6g} s of the shift")
 
     def _stands_still(self, time: float, state: Series) -> bool:
         """Tell whether the rings are held, once the force is half up and would move free ones."""

@@ -25,3 +25,12 @@ _MESSAGES = {
     Outcome.TIMED_OUT: "full depth was not reached before the time-out",
     Outcome.DIVERGED: "the integration failed",
 }
+
+#: How the reasons of failures begin that depend on how fast the machine was, not on the shift.
+TIME_LIMIT = "no end after solver.time_limit_s"
+HUNG = "hung"
+
+
+def depends_on_clock(reason: str) -> bool:
+    """Tell whether a failure for this reason may not happen when the shift is simulated again."""
+    return reason.startswith((TIME_LIMIT, HUNG))

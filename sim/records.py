@@ -14,7 +14,7 @@ from sim.clutch import MAX_STEPS, Clutch, OperatingPoint
 from sim.expectation import ShiftResult
 from sim.loads import Landing
 from sim.mechanism import MECHANISM_KEYS
-from sim.outcome import Outcome
+from sim.outcome import Outcome, depends_on_clock
 from sim.uncertainty import FACTORS, Variant
 from sim.units import DEG, MM, RPM
 from sim.versions import versions
@@ -26,8 +26,8 @@ def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
     The limit of steps is named only where it is not the usual one, which then is no part of a
-    key; the limit of time never is, since what a shift gives does not depend on it. A mechanism
-    is named where there is one.
+    key; the limit of time never is, since a shift that it ends is not kept (``unfinished``). A
+    mechanism is named where there is one.
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
@@ -130,6 +130,11 @@ def failed_record(given: Record, seed: int | None, reason: str) -> Record:
         "drake": versions()["drake"],
         "seed": seed,
     }
+
+
+def unfinished(record: Record) -> bool:
+    """Tell whether the clock ended a shift: it failed here, and another run may finish it."""
+    return depends_on_clock(str(record.get("reason", "")))
 
 
 def result_of(record: Record) -> ShiftResult:

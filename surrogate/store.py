@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from sim.errors import DataError
+from sim.files import write_whole
 from sim.versions import versions
 from surrogate.covariance import Array, Covariance, Term, starting
 from surrogate.dataset import COLUMNS, Dataset
@@ -62,9 +63,7 @@ def save(path: Path, stored: Stored) -> None:
         "versions": versions(),
     }
     content["hash"] = _hash(content)
-    temporary = path.with_suffix(".tmp")
-    temporary.write_text(_text(content), encoding="utf-8")
-    temporary.replace(path)
+    write_whole(path, _text(content))
 
 
 def load(path: Path) -> Stored:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import secrets
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -30,6 +29,7 @@ from diagnosis.blind.cases import Case, cases_of
 from diagnosis.blind.data import even_times, simulate, write_case
 from diagnosis.blind.stand import Point, Stand, read_points, read_stand
 from sim.errors import DogshapeError, InputError, StorageError
+from sim.files import write_whole
 
 Record = dict[str, Any]
 Diagnose = Callable[[Path], Record]
@@ -250,9 +250,7 @@ def read(path: Path, remedy: str) -> Record:
 
 def write(path: Path, text: str) -> None:
     """Write a file as a whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+    write_whole(path, text)
 
 
 def ignore(_: int) -> None:

@@ -14,6 +14,7 @@ from pipeline.exploring.figures import (
 )
 from pipeline.exploring.labels import label, value
 from pipeline.reporting.html import figure_html, render
+from sim.files import naming
 from surrogate.figures import validation_of
 
 Row = dict[str, Any]
@@ -37,7 +38,8 @@ def write_page(record: Row, path: Path) -> None:
         value=value,
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page, encoding="utf-8")
+    with naming(path):
+        path.write_text(page, encoding="utf-8")
 
 
 def _choices(slices: list[Row]) -> str:

@@ -9,6 +9,7 @@ from pipeline.gapreport.cells import cells_of, table
 from pipeline.gapreport.content import content_of, record_text
 from pipeline.gapreport.extras import Extras
 from pipeline.reporting.html import render
+from sim.files import naming
 
 REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 
@@ -20,8 +21,12 @@ def publish(diagnosis: Diagnosis, folder: Path, extras: Extras | None = None) ->
     """
     folder.mkdir(parents=True, exist_ok=True)
     page = render("gap.html.j2", **content_of(diagnosis, extras or Extras()))
-    (folder / RECORD).write_text(record_text(diagnosis) + "\n", encoding="utf-8")
-    (folder / TABLE).write_text(table(cells_of(diagnosis)), encoding="utf-8")
-    report = folder / REPORT
-    report.write_text(page, encoding="utf-8")
-    return report
+    written = {
+        RECORD: record_text(diagnosis) + "\n",
+        TABLE: table(cells_of(diagnosis)),
+        REPORT: page,
+    }
+    for name, text in written.items():
+        with naming(folder / name):
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder / REPORT

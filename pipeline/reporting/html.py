@@ -10,6 +10,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+from sim.files import naming
+
 
 def render(template: str, **content: Any) -> str:
     """Fill a template of the package; plotly's code is put in once unless content brings it."""
@@ -46,5 +48,6 @@ def script_beside(page: Path, name: str, code: str) -> Markup:
     """Return a script element for a file beside a page, written where it is not there yet."""
     path = page.with_name(name)
     if not path.is_file() or path.read_text(encoding="utf-8") != code:
-        path.write_text(code, encoding="utf-8")
+        with naming(path):
+            path.write_text(code, encoding="utf-8")
     return Markup('<script src="{}"></script>').format(name)

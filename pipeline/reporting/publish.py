@@ -16,6 +16,8 @@ from pipeline.reporting.names import designs_shown
 from pipeline.reporting.replays import replays_of, write_replays
 from pipeline.reporting.shifts import Shifts, read_shifts
 from pipeline.reporting.tables import designs_frame
+from pipeline.targets import require_targets
+from sim.files import naming
 
 Row = dict[str, Any]
 Say = Callable[[str], None]
@@ -27,8 +29,15 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     Effects from the surrogate take a minute, the page of a shift half a second each.
     """
     study, result = folder.stored_study(), folder.stored_result()
+    require_targets({"the report": folder.report})
     learn_effects(folder, say)
     shifts = _shifts(folder, study)
+    if (lost := _lost(folder, result, shifts)) > 0:
+        say(
+            f"{folder.shifts} lacks {lost} of the {result['n_simulated_shifts']} shifts that "
+            f"{folder.result.name} rests on, so the report shows single shifts without them; "
+            "'dogshape study' with --resume simulates them again"
+        )
     pairs = replays_of(shifts, designs_shown(result) if result["best"] is not None else [])
     write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
     return _write(folder, study, result, shifts)
@@ -44,8 +53,15 @@ def _shifts(folder: StudyFolder, study: Study) -> Shifts:
     return read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
 
 
+def _lost(folder: StudyFolder, result: Row, shifts: Shifts) -> int:
+    """Return how many shifts are missing; what other machines simulated is in their folders."""
+    return 0 if folder.others.exists() else result["n_simulated_shifts"] - len(shifts.rows)
+
+
 def _write(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Path:
     page = render("report.html.j2", **content_of(folder, study, result, shifts))
-    designs_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
-    folder.report.write_text(page, encoding="utf-8")
+    with naming(folder.designs):
+        designs_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
+    with naming(folder.report):
+        folder.report.write_text(page, encoding="utf-8")
     return folder.report

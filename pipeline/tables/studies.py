@@ -22,6 +22,7 @@ from pipeline.reporting.summary import (
     headline,
     passed_over,
 )
+from sim.outcome import depends_on_clock
 from surrogate.store import Stored
 
 Row = dict[str, Any]
@@ -46,7 +47,8 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         lines += [words] if (words := replicated_words(result)) else []
         lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
-        lines.append(f"{count} shifts failed and count as not engaged: {reason}")
+        again = "; --resume simulates them again" if depends_on_clock(reason) else ""
+        lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
     where = "none yet, 'dogshape report' makes it" if report is None else report
     lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {where}")
     return Group(*lines)

@@ -21,6 +21,7 @@ from pipeline.progress import say
 from pipeline.rows import mix_over
 from pipeline.tables.answers import answer_text, filled_lines, many_text
 from pipeline.tables.checks import strength_table
+from pipeline.targets import require_targets
 from pipeline.tolerances import checks_within, margins_within, spread_record, time_spread
 from sim.errors import InputError
 from sim.locking import blocking_force
@@ -49,6 +50,7 @@ def check(
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
     given = load_study(study, set_)
+    require_targets({"--out": out})
     mix = mix_over(given, points_of(given, mismatch_rpm, force_N))
     stored, path = stored_surrogate(given, surrogate)
     if designs is not None:

@@ -21,9 +21,11 @@ from pipeline.plans import whole_plan
 from pipeline.progress import ShiftProgress
 from pipeline.tables.checks import strength_table
 from pipeline.tables.designs import export_text, root_record, root_table
+from pipeline.targets import require_targets
 from pipeline.tolerances import checks_within, margins_within
 from sim.checks import feasible
 from sim.errors import InputError, require_between
+from sim.files import naming
 from sim.locking import blocking_force
 from sim.manufacture import manufacturing_checks, require_makeable
 from sim.mesh import to_stl
@@ -126,6 +128,7 @@ def export(
     dog, radius = given.clutch.dog, given.limits.root_radius
     if not (stl or step or svg):
         raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
+    require_targets({"--stl": stl, "--step": step, "--svg": svg})
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
     if step is not None:
@@ -136,9 +139,11 @@ def export(
         print(f"warning: not feasible ({failed}); see dogshape strength", file=sys.stderr)
     body = body_mm * MM
     if svg is not None:
-        svg.write_text(dimensioned_svg(dog, given.limits), encoding="utf-8")
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, given.limits), encoding="utf-8")
     if stl is not None:
-        stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {given.name} ring"))
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {given.name} ring"))
     if step is not None:
         write_step(dog, radius, body, step)
     files = {"svg": svg, "stl": stl, "step": step}

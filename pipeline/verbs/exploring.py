@@ -16,6 +16,7 @@ from pipeline.folder import StudyFolder
 from pipeline.known import stored_surrogate
 from pipeline.options import Json, Sets, StudyArg, SurrogateFile, default_out
 from pipeline.tables.exploring import explored_text
+from pipeline.targets import require_targets
 
 
 @verb
@@ -36,10 +37,11 @@ def explore(
     given = load_study(study, set_)
     stored, source = stored_surrogate(given, surrogate)
     folder = StudyFolder(default_out(given))
+    path = out or folder.root / "explore.html"
+    require_targets({"--out": path}, folders=True)
     result = folder.stored_result() if folder.result.is_file() else None
     bases = bases_of(given, result)
     found = explored(given, stored, bases, lambda line: typer.echo(line, err=True))
-    path = out or folder.root / "explore.html"
     offered = {"front_designs": len(rivals_of(given, result)), "front_shown": len(bases) - 1}
     record = {"file": str(path), "surrogate": str(source), **offered, **found}
     write_page(record, path)

@@ -34,6 +34,7 @@ from pipeline.precision import FIRST, expect_to
 from pipeline.progress import ShiftProgress
 from pipeline.records import expectation_record
 from pipeline.tables.shifts import expectation_table, shift_table
+from pipeline.targets import require_targets
 from sim.batch import events_record, loads_record
 from sim.blocks import even_blocks, listed_blocks
 from sim.clutch import OperatingPoint
@@ -73,6 +74,7 @@ def shift(
     """
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
+    require_targets({"--html": html, "--trace": trace})
     given = load_study(study, set_)
     require_makeable(given.clutch.dog, given.limits.manufacturing)
     solver = replace(given.clutch.solver, all_dogs=all_dogs)

@@ -17,6 +17,7 @@ from pipeline.progress import ShiftProgress
 from pipeline.reporting.publish import publish
 from pipeline.study import Run, run_study
 from pipeline.tables.studies import study_table, validation_text
+from pipeline.targets import require_targets
 from pipeline.training import ask_more, fill, train
 from sim.errors import InputError
 
@@ -101,6 +102,7 @@ def fit(
 
     Example: dogshape fit results/mq200
     """
+    require_targets({"--out": out})
     asked = None if question is None else Inquiry(question, shifts)
     folder = StudyFolder(Path(where))
     if folder.manifest.is_file() and set_:

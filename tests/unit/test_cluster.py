@@ -9,10 +9,12 @@ import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from pipeline import executor
 from tests.conftest import SMALL
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
 
@@ -33,6 +35,24 @@ def cluster() -> Iterator[Cluster]:
     """A cluster of one worker."""
     with dask_cluster(1) as running:
         yield running
+
+
+def test_a_client_that_lost_its_cluster_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A notebook goes on with a cluster that was started again at the same address."""
+    made: list[SimpleNamespace] = []
+
+    def client(_: str) -> SimpleNamespace:
+        made.append(SimpleNamespace(status="running"))
+        return made[-1]
+
+    monkeypatch.setattr(executor, "_client", client)
+    monkeypatch.setattr(executor, "_clients", {})
+    first = executor.connect("tcp://here:1")
+    assert executor.connect("tcp://here:1") is first
+    assert executor.connect("tcp://there:1") is not first
+    first.status = "closed"
+    assert executor.connect("tcp://here:1") is made[2]
+    assert executor.connect(None) is None
 
 
 def test_a_cluster_gives_what_one_machine_gives(cluster: Cluster) -> None:

@@ -12,6 +12,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -38,19 +39,9 @@ def _command(out: Path, *more: str) -> list[str]:
     )
 
 
-def _unnumbered(row: dict[str, Any]) -> dict[str, Any]:
-    """Without trial numbers: a trial that a kill leaves half asked keeps its own."""
-    return {k: v for k, v in row.items() if k not in {"trial", "chosen"}}
-
-
 def _designs(result: dict[str, Any]) -> list[dict[str, Any]]:
-    rows = [_unnumbered(row) for row in result["trials"]]
+    rows = result["trials"]
     return [{k: v for k, v in row.items() if not k.startswith("time_")} for row in rows]
-
-
-def _confirmed(result: dict[str, Any]) -> dict[str, Any]:
-    found = _unnumbered(result["confirmation"])
-    return {**found, "designs": [_unnumbered(row) for row in found["designs"]]}
 
 
 def _result(out: Path) -> dict[str, Any]:
@@ -89,7 +80,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[s
         assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
     run_study(load_study("mq200", SMALL), searching(tmp_path, resume=True))
     assert _designs(_result(tmp_path)) == _designs(finished)
-    assert _confirmed(_result(tmp_path)) == _confirmed(finished)
+    assert _result(tmp_path)["confirmation"] == finished["confirmation"]
     keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
     assert len(set(keys)) == len(keys) == 92
 
@@ -258,7 +249,10 @@ def _block(study: Study, **solver: Any) -> Block:
     return replace(block, clutch=clutch)
 
 
-def test_limits_are_outcomes_and_do_not_change_keys(small_study: Study, tmp_path: Path) -> None:
+def test_a_limit_of_steps_is_kept_and_one_of_time_is_not(
+    small_study: Study, tmp_path: Path
+) -> None:
+    """Only the first is the shift's own; what the clock ended is simulated again."""
     # So fine an accuracy that no machine ends a shift within the least limit.
     plain, timed, counted = (
         _block(small_study, accuracy=1e-9, **limit)
@@ -266,13 +260,37 @@ def test_limits_are_outcomes_and_do_not_change_keys(small_study: Study, tmp_path
     )
     assert plain.keys == timed.keys
     assert not set(plain.keys) & set(counted.keys)
-    for index, (block, words) in enumerate(
-        [(timed, "no end after solver.time_limit_s = 0.01"), (counted, "solver.max_steps = 50")]
-    ):
-        executor = Executor(ShiftJournal(tmp_path / f"{index}.jsonl"), 1)
+    path = tmp_path / "shifts.jsonl"
+    for block, words, kept in [
+        (timed, "no end after solver.time_limit_s = 0.01", False),
+        (counted, "solver.max_steps = 50", True),
+    ]:
+        executor = Executor(ShiftJournal(path), 1)
         for row in executor.run([block])[0]:
             assert row["outcome"] == "diverged"
             assert words in row["reason"]
+        assert (set(ShiftJournal(path).rows) == set(block.keys)) is kept
+        assert (executor.journal.finished == block.keys) is kept
+    again = Executor(ShiftJournal(path), 1).run([_block(small_study, accuracy=1e-4)])[0]
+    assert all(row["outcome"] == "engaged" for row in again)
+
+
+def test_what_the_clock_ended_is_dropped_from_a_journal_of_before(tmp_path: Path) -> None:
+    path = tmp_path / "shifts.jsonl"
+    reasons = ("no end after solver.time_limit_s = 600, at 0.1 s of the shift", "hung: it did not")
+    for key, reason in zip("ab", reasons, strict=True):
+        row = {"key": key, "outcome": "diverged", "shift_time_s": None, "reason": reason}
+        with path.open("a") as file:
+            file.write(json.dumps({**row, "landing_loads_N_mm": [0.0]}) + "\n")
+    journal = ShiftJournal(path)
+    assert not journal.rows
+    assert journal.outdated == {"a", "b"}
+    said: list[str] = []
+    journal.say_unfinished(said.append)
+    journal.add([row])  # as this run finds it again
+    journal.say_unfinished(said.append)
+    (line,) = said
+    assert line.startswith("1 of the shifts failed at solver.time_limit_s or hung")
 
 
 def test_keys_of_the_default_study_stay() -> None:
@@ -348,7 +366,8 @@ def test_a_shift_that_hangs_or_crashes_fails_alone(
     assert failed["reason"].startswith(words)
     assert all(row["outcome"] == "engaged" for block in (rows[0], rows[2]) for row in block)
     kept: list[Record] = [json.loads(line) for line in _lines(tmp_path)]
-    assert sorted(row["key"] for row in kept) == sorted(k for b in blocks for k in b.keys)
+    asked = [b for b in blocks if how == "crash" or b is not blocks[1]]  # hanging is the clock's
+    assert sorted(row["key"] for row in kept) == sorted(k for b in asked for k in b.keys)
     assert not list(tmp_path.glob(".running-*"))
 
 
@@ -358,6 +377,37 @@ def test_a_worker_that_is_killed_says_nothing_against_its_shift(
     executor, blocks = _broken(small_study, tmp_path, "kill", str(tmp_path / "done"))
     rows = executor.run(blocks)
     assert all(row["outcome"] == "engaged" for block in rows for row in block)
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    """They hold memory, and nothing tells them: idle, they would wait five minutes for work."""
+    parent = subprocess.Popen(
+        _command(tmp_path, "--jobs", "2"),
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    end = time.monotonic() + 120
+    while len(_lines(tmp_path)) < 4 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert len(_members(parent.pid)) >= 3
+    parent.kill()
+    parent.wait()
+    end = time.monotonic() + 60
+    while _members(parent.pid) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not _members(parent.pid)
+
+
+def _members(session: int) -> list[int]:
+    """Return the processes of a session that are no zombies."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, _, its = path.read_text().rpartition(")")[2].split()[:4]
+            found += [int(path.parent.name)] if int(its) == session and state != "Z" else []
+    return found
 
 
 def test_workers_that_die_again_and_again_are_said(small_study: Study, tmp_path: Path) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +132,56 @@ def test_a_trial_that_was_asked_and_not_marked_is_of_the_last_round() -> None:
         _go_on(search, _ending(sampler_of, 5))
     _unmarked(search)  # the only one of its round
     assert _go_on(search, sampler_of) == whole
+
+
+@pytest.mark.parametrize("sampler", ["surrogate", "tpe", "nsga2"])
+@pytest.mark.parametrize("number", [0, 2, 7])
+def test_a_trial_that_was_cut_off_while_it_was_asked_keeps_its_number(
+    sampler: str, number: int
+) -> None:
+    """Whatever of its design had been drawn, designs have the numbers that they would have had."""
+    study = _study(sampler)
+    whole = _opened(study)
+    _go_on(whole, sampler_factory(study))
+    for drawn in (0, 2):
+        search = _opened(study)
+        with _cut_off_in_suggestion(number, drawn), pytest.raises(CutOffError):
+            _go_on(search, sampler_factory(study))
+        last = search.optuna.get_trials(deepcopy=False)[-1]
+        assert (last.number, last.state.name, len(last.params)) == (number, "RUNNING", drawn)
+        _go_on(search, sampler_factory(study))
+        told = {trial.number: trial.params for trial in search.trials}
+        assert told == {trial.number: trial.params for trial in whole.trials}
+        assert list(told) == list(range(TRIALS))
+
+
+@contextmanager
+def _cut_off_in_suggestion(number: int, drawn: int) -> Iterator[None]:
+    """End the process while trial ``number`` is asked, after so many of its parameters."""
+    usual, left = optuna.Trial._suggest, iter(range(drawn))
+
+    def cut(trial: optuna.Trial, *given: Any) -> Any:
+        if trial.number == number and next(left, None) is None:
+            raise CutOffError
+        return usual(trial, *given)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(optuna.Trial, "_suggest", cut)
+        yield
+
+
+def test_a_trial_that_was_cut_off_before_others_were_asked_has_failed() -> None:
+    """Asked again it would propose what one of them has, as it knows the trials before it only."""
+    study = _study("surrogate")
+    sampler_of = sampler_factory(study)
+    search = _opened(study)
+    search.claims = Claimed(1, {1})
+    with _cut_off_in_suggestion(3, 2), pytest.raises(CutOffError):
+        next_round(search, sampler_of)
+    search.optuna.ask({})  # as another run has it, which took its turn before
+    assert len(next_round(search, sampler_of)) == 4
+    states = [trial.state.name for trial in search.optuna.get_trials(deepcopy=False)]
+    assert states[3] == "FAIL"
 
 
 def _unmarked(search: Search) -> None:

@@ -29,7 +29,8 @@ from pipeline.schema import VariablesSection
 from pipeline.study import run_study
 from sim.errors import DogshapeError, InputError, StorageError
 from sim.units import RPM
-from tests.conftest import SMALL, searching
+from surrogate.model import MIN_DESIGNS
+from tests.conftest import SMALL, Said, searching
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
@@ -219,9 +220,50 @@ def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, A
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
         run_study(load_study("mq200", SMALL), searching(folder))
     other = load_study("mq200", [*SMALL, "sliding.mass_kg=0.4"])
-    with pytest.raises(StorageError, match="another configuration"):
+    words = r"another configuration \(sliding\.mass_kg was 0\.3 and is now 0\.4\); give the one"
+    with pytest.raises(StorageError, match=words):
         run_study(other, searching(folder, resume=True))
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Study) -> None:
+    folder = StudyFolder(tmp_path)
+    folder.open(small_study, resume=False)
+    changed = ["search.seed=3", "search.points=4", "variables.count=[12, 26]", "search.trials=99"]
+    with pytest.raises(StorageError) as refused:
+        folder.open(load_study("mq200", [*SMALL, *changed]), resume=True)
+    assert (
+        "search.points was 10 and is now 4; search.seed was 1 and is now 3; "
+        "variables.count was [12, 24] and is now [12, 26]); give"
+    ) in str(refused.value)
+    assert "trials" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("designs", "learned"), [(MIN_DESIGNS - 1, False), (MIN_DESIGNS, True)])
+def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, designs: int, learned: bool
+) -> None:
+    """One rule says how many: that of the surrogate, which takes them."""
+    asked: list[StudyFolder] = []
+
+    def train(folder: StudyFolder, **_: Any) -> None:
+        asked.append(folder)
+        raise InputError("enough is known")
+
+    monkeypatch.setattr("pipeline.study.train", train)
+    result = {"n_simulated_designs": designs, "trials": []}
+    monkeypatch.setattr("pipeline.study._searched", lambda *_: (result, print))
+    run_study(load_study("mq200", SMALL), searching(tmp_path))
+    assert bool(asked) is learned
+
+
+def test_a_search_is_bounded(tmp_path: Path, dogshape: Any) -> None:
+    """More than fits into a machine's memory is a slip, not a search of 1e13 years."""
+    said: Said = dogshape("study", "mq200", "--out", tmp_path, "--trials", 10**20)
+    assert said.status == 2
+    assert "search.trials is" in said.sentence
+    assert "10000" in said.sentence
+    assert not (tmp_path / "study.json").exists()
 
 
 def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:

@@ -1,0 +1,193 @@
+"""Files that last: what a power cut finds on the disk, and what cannot be written."""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from diagnosis.bank_store import BankStore
+from diagnosis.flight_store import FlightStore
+from pipeline.folder import write_json
+from pipeline.journal import ShiftJournal, append
+from pipeline.targets import require_targets
+from sim.errors import StorageError
+from sim.files import write_whole
+from tests.conftest import Said
+
+
+class Disk:
+    """The order in which files are written, forced to the disk and renamed."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.calls: list[tuple[str, Path]] = []
+        self._sync, self._replace, self._write = os.fsync, os.replace, os.write
+        monkeypatch.setattr("os.fsync", self.sync)
+        monkeypatch.setattr("os.replace", self.replace)
+        monkeypatch.setattr("os.write", self.write)
+
+    def _note(self, what: str, descriptor: int) -> None:
+        is_folder = stat.S_ISDIR(os.fstat(descriptor).st_mode)
+        path = Path(os.readlink(f"/proc/self/fd/{descriptor}"))
+        self.calls.append((f"{what} folder" if is_folder else what, path))
+
+    def sync(self, descriptor: int) -> None:
+        self._note("sync", descriptor)
+        self._sync(descriptor)
+
+    def replace(self, source: Path, target: Path) -> None:
+        self.calls.append(("replace", Path(source)))
+        self._replace(source, target)
+
+    def write(self, descriptor: int, content: bytes) -> int:
+        self._note("write", descriptor)
+        return self._write(descriptor, content)
+
+
+def _bank(path: Path) -> None:
+    store = BankStore([path])
+    store._fresh["key"] = {"t": [1, 2, 3]}
+    store._write()
+
+
+def _flights(path: Path) -> None:
+    store = FlightStore([path])
+    store.add("key", np.zeros((4, 2)))
+    store.save()
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda path: write_json(path, {"a": 1}),
+        lambda path: write_whole(path, "text"),
+        _bank,
+        _flights,
+    ],
+    ids=["json", "text", "bank", "flights"],
+)
+def test_content_is_on_the_disk_before_it_takes_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Any
+) -> None:
+    """Else a power cut may leave a name without content in the place of the old file."""
+    disk, path = Disk(monkeypatch), tmp_path / "kept"
+    write(path)
+    part = disk.calls[0][1]
+    assert part.parent == tmp_path
+    assert part != path
+    assert disk.calls == [("sync", part), ("replace", part), ("sync folder", tmp_path)]
+    assert [file.name for file in tmp_path.iterdir()] == ["kept"]
+
+
+def test_a_file_that_cannot_be_forced_to_the_disk_leaves_the_old_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "kept"
+    write_whole(path, "old")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="No space left on device") as refused:
+        write_whole(path, "new")
+    assert refused.value.filename == str(path)
+    assert path.read_text() == "old"
+    assert [file.name for file in tmp_path.iterdir()] == ["kept"]
+
+
+def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing rests on a shift that a power cut would take away."""
+    path = tmp_path / "shifts.jsonl"
+    row = {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
+    journal, disk = ShiftJournal(path), Disk(monkeypatch)
+    append(path, row)
+    journal.add([row])
+    assert disk.calls == [("write", path), ("sync", path), ("sync folder", tmp_path)]
+    append(path, {**row, "key": "b"})
+    journal.add([{**row, "key": "b"}])
+    assert disk.calls[3:] == [("write", path), ("sync", path)]
+
+    def broken(_: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr("os.fsync", broken)
+    with pytest.raises(StorageError, match=r"shifts\.jsonl cannot be written \(Input/output error"):
+        journal.add([{**row, "key": "c"}])
+    assert set(journal.rows) == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["export", "mq200", "--svg", "full"],
+        ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+         "--relative-angle-deg", "10", "--trace", "full"],
+    ],
+    ids=["export", "shift"],
+)  # fmt: skip
+def test_a_full_disk_is_said_with_the_file(
+    tmp_path: Path, dogshape: Any, arguments: list[str]
+) -> None:
+    (tmp_path / "full").symlink_to("/dev/full")
+    said: Said = dogshape(*arguments)
+    assert said.status == 2
+    assert "No space left on device (full)" in said.err
+    assert "Traceback" not in said.err
+
+
+def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
+    there = tmp_path / "there.html"
+    there.write_text("old")
+    before = there.stat().st_mtime_ns
+    require_targets({"--html": there, "--trace": tmp_path / "new.csv", "--svg": None})
+    require_targets({"--html": Path("/dev/null")})
+    require_targets({"--out": tmp_path / "a" / "b" / "new.html"}, folders=True)
+    assert there.read_text() == "old"
+    assert there.stat().st_mtime_ns == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "there.html"]
+    for path, words in [
+        (tmp_path, "--out is .*, which is a folder; name a file"),
+        (tmp_path / "no" / "x.html", "but there is no folder .*/no; make it or name another file"),
+        (there / "x.html", r"which cannot be written \(Not a directory\); name another file"),
+        (Path("/proc/x.html"), "--out is /proc/x.html"),
+    ]:
+        with pytest.raises(StorageError, match=words):
+            require_targets({"--out": path})
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("shifts.engage", ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+                           "--relative-angle-deg", "10", "--html", "no/x.html"]),
+        ("shifts.engage", ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+                           "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
+        ("exploring.explored", ["explore", "mq200", "--out", "there/x.html"]),
+        ("designs.to_stl", ["export", "mq200", "--svg", "x.svg", "--stl", "no/x.stl"]),
+        ("asking.ask_many", ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
+        ("studies.train", ["fit", "mq200", "--out", "no/x.json"]),
+    ],
+)  # fmt: skip
+def test_a_target_is_tried_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dogshape: Any, module: str,
+    arguments: list[str],
+) -> None:  # fmt: skip
+    (tmp_path / "there").write_text("a file where a folder should be")
+
+    def worked(*_: Any, **__: Any) -> None:
+        raise AssertionError("the work began")
+
+    monkeypatch.setattr(f"pipeline.verbs.{module}", worked)
+    said: Said = dogshape(*arguments)
+    assert said.status == 2
+    assert arguments[-2] in said.sentence
+    assert arguments[-1] in said.sentence
+    assert not (tmp_path / "x.svg").exists()
