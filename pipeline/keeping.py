@@ -60,6 +60,7 @@ def kept_shifts(
                 raise
             _remove(folder, made)
             raise
+        journal.say_unfinished(progress.say)
         _remove(folder, made)
 
 
