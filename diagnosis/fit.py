@@ -58,9 +58,10 @@ def p_value(problem: Problem, found: Scored) -> float:
     if not len(scores) and not any(len(one.seen) for one in counts):
         return 1.0
     taken = explained(*_in_common(seen, said, timely, problem.common))
-    squares = (scores**2).sum(axis=0) - taken + sum((one.seen**2).sum(axis=0) for one in counts)
-    chance = sum(one.squares(generator) for one in counts)
-    left = squares[:, None] - chance
+    squares = (scores**2).sum(axis=0) - taken
+    left = np.asarray(squares)[:, None]
+    for one in counts:
+        left = left + (one.seen**2).sum(axis=0)[:, None] - one.squares(generator)
     tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
     return float(np.average(tails.mean(axis=1), weights=weights))
 

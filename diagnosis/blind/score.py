@@ -69,7 +69,8 @@ def _told(result: Record) -> Record:
     if "told" not in result["diagnosis"]:
         raise InputError(
             "results have no diagnosis that was told what both engines differ by, but the score "
-            "needs one for each case; remove the folder results and run again: dogshape blind run DIR"
+            "needs one for each case; remove the folder results and go on with: "
+            "dogshape blind run DIR"
         )
     return {**result, "diagnosis": result["diagnosis"]["told"]}
 
