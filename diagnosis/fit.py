@@ -61,7 +61,8 @@ def p_value(problem: Problem, found: Scored) -> float:
     squares = (scores**2).sum(axis=0) - taken
     left = np.asarray(squares)[:, None]
     for one in counts:
-        left = left + (one.seen**2).sum(axis=0)[:, None] - one.squares(generator)
+        mine: Array = (one.seen**2).sum(axis=0)
+        left = left + mine[:, None] - one.squares(generator)
     tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
     return float(np.average(tails.mean(axis=1), weights=weights))
 
