@@ -59,10 +59,10 @@ def p_value(problem: Problem, found: Scored) -> float:
         return 1.0
     taken = explained(*_in_common(seen, said, timely, problem.common))
     squares = (scores**2).sum(axis=0) - taken
-    left = np.asarray(squares)[:, None]
+    left: Array = np.reshape(squares, (-1, 1))
     for one in counts:
         mine: Array = (one.seen**2).sum(axis=0)
-        left = left + mine[:, None] - one.squares(generator)
+        left = left + mine.reshape(-1, 1) - one.squares(generator)
     tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
     return float(np.average(tails.mean(axis=1), weights=weights))
 
@@ -80,8 +80,8 @@ class _Counted:
         total = np.zeros((self.seen.shape[1], -(-REPLICATES // self.seen.shape[1])))
         for scores, chances in zip(self.every, self.chances, strict=True):
             edges = np.cumsum(chances, axis=1)
-            drawn = generator.random(total.shape)
-            place = (drawn[..., None] > edges[:, None, :-1]).sum(axis=2)
+            drawn: Array = np.asarray(generator.random(total.shape))
+            place = (np.expand_dims(drawn, 2) > edges[:, None, :-1]).sum(axis=2)
             total += np.take_along_axis(scores, place, axis=1) ** 2
         return total
 
