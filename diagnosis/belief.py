@@ -20,7 +20,7 @@ from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.signature import VISIBLE, Metric, squared
 from diagnosis.spread import Array, Hypothesis
 
-DRAWN = 48  #: values drawn from the posterior of several effects
+DRAWN = 2000  #: values drawn from the posterior of several effects
 NEGLIGIBLE = 1e-4  #: probability below which several effects are not looked into
 
 Probabilities = dict[Hypothesis, float]
@@ -81,7 +81,8 @@ def _several(
     nothing: Array,
 ) -> Mapping[Hypothesis, float]:
     """Return the shares of a posterior that are none, all effects but one, or all."""
-    drawn = whole.rows.only(whole.draw(DRAWN, np.random.default_rng(1)))
+    which, counts = np.unique(whole.draw(DRAWN, np.random.default_rng(1)), return_counts=True)
+    drawn, weights = whole.rows.only(which), counts / DRAWN
     places = metric.of(drawn.predicted)
     targets: list[Hypothesis] = [NONE]
     apart = [squared(places, nothing)[:, 0]]
@@ -96,14 +97,41 @@ def _several(
     nearest = np.argmin(table, axis=0)
     hidden = table.min(axis=0) < VISIBLE
     shares = {
-        target: float((hidden & (nearest == place)).mean()) for place, target in enumerate(targets)
+        target: float(weights[hidden & (nearest == place)].sum())
+        for place, target in enumerate(targets)
     }
-    return {**shares, whole.hypothesis: float(1.0 - hidden.mean())}
+    return {**shares, whole.hypothesis: float(weights[~hidden].sum())}
 
 
 def _alone(problem: Problem, whole: Space, part: Space, shares: Array) -> Predicted:
     columns = [shares[:, whole.columns(effect.name)] for effect in part.effects]
     return problem.predicted(part.hypothesis, part.values(np.hstack(columns)))
+
+
+def noise(
+    top: Hypothesis,
+    raw: Probabilities,
+    folding: Folding,
+    scored: Mapping[Hypothesis, Scored],
+) -> float:
+    """Return the Monte Carlo standard error of a hypothesis' probability.
+
+    Errors of the evidences count, and that the shares which fold into simpler hypotheses are those
+    of finitely many values.
+    """
+    parts = {h: folding.shares.get(h, {h: 1.0}).get(top, 0.0) for h in raw}
+    whole = sum(raw[h] * share for h, share in parts.items())
+    variance = 0.0
+    for hypothesis, one in scored.items():
+        error = one.error if np.isfinite(one.error) else 0.0
+        share = parts.get(hypothesis, 0.0)
+        probability = raw.get(hypothesis, 0.0)
+        variance += (probability * (share - whole) * error) ** 2
+        several = len(hypothesis) > 1
+        count = 1.0 / float((one.weights() ** 2).sum()) if 0.0 < share < 1.0 else np.inf
+        count = min(count, float(DRAWN)) if several else count
+        variance += probability**2 * share * (1.0 - share) / count
+    return float(np.sqrt(variance))
 
 
 def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabilities:

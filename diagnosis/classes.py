@@ -22,7 +22,7 @@ from diagnosis.spread import Array, Hypothesis
 
 APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
 PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at
-DRAWN = 40  #: values drawn from each posterior
+DRAWN = 2000  #: values drawn from each posterior
 
 
 @dataclass(frozen=True)

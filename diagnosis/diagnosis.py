@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.belief import Probabilities, inclusion
+from diagnosis.belief import Probabilities, inclusion, noise
 from diagnosis.bench import Bench
 from diagnosis.classes import Confusion, confusable, confusion, invisible
 from diagnosis.facts import against, facts_of
@@ -51,6 +51,7 @@ class Diagnosis:
     other : probabilities with priors half and twice as wide, and with unknown shifts failed.
     tests : the menu, best first.
     foretold : what the leading hypothesis says of each operating point.
+    noise : Monte Carlo standard error of the leading probability.
     """
 
     bench: Bench
@@ -71,6 +72,7 @@ class Diagnosis:
     metric: Metric
     effects: Mapping[str, Effect]
     foretold: Foretold
+    noise: float
 
     def as_dict(self) -> Record:
         """Return the record of the contract, with more."""
@@ -80,6 +82,7 @@ class Diagnosis:
             "bench": self.bench.name,
             "verdict": self.verdict.kind,
             "causes": list(self.verdict.causes),
+            "noise": self.noise,
             "headline": headline(self.found),
             "summary": in_words(self.found),
             "hypotheses": [self._hypothesis(h) for h in self.belief],
@@ -243,6 +246,7 @@ def diagnose(
         metric=metric,
         effects=effects,
         foretold=foretold(standing, ranking.leading),
+        noise=noise(next(iter(belief)), ranking.raw, ranking.fold, scored),
     )
 
 

@@ -34,6 +34,7 @@ from typing import Self
 
 import numpy as np
 from scipy.special import betaln, digamma, gammaln, log_ndtr, ndtri, polygamma
+from scipy.stats import binom
 
 from diagnosis.common_error import Slopes
 from diagnosis.late import added
@@ -47,7 +48,9 @@ LATE_KNOWN = 24.0  #: shifts that the simulated share of late ones counts as
 FEW_LATE = 0.5  #: error of the logarithm of a spread with late shifts in it
 MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
 LEAST_FREEDOM = 0.5  #: degrees of freedom
-WAITS = 4  #: most shifts of a mean that may have waited, plus one
+HIDDEN = 3  #: late ones that may hide among single shifts
+RARE = 1e-6  #: probability of more late shifts than a mean's density counts
+CROWD = 12.0  #: expected late shifts of a mean from which their number counts as normal
 ROOT = float(np.sqrt(2.0 * np.pi))
 
 
@@ -209,14 +212,14 @@ def _sampled(seen: Observed, said: Said) -> tuple[Array, Array]:
     return sample_spread(freedom_of(freedom, said.kurtosis) if freedom.any() else freedom)
 
 
-def _log_spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
-    r"""Return log densities of the logarithm of single shifts' spread, (cells, m, parts).
+def _spread_parts(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Array, Array]:
+    r"""Return scores and variances of the logarithm of the spread, (cells, m, parts) each.
 
     Parts are those of the density of the mean: *j* late shifts among *n* that are not found late
     add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
     """
     bias, own = sampled
-    n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], np.arange(float(WAITS))
+    n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _late_numbers(seen, said)
     behind, _ = _behind(seen, said)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
     spread = 0.5 * np.log(said.sd[..., None] ** 2 + among * behind[..., None] ** 2)
@@ -227,7 +230,13 @@ def _log_spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Arr
         shape = np.concatenate([shape, MISSHAPEN * last], axis=2)
     variance = own[..., None] + shape**2
     apart = (seen.log_sd[:, None] - bias)[..., None] - spread
-    log: Array = -0.5 * apart**2 / variance - 0.5 * np.log(variance) - np.log(ROOT)
+    return apart / np.sqrt(np.maximum(variance, 1e-12)), variance
+
+
+def _log_spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
+    """Return log densities of the logarithm of single shifts' spread, (cells, m, parts)."""
+    score, variance = _spread_parts(seen, said, sampled)
+    log: Array = -0.5 * score**2 - 0.5 * np.log(np.maximum(variance, 1e-12)) - np.log(ROOT)
     return np.where(seen.freedom[:, None, None] > 0, log, 0.0)
 
 
@@ -244,7 +253,7 @@ def _log_late(seen: Observed, said: Said) -> Array:
     """Return the log density of number and times of the late single shifts, (cells, m)."""
     late = np.array([times.size for times in seen.late], dtype=float)[:, None]
     soon = seen.single[:, None] - late
-    a, b = LATE_KNOWN * said.late, LATE_KNOWN * (1.0 - said.late)
+    a, b = late_counts(said)
     log: Array = betaln(a + late, b + soon) - betaln(a, b)
     for place in np.flatnonzero(late[:, 0]):
         log[place] += _log_tail(seen, said, int(place))
@@ -267,7 +276,8 @@ def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     sampled = _sampled(seen, said)
     share, score, width = _waits(seen, said, sampled)
     parts = share - 0.5 * score**2 - np.log(width * ROOT)
-    parts += _log_spread(seen, said, sampled)
+    if seen.freedom.any():
+        parts += _log_spread(seen, said, sampled)
     log = log_sum(parts, axis=2)
     weight, steep = np.exp(parts - log[..., None]), score / width
     first = (weight * steep).sum(axis=2)
@@ -285,21 +295,45 @@ def _waits(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Ar
     """
     n, share = np.maximum(1.0, seen.n)[:, None], said.late[..., None]
     hidden = np.maximum(0.0, seen.n)[:, None, None]
-    waits = np.arange(float(WAITS))
+    waits = _late_numbers(seen, said)
     ways = gammaln(hidden + 1) - gammaln(waits + 1) - gammaln(np.maximum(hidden - waits, 0.0) + 1)
     log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
     log_share = np.where(waits <= hidden, log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, said)
     whole = _spread(seen, said, sampled) ** 2 / n + said.error**2
-    width = np.sqrt(whole[..., None] + waits * ((wide / n) ** 2)[..., None])
-    centre = said.mean[..., None] + waits * (behind / n)[..., None]
+    # Of very many late shifts the number is normal: one part with its mean and variance.
+    expected = _in_means(seen)[:, None] * said.late
+    crowded = (expected > CROWD)[..., None]
+    number = np.where(crowded, expected[..., None], waits)
+    varied = np.where(crowded, (expected * (1.0 - said.late))[..., None], 0.0)
+    log_share = np.where(crowded, np.where(waits == 0.0, 0.0, -1e9), log_share)
+    late = number * (wide[..., None] ** 2) + varied * behind[..., None] ** 2
+    width = np.sqrt(whole[..., None] + late / (n**2)[..., None])
+    centre = said.mean[..., None] + number * (behind / n)[..., None]
     if said.missed.any():
         missed = np.clip(said.missed, 1e-12, 0.5)[..., None]
         log_share = np.concatenate([log_share + np.log1p(-missed), np.log(missed)], axis=2)
         width = np.concatenate([width, np.sqrt(whole + said.jump**2)[..., None]], axis=2)
         centre = np.concatenate([centre, said.mean[..., None]], axis=2)
     return log_share, (seen.mean[:, None, None] - centre) / width, width
+
+
+def _in_means(seen: Observed) -> Array:
+    """Count the shifts of which only a mean is known, (cells,)."""
+    own = np.where(seen.freedom > 0, seen.freedom + 1.0, 0.0)
+    return np.maximum(0.0, seen.n - own)
+
+
+def _late_numbers(seen: Observed, said: Said) -> Array:
+    """List the numbers of late shifts that the density of a mean counts, 0, 1, ..., (parts,).
+
+    Of single shifts the late ones are found, but for few.
+    """
+    number = _in_means(seen)[:, None]
+    share = np.where(number * said.late > CROWD, 0.0, said.late)
+    most = binom.isf(RARE, number, share).max(initial=0.0)
+    return np.arange(max(float(HIDDEN), most) + 1.0)
 
 
 def _behind(seen: Observed, said: Said) -> tuple[Array, Array]:
@@ -311,6 +345,18 @@ def _behind(seen: Observed, said: Said) -> tuple[Array, Array]:
     wait = np.maximum(0.0, np.minimum(seen.wait[:, None], said.mean) - seen_range)
     known = np.isfinite(said.behind)
     return np.where(known, said.behind, wait), np.where(known, said.behind_sd, wait)
+
+
+def spread_score(seen: Observed, said: Said) -> Array:
+    """Score how far the spreads of single shifts lie from what is said of them, (cells, m)."""
+    sampled = _sampled(seen, said)
+    share, _, _ = _waits(seen, said, sampled)
+    return _normal(share, _spread_parts(seen, said, sampled)[0])
+
+
+def late_counts(said: Said) -> tuple[Array, Array]:
+    """Return the parameters of the Beta of the shares of late single shifts, (cells, m) each."""
+    return LATE_KNOWN * said.late, LATE_KNOWN * (1.0 - said.late)
 
 
 def log_engaged(seen: Observed, said: Said, failed: Array) -> Array:
@@ -338,9 +384,14 @@ def time_score(seen: Observed, said: Said) -> Array:
     Zero without times.
     """
     share, apart, _ = _waits(seen, said, _sampled(seen, said))
+    scores = np.where((seen.n > 0)[:, None], _normal(share, apart), 0.0)
+    return np.nan_to_num(scores, nan=20.0)
+
+
+def _normal(share: Array, apart: Array) -> Array:
+    """Return the normal scores of a mixture's parts, (cells, m, parts) to (cells, m)."""
     below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
     scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
-    scores = np.where((seen.n > 0)[:, None], scores, 0.0)
-    return np.nan_to_num(scores, nan=20.0)
+    return scores

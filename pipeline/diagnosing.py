@@ -27,6 +27,8 @@ from diagnosis.blind.stand import read_stand
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.flight_store import FlightStore
+from diagnosis.likelihood import Rules
+from diagnosis.spread import FlightEmulator
 from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
 from pipeline.lock import writing
@@ -109,13 +111,23 @@ def _emulator(
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     """Return the record of the diagnosis of a blind case, and what plain ways say of it.
 
-    What both engines differ by without any effect is measured with the first case of a set.
+    Beside the diagnosis that a user gets, ``told`` has that of the same data once what both engines
+    differ by without any effect is known; it is measured with the first case of a set.
     """
     bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
     bare, flights = _emulator(bench, effects, means)
     emulator = Moved(bare, _engines_apart(folder, bare.bank))
-    found = diagnose(bench, emulator, effects, rules=RULES).as_dict()
+    found = _with_plain(bench, bare, effects, None)
+    found["told"] = _with_plain(bench, emulator, effects, RULES)
     flights.save()
+    return found
+
+
+def _with_plain(
+    bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules | None
+) -> dict[str, Any]:
+    """Diagnose with one emulator, and have the plain ways say what they make of it."""
+    found = diagnose(bench, emulator, effects, rules=rules).as_dict()
     return {**found, "plain": plain(bench, emulator, effects)}
 
 

@@ -3,11 +3,12 @@ r"""Two plain ways to name the cause, which the diagnosis has to beat.
 Each single effect is fitted to the means by trying values over its prior. *Smallest RMSE* names the
 one with the smallest root-mean-square distance. *AICc weights* go by
 
-.. math:: AICc = \chi^2 + 2 k + \frac{2 k (k + 1)}{N - k - 1}, \qquad
+.. math:: AICc = \chi^2 + \sum_i \ln 2 \pi \sigma_i^2 + 2 k + \frac{2 k (k + 1)}{N - k - 1}, \qquad
    w \propto e^{-AICc/2},
 
-with :math:`\chi^2` over the N means, errors as the emulator has them, and k parameters; no effect
-at all is among them with k = 0.
+with :math:`\chi^2` over the N means, errors :math:`\sigma_i` as the emulator has them, and k
+parameters: the first two terms are twice the negative logarithm of the likelihood. No effect at
+all is among them with k = 0.
 """
 
 from __future__ import annotations
@@ -69,9 +70,15 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
         sigma = np.sqrt(np.maximum(spread.times.std(axis=1), LEAST) ** 2 + variance)
         apart = (bare.time or 0.0) - spread.times.mean(axis=1) - mean
         squares += apart**2
-        chi += apart**2 / (sigma**2 / max(1, bare.n) + spread.error**2)
+        chi += deviance(apart, sigma**2 / max(1, bare.n) + spread.error**2)
     more = 2.0 * k * (k + 1.0) / max(1.0, n - k - 1.0)
     return float(np.sqrt(squares.min() / n)), float(chi.min() + 2.0 * k + more)
+
+
+def deviance(apart: Array, variance: Array) -> Array:
+    """Return minus twice the logarithm of a normal density, of distances and variances, (m,)."""
+    found: Array = apart**2 / variance + np.log(2.0 * np.pi * variance)
+    return found
 
 
 def _grid(space: Space) -> Array:

@@ -19,6 +19,7 @@ from diagnosis.blind.marks import Mark, Names, mark_of
 from diagnosis.blind.partners import Sizes, partner_gaps, shifts_left
 from diagnosis.blind.sealed import opened, results_of
 from diagnosis.blind.settle import Advised, advised_tests, settled_figures, shifts_asked
+from sim.errors import InputError
 
 Record = dict[str, Any]
 
@@ -52,7 +53,26 @@ def score(folder: Path, progress: Progress | None = None, jobs: int = 1) -> Reco
     advance = None if progress is None else progress.advance
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
     sizes = partner_gaps(folder, key, jobs, advance)
-    return scored(marks, advised_tests(folder, key, results, advance), sizes)
+    found = scored(marks, advised_tests(folder, key, results, advance), sizes)
+    told = {n: _told(result) for n, result in results.items()}
+    beside = [mark_of(n, truth, key, told[n]) for n, truth in key["cases"].items()]
+    return {**found, "told": scored(beside, None, sizes)}
+
+
+def _told(result: Record) -> Record:
+    """Return a result as that of the diagnosis which knew what both engines differ by.
+
+    Raises InputError where it was not made.
+    """
+    if "diagnosis" not in result:
+        return result
+    if "told" not in result["diagnosis"]:
+        raise InputError(
+            "results have no diagnosis that was told what both engines differ by, but the score "
+            "needs one for each case; remove the folder results and go on with: "
+            "dogshape blind run DIR"
+        )
+    return {**result, "diagnosis": result["diagnosis"]["told"]}
 
 
 def scored(
@@ -100,7 +120,7 @@ def scored(
 
 
 def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
-    """Return what the truth of a case looks like to any method.
+    """Return what the means of a case look like, by the size of what each effect moves.
 
     That is none below a gap of ``VISIBLE``, and a pair without its effects below that size.
     """
@@ -125,17 +145,12 @@ def figures(marks: Sequence[Mark]) -> Record:
         "coverage_90": share(m.truth in m.credible for m in told),
         "size_90": mean(float(len(m.credible)) for m in told),
         "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
-        "calibration_error": calibration([_pairs_of(m) for m in told]),
         "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in told]),
         "calibration_error_of_top_as_seen": calibration(
             [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in told]
         ),
         "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in told),
     }
-
-
-def _pairs_of(mark: Mark) -> list[tuple[float, bool]]:
-    return [(p, h == mark.truth) for h, p in mark.chances.items()]
 
 
 def _split(
@@ -175,6 +190,10 @@ def _outside(marks: Sequence[Mark]) -> Record:
         "refused": share(m.refused for m in mine),
         "wrong_effect_named": share(m.named for m in mine),
         "verdicts": {n: [m.verdict for m in mine if n in m.outside] for n in names},
+        "by_kind": {
+            n: share(m.verdict in ("unknown", "refused") for m in mine if n in m.outside)
+            for n in names
+        },
     }
 
 

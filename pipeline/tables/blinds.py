@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,64 +38,67 @@ def run_table(results: Mapping[str, Record]) -> RenderableType:
 
 
 def score_table(found: Record) -> RenderableType:
-    """Return the leading figures with their intervals."""
+    """Return the leading figures with their intervals, as a user gets them and told the engine."""
+    table = columns("figure", "not told (a user's)", "told the engine's baseline", "n")
+    for (words, figure), (_, beside) in zip(_rows(found), _rows(found["told"]), strict=True):
+        table.add_row(words, _figure(figure), _figure(beside), str(figure["n"]))
+    test, others = found["advised_test"], columns("advised test, not told", "value (95 %)", "n")
+    for words, figure in (
+        ("ambiguous: settled", test["all"]["settled"]),
+        ("ambiguous: settled as the truth itself", test["all"]["settled_as_truth"]),
+        ("ambiguous: settled wrongly", test["all"]["wrongly_settled"]),
+        ("visible and ambiguous: settled", test["visible"]["settled"]),
+        ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
+        ("seconds a case, both ways", found["time_s"]["mean"]),
+    ):
+        others.add_row(words, _figure(figure), str(figure["n"]))
+    return Group(table, "", others)
+
+
+def _rows(found: Record) -> list[tuple[str, Any]]:
+    """List the figures of one way to diagnose, those fixed before a set is opened first."""
+    every, visible, inside = found["all"], found["visible"], found["visible_inside"]
     groups = {
-        f"all {found['cases']} cases": found["all"],
-        f"gap of two sampling errors or more ({found['visible']['n']})": found["visible"],
-        f"of them with effects of the list ({found['visible_inside']['n']})": found[
-            "visible_inside"
-        ],
+        "all cases": every,
+        "visible": visible,
+        "visible, of the list": inside,
         **{f"one effect, {s}": part for s, part in found["singles_by_strength"].items()},
         **{f"data as {form}": part for form, part in found["by_form"].items()},
     }
-    names = ("top_1", "top_class", "top_class_as_seen", "precision_when_named", "coverage_90")
-    heads = ("right", "right class", "as it can be seen", "right if named", "in 90 % set")
-    table = columns("cases", *heads)
-    for group, part in groups.items():
-        table.add_row(group, *(_figure(part[name]) for name in names))
-    return Group(table, "", _others(found))
-
-
-def _others(found: Record) -> RenderableType:
-    shrink, plain, test = found["shrink"], found["plain"], found["advised_test"]
-    inside = found["visible_inside"]
-    rows: Iterable[tuple[str, Any]] = (
-        ("an effect named where there is none", found["none"]["false_alarms"]),
+    heads = {
+        "top_1": "right",
+        "top_class": "right class",
+        "precision_when_named": "named exactly, of what is named",
+        "coverage_90": "in the 90 % set",
+        "size_90": "size of the 90 % set",
+        "calibration_error_of_top": "calibration error of the leading one",
+    }
+    rows = [(f"{group}: {w}", part[n]) for n, w in heads.items() for group, part in groups.items()]
+    rows += [
+        ("all cases: class right, as the means look", every["top_class_as_seen"]),
+        (
+            "all cases: calibration error of the leading one, as the means look",
+            every["calibration_error_of_top_as_seen"],
+        ),
+        ("all cases: all that is named is a cause", every["named_causes_true"]),
+        ("all cases: 90 % intervals of parameters", every["parameter_coverage_90"]),
+        ("all cases: logarithm of the truth's probability", every["log_score"]),
+        ("no effect: one is named", found["none"]["false_alarms"]),
+        ("no effect: none is said", found["none"]["verdict_none"]),
+        ("no effect: unknown is said", found["none"]["verdict_unknown"]),
         ("pairs: both causes found", found["pairs"]["both_found"]),
         ("pairs: one or both found", found["pairs"]["one_found_or_both"]),
         ("visible pairs: both causes found", found["pairs_visible"]["both_found"]),
-        ("pairs, each effect visible: both found", found["pairs_both_visible"]["both_found"]),
-        ("visible: all that is named is a cause", found["visible"]["named_causes_true"]),
-        ("visible: what is named is all that can be seen", found["visible"]["precision_as_seen"]),
-        ("of the list: what is named is all that can be seen", inside["precision_as_seen"]),
-        ("of the list: all that is named is a cause", inside["named_causes_true"]),
-        ("visible: size of the 90 % set", found["visible"]["size_90"]),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
-        ("visible, outside the list: unknown, or refused", found["outside_visible"]["recognised"]),
-        ("ambiguous: settled by the advised test", test["all"]["settled"]),
-        ("ambiguous: settled as the truth itself", test["all"]["settled_as_truth"]),
-        ("ambiguous: settled wrongly", test["all"]["wrongly_settled"]),
-        ("visible and ambiguous: settled by the advised test", test["visible"]["settled"]),
-        ("the same, or on all that can be seen", test["visible"]["settled_as_seen"]),
-        ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
-        ("calibration error of probabilities", found["all"]["calibration_error"]),
-        ("calibration error of the leading one", found["all"]["calibration_error_of_top"]),
-        ("the same, as far as it can be seen", found["all"]["calibration_error_of_top_as_seen"]),
-        ("visible: calibration error of probabilities", found["visible"]["calibration_error"]),
-        ("held-out shrink of the true hypothesis", shrink["true"]),
-        ("held-out shrink over that of the true one, median", shrink["leading_over_true"]),
-        ("held-out shrink of the leading one where it is wrong", shrink["leading_where_wrong"]),
-        ("held-out shrink of the best rival of a right one", shrink["best_rival_where_right"]),
-        ("visible single effects: the diagnosis", plain["visible"]["diagnosis"]),
-        ("visible single effects: smallest RMSE", plain["visible"]["smallest_rmse"]),
-        ("visible single effects: AICc", plain["visible"]["aicc"]),
-        ("seconds a case", found["time_s"]["mean"]),
-    )
-    table = columns("figure", "value (95 %)", "n")
-    for words, figure in rows:
-        table.add_row(words, _figure(figure), str(figure["n"]))
-    return table
+        *((f"outside, {n}: recognised", one) for n, one in found["outside"]["by_kind"].items()),
+        ("held-out shrink of the true hypothesis", found["shrink"]["true"]),
+        ("held-out shrink of the leading one where wrong", found["shrink"]["leading_where_wrong"]),
+        ("one effect: the diagnosis", found["plain"]["singles"]["diagnosis"]),
+        ("one effect: smallest RMSE", found["plain"]["singles"]["smallest_rmse"]),
+        ("one effect: AICc", found["plain"]["singles"]["aicc"]),
+    ]
+    return rows
 
 
 def _figure(figure: Record) -> str:

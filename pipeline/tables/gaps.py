@@ -27,6 +27,7 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
         _causes(found, record),
         "",
         _gap(found, record["gap"]),
+        f"Monte Carlo error of the leading probability: {record['noise']:.3f}",
         *_classes(found),
         f"next test: {test['name']}. {test['why']}",
         *([record["so_what"]["sentence"]] if record["so_what"] else []),

@@ -53,7 +53,7 @@ def _found(
     hypotheses[0]["parameters"] = more.pop("parameters", {})
     gap = {"shrink": 0.9, "rival": ["contact_friction"], "rival_shrink": 0.6}
     record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses, "gap": gap, **more}
-    return {"diagnosis": record, "time_s": 3.0}
+    return {"diagnosis": {**record, "told": record}, "time_s": 3.0}
 
 
 MASS = ("moving_mass",)
@@ -73,6 +73,15 @@ RESULTS = {
                       "ambiguous", ["actuation_delay"]),
     "case_04": {"refused": "the times cannot be", "time_s": 1.0},
 }  # fmt: skip
+
+
+def test_a_certain_and_wrong_diagnosis_is_not_calibrated() -> None:
+    wrong = {n: _found({("free_play",): 1.0}, "effect", ["free_play"]) for n in CASES}
+    marks = [mark_of(n, CASES[n], {"reference_s": FREE}, wrong[n]) for n in CASES]
+    found = scored(marks)["all"]
+    assert found["calibration_error_of_top"]["value"] == 1.0
+    assert found["precision_when_named"]["value"] == 0.0
+    assert found["coverage_90"]["value"] == 0.0
 
 
 def _score() -> dict[str, Any]:

@@ -42,7 +42,7 @@ def test_run_then_score(dogshape: Call, tmp_path: Path) -> None:
     assert scored.json["cases"] == len(CASES)
     assert scored.json["outside"]["wrong_effect_named"]["value"] == 1.0
     text = dogshape("blind", "score", folder).out
-    assert "an effect named where there is none" in text
+    assert "no effect: one is named" in text
 
 
 def test_what_cannot_be_scored_or_made_is_refused(dogshape: Call, tmp_path: Path) -> None:
