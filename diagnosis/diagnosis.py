@@ -212,7 +212,7 @@ def diagnose(
     effects : that are considered, by name.
     pairs : of them, the plausible ones by default.
     """
-    problem = Problem(observe(bench), emulator, rules or Rules())
+    problem = Problem(observe(bench), emulator, rules or Rules(), bench.mismatch_sense)
     ranking = rank(problem, bench, effects, pairs)
     belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]

@@ -19,6 +19,7 @@ from diagnosis.fit import ADEQUATE, p_value
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, spaces_for, spaces_of, with_third
 from diagnosis.next_test import setting_of
 from diagnosis.scoring import Problem, Scored
+from diagnosis.sense import forward
 from diagnosis.signature import Metric, metric_of
 from diagnosis.spread import Hypothesis
 from diagnosis.unknown import Unknown, unknown
@@ -74,10 +75,10 @@ def rank(
 ) -> Ranking:
     """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
     setting, free = setting_of(bench), unknown(problem, bench)
-    scored = _scored(problem, spaces_of(effects, setting, pairs))
+    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense))
     first = _ranked(problem, scored, free)
     # The flight with three effects at once is not tabulated.
-    if not first.fails or len(first.leading) != 2 or problem.flights:
+    if not first.fails or len(forward(first.leading)) != 2 or problem.flights:
         return first
     near = [three for pair in _near(first) for three in with_third(pair, list(effects))]
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
@@ -90,7 +91,7 @@ def _near(first: Ranking) -> list[Hypothesis]:
 
     By evidence: which of them is nearest to the data by itself says little where none can be.
     """
-    pairs = {h: p for h, p in first.raw.items() if len(h) == 2 and h != UNKNOWN}
+    pairs = {h: p for h, p in first.raw.items() if len(forward(h)) == 2}
     least = NEAR * sum(pairs.values())
     found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
     return list(dict.fromkeys([first.leading, *found]))[:MOST]
@@ -117,7 +118,7 @@ def _scored(
 
 def _ranked(problem: Problem, scored: Mapping[Hypothesis, Scored], free: Unknown) -> Ranking:
     logs = {h: one.log_evidence for h, one in scored.items()}
-    raw = probabilities({**logs, UNKNOWN: free.log_evidence})
+    raw = probabilities({**logs, UNKNOWN: free.log_evidence}, sense=problem.sense)
     metric = metric_of(problem.seen, scored[NONE].rows.predicted)
     fold = folding(problem, list(scored.values()), metric, raw)
     folded = fold.fold(raw)
