@@ -20,6 +20,7 @@ from diagnosis.observed import observe
 from diagnosis.parameters import Bound, Interval, bounds, intervals
 from diagnosis.ranking import Ranking, rank
 from diagnosis.scoring import Predicted, Problem, Scored
+from diagnosis.sense_answer import SenseAnswer, sense_answers
 from diagnosis.sensitivity import readings
 from diagnosis.signature import Metric
 from diagnosis.spread import Emulator, Hypothesis
@@ -51,6 +52,7 @@ class Diagnosis:
     other : probabilities with priors half and twice as wide, and with unknown shifts failed.
     tests : the menu, best first.
     foretold : what the leading hypothesis says of each operating point.
+    senses : the answers given either sense of rotation, none where it is known.
     """
 
     bench: Bench
@@ -71,6 +73,7 @@ class Diagnosis:
     metric: Metric
     effects: Mapping[str, Effect]
     foretold: Foretold
+    senses: tuple[SenseAnswer, ...] = ()
 
     def as_dict(self) -> Record:
         """Return the record of the contract, with more."""
@@ -110,6 +113,7 @@ class Diagnosis:
                 for t in self.tests[:8]
             ],
             "inclusion": inclusion(self.belief),
+            "senses": [one.as_dict(self.intervals) for one in self.senses],
             "credible_set": [list(h) for h in self.verdict.credible],
             "class_probability": self.verdict.group_probability,
             "no_information": [n for n, share in self.hidden.items() if share > BLIND],
@@ -155,6 +159,7 @@ class Diagnosis:
             self.leading,
             self.chance,
             sees_nothing(self.hidden),
+            self.senses,
         )
 
     @property
@@ -243,6 +248,7 @@ def diagnose(
         metric=metric,
         effects=effects,
         foretold=foretold(standing, ranking.leading),
+        senses=sense_answers(problem, ranking),
     )
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -182,7 +182,7 @@ def _threes(effects: int) -> int:
     return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
 
 
-def with_third(pair: Hypothesis, effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+def with_third(pair: Hypothesis, effects: Iterable[str]) -> tuple[Hypothesis, ...]:
     """Return a pair with each further effect, in alphabetical order."""
     return tuple(
         tuple(sorted((*pair, name))) for name in sorted(effects) if name not in (*pair, REVERSED)
