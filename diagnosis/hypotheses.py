@@ -159,14 +159,13 @@ def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[
 
     What is left of the plain sense's goes to the reversed one, hypothesis by hypothesis.
     """
-    kinds = {h: _kind(h) for h in hypotheses if REVERSED not in h}
+    kinds = {h: _kind(h) for h in map(forward, hypotheses)}
     numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
     three = THREE / max(1, _threes(numbers["single"]))
-    raw = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
-    if len(kinds) < len(hypotheses):
-        share = SHARES[sense]
-        other = {h: share * raw[forward(h)] for h in hypotheses if REVERSED in h}
-        raw = {h: w if h == UNKNOWN else (1.0 - share) * w for h, w in raw.items()} | other
+    each = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
+    share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
+    shares = {h: share if REVERSED in h else 1.0 - share for h in hypotheses} | {UNKNOWN: 1.0}
+    raw = {h: shares[h] * each[forward(h)] for h in hypotheses}
     whole = sum(raw.values())
     return {h: weight / whole for h, weight in raw.items()}
 

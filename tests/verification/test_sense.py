@@ -138,6 +138,11 @@ def test_hypotheses_of_both_senses_and_their_priors() -> None:
     for h in plain:
         assert whole[h] + whole[turned(h)] == pytest.approx(bare[h])
     assert both_senses([NONE], {"moving_mass": 1}, "unknown") == [NONE]
+    # A three of one sense alone, which was tried since no pair of that sense fits.
+    three = turned(("actuation_delay", "moving_mass", "sleeve_friction"))
+    more = priors_of([*open_to, UNKNOWN, three], "unknown")
+    assert 0.0 < more[three] < 0.05
+    assert sum(more.values()) == pytest.approx(1.0)
 
 
 class _TwoSenses(Toy):
