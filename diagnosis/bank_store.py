@@ -90,7 +90,13 @@ class BankStore:
     def _write(self) -> None:
         """Write the last file as a whole or not at all, a power cut included."""
         path = self.paths[-1]
-        mine = {**(_read(path) if path.exists() else {}), **self._fresh}
+        self._put(path, {**(_read(path) if path.exists() else {}), **self._fresh})
+
+    def save(self, path: Path, keys: Iterable[str]) -> None:
+        """Write the series of some keys to a file of their own; KeyError where one is missing."""
+        self._put(path, {key: self.series[key] for key in keys})
+
+    def _put(self, path: Path, mine: dict[str, Record]) -> None:
         lines = [
             f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
         ]

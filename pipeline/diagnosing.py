@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from diagnosis.bank import SHIFT, Bank, blocks_of
+from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore, series_key
 from diagnosis.bench import Bench, load_bench, require_times
 from diagnosis.blind import sealed
@@ -147,16 +147,27 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
     return banks_of(bench, effects, means)[0]
 
 
+def plans_of(
+    bench: Bench, effects: Mapping[str, Effect]
+) -> tuple[tuple[Plan, Bench], tuple[Plan, Bench]]:
+    """Return what is simulated for a data set, with the sense of its table and reversed."""
+    turned = reversed_plan(effects, bench), reversed_bench(bench)
+    return (forward_plan(effects), bench), turned
+
+
+def blocks_by_key(plans: Iterable[tuple[Plan, Bench]]) -> dict[str, Block]:
+    """Return the blocks of some plans, each once, by the key of their series."""
+    return {series_key(block): block for one in plans for block in blocks_of(*one)}
+
+
 def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple[Bank, Bank]:
     """Return the banks of a data set with the sense of its table and with the reversed one.
 
     They are what files have of them, and the rest simulated.
     """
-    plain = forward_plan(effects), bench
-    turned = reversed_plan(effects, bench), reversed_bench(bench)
+    plain, turned = plans_of(bench, effects)
     store = BankStore((brought(TIMES), means.bank / TIMES))
-    blocks = {series_key(block): block for one in (plain, turned) for block in blocks_of(*one)}
-    lacking = store.missing(blocks.values())
+    lacking = store.missing(blocks_by_key((plain, turned)).values())
 
     def made(run: Runner) -> tuple[Bank, Bank]:
         first = store.bank(*plain, run)
