@@ -31,6 +31,7 @@ from diagnosis.bench import Bench
 from diagnosis.hypotheses import UNKNOWN, in_common, plain, without
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
+from diagnosis.sense import REVERSED
 from diagnosis.spread import Array, Hypothesis
 from diagnosis.unknown import Unknown
 from diagnosis.verdict import NAMED
@@ -212,6 +213,8 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
         tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
+    # So does the one that shows the sense, on which all sizes rest where nobody noted it.
+    named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
     if shares.max() <= NAMED:
         tests.sort(key=lambda t: -t.value)

@@ -10,6 +10,7 @@ from diagnosis.heldout import HeldOut
 from diagnosis.hypotheses import NONE, in_common, plain, without
 from diagnosis.next_test import NextTest, why
 from diagnosis.parameters import Interval
+from diagnosis.sense import REVERSED
 from diagnosis.sense_answer import SenseAnswer
 from diagnosis.spread import Hypothesis
 from diagnosis.verdict import NAMED, Verdict
@@ -195,7 +196,7 @@ def _senses(found: Found) -> str:
     given = [f"{_sense(one)} {_given(found, one)}" for one in found.senses]
     return (
         "Which way the rings turned past each other was not noted, and sizes depend on it: "
-        f"{'; '.join(given)}."
+        f"{'; '.join(given)}. {found.effects[REVERSED].test.how}"
     )
 
 

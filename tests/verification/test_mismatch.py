@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from pydrake.systems.framework import Context, EventStatus
 
+from benchmarks.common import default_study
+from benchmarks.mismatch import picture
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch, OperatingPoint, Rings
 from sim.mesh import dog_planes
@@ -77,6 +80,11 @@ def test_the_traction_flank_is_on_the_side_of_growing_angle_and_carries_the_cres
     planes = dog_planes(clutch.dog)
     assert planes["traction"].normal[1] > 0.0 > planes["braking"].normal[1]
     assert planes["face"].normal[1] < 0.0  # the face falls from the crest towards braking
+
+
+def test_the_picture_of_the_notes_is_that_of_the_geometry() -> None:
+    kept = Path(__file__).parents[2] / "docs" / "mismatch.svg"
+    assert kept.read_text(encoding="utf-8") == picture(default_study().clutch.dog)
 
 
 @pytest.mark.parametrize(("mismatch_rpm", "touches"), [(60.0, False), (-60.0, True)])

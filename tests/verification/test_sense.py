@@ -240,6 +240,17 @@ def test_a_look_at_the_rig_is_the_first_test_where_it_decides() -> None:
     assert means[turned(("actuation_delay",))] == [1.0]
 
 
+def test_a_look_at_the_rig_confirms_what_rests_on_a_sense_that_nobody_noted() -> None:
+    points = points_of()
+    bench = bench_of({"delay_s": 0.08}, np.random.default_rng(3), points=points)
+    effects = {name: EFFECTS[name] for name in ("actuation_delay", REVERSED)}
+    names: dict[Sense, str] = {"unknown": "sense of rotation at the rig", "known": "force at the"}
+    for sense, name in names.items():
+        found = diagnose(replace(bench, mismatch_sense=sense), _TwoSenses(points), effects)
+        assert found.verdict.causes == ("actuation_delay",)
+        assert found.tests[0].name.startswith(name)
+
+
 def _heavier(setting: Setting, values: Values) -> Setting:
     return setting.with_mechanism(added_mass=2.0)
 
