@@ -90,4 +90,6 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         ShiftProgress(shifts_of(given, designs)) as progress,
         kept_shifts(work, progress, means.jobs) as executor,
     ):
-        return consequence(given, designs, Level(forward(cause), values), found.effects, executor.run)
+        return consequence(
+            given, designs, Level(forward(cause), values), found.effects, executor.run
+        )
