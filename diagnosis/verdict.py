@@ -80,9 +80,8 @@ def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, floa
     if top == NONE:
         return "none"
     # Sizes of effects are those of one sense.
-    return (
-        "ambiguous" if REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - PART else "effect"
-    )
+    doubted = REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - PART
+    return "ambiguous" if doubted else "effect"
 
 
 def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:
