@@ -27,7 +27,8 @@ from diagnosis.blind.sealed import opened
 from diagnosis.blind.stand import read_stand
 from diagnosis.emulator import BankEmulator
 from diagnosis.likelihood import Rules, Said
-from pipeline.diagnosing import Means, bank_of
+from diagnosis.sense_bank import SenseEmulator
+from pipeline.diagnosing import Means, banks_of
 from sim.effects import load
 from sim.units import RPM
 
@@ -39,8 +40,9 @@ def main() -> None:
     folder = Path(sys.argv[1])
     key, effects = opened(folder), load()
     first = folder / "cases" / next(iter(key["cases"]))
-    bank = bank_of(load_bench(first), effects, Means())
-    emulator = Moved(BankEmulator(bank), engines_apart(read_stand(first), bank))
+    banks, stand = banks_of(load_bench(first), effects, Means()), read_stand(first)
+    bank, later = banks[0], [engines_apart(stand, one) for one in banks]
+    emulator = Moved(SenseEmulator(BankEmulator(bank), banks[1]), *later)
     scores: dict[str, list[float]] = defaultdict(list)
     shares: dict[str, list[float]] = defaultdict(list)
     for case in key["cases"].values():

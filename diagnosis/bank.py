@@ -105,7 +105,8 @@ class Plan:
             asked = (*CHECKS, *(both(COMMON, name) for name in own if name != COMMON))
         there = [pair for pair in asked if set(pair) <= set(own)]
         pairs = [check_level(pair, own, share) for share in TOGETHER for pair in there]
-        return (*(level for levels in own.values() for level in levels), *pairs)
+        # Of few levels both shares are the same one.
+        return (*(level for levels in own.values() for level in levels), *dict.fromkeys(pairs))
 
     def shifts(self, bench: Bench) -> int:
         """Return how many shifts the bank of a bench takes, without those for the numerics."""

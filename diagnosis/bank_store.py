@@ -51,11 +51,14 @@ class BankStore:
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
         """Return the blocks that no file has."""
-        return [block for block in blocks if _key(block) not in self.series]
+        return [block for block in blocks if series_key(block) not in self.series]
 
-    def bank(self, plan: Plan, bench: Bench, run: Runner) -> Bank:
+    def bank(
+        self, plan: Plan, bench: Bench, run: Runner, like: tuple[float, float] | None = None
+    ) -> Bank:
         """Return the bank of a bench; what no file has is simulated by ``run`` and written.
 
+        ``like`` is the numerical error of a bank of the same clutch, where no file has this one's.
         Raises StorageError where a file cannot be read or written.
         """
 
@@ -64,18 +67,18 @@ class BankStore:
 
         cells = len(settings_of(bench))
         first = [block for block, _ in zip(blocks_of(plan, bench), range(cells), strict=False)]
-        numerics = [self.series.get(_key(block), {}).get("numerics") for block in first]
+        numerics = [self.series.get(series_key(block), {}).get("numerics") for block in first]
         known = _mean_of([both for both in numerics if both is not None])
-        bank = collect(plan, bench, through, run, None if None in numerics else known)
+        bank = collect(plan, bench, through, run, like if None in numerics else known)
         if self._fresh:
             for block in first:
-                self.series[_key(block)].setdefault("numerics", list(bank.numerics))
+                self.series[series_key(block)].setdefault("numerics", list(bank.numerics))
             self._write()
         return bank
 
     def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; a series that the clock cut short is simulated again."""
-        keys = [_key(block) for block in blocks]
+        keys = [series_key(block) for block in blocks]
         left = [(k, b) for k, b in zip(keys, blocks, strict=True) if k not in self.series]
         done = run([block for _, block in left]) if left else []
         for (key, _), rows in zip(left, done, strict=True):
@@ -87,7 +90,13 @@ class BankStore:
     def _write(self) -> None:
         """Write the last file as a whole or not at all, a power cut included."""
         path = self.paths[-1]
-        mine = {**(_read(path) if path.exists() else {}), **self._fresh}
+        self._put(path, {**(_read(path) if path.exists() else {}), **self._fresh})
+
+    def save(self, path: Path, keys: Iterable[str]) -> None:
+        """Write the series of some keys to a file of their own; KeyError where one is missing."""
+        self._put(path, {key: self.series[key] for key in keys})
+
+    def _put(self, path: Path, mine: dict[str, Record]) -> None:
         lines = [
             f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
         ]
@@ -101,7 +110,7 @@ class BankStore:
             ) from error
 
 
-def _key(block: Block) -> str:
+def series_key(block: Block) -> str:
     """Return the key of a block: its angles are even, so the first and their number are enough."""
     return content_key({"first": block.only([0]).keys[0], "n": len(block.angles), **engine()})
 

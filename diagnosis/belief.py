@@ -17,6 +17,7 @@ from scipy.special import logsumexp
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, priors_of
 from diagnosis.scoring import Predicted, Problem, Scored
+from diagnosis.sense import Sense
 from diagnosis.signature import VISIBLE, Metric, squared
 from diagnosis.spread import Array, Hypothesis
 
@@ -27,14 +28,17 @@ Probabilities = dict[Hypothesis, float]
 
 
 def probabilities(
-    logs: Mapping[Hypothesis, float], like: Mapping[Hypothesis, Hypothesis] | None = None
+    logs: Mapping[Hypothesis, float],
+    like: Mapping[Hypothesis, Hypothesis] | None = None,
+    sense: Sense = "known",
 ) -> Probabilities:
     """Return posterior probabilities from the logarithms of evidences.
 
-    ``like`` says which hypotheses are, before the data, as probable as which others.
+    ``like`` says which hypotheses are, before the data, as probable as which others; ``sense``
+    whether the sign of the mismatch is known.
     """
     as_others = like or {}
-    priors = priors_of([h for h in logs if h not in as_others])
+    priors = priors_of([h for h in logs if h not in as_others], sense)
     log = np.array([logs[h] + np.log(priors[as_others.get(h, h)]) for h in logs])
     values = np.exp(log - logsumexp(log))
     return dict(zip(logs, values.tolist(), strict=True))

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from diagnosis.corrections import Correction, corrected, parse
 from diagnosis.reading import Cell, Reading, gather
+from diagnosis.sense import Sense
 from diagnosis.slips import Finding, examine, impossible, require_no_slip
 from diagnosis.stand import Calibration, Sensor, Stand, load_stand
 from diagnosis.table import Row, Sheet, bad_cell, load_sheet
@@ -31,6 +32,7 @@ class Bench:
 
     ``relative_angles`` are those of the bench in rad, where it says them. ``corrections`` are
     those that were asked for and made, ``warnings`` what looks odd in the corrected data.
+    ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
     """
 
     name: str
@@ -42,6 +44,7 @@ class Bench:
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[Correction, ...] = ()
     warnings: tuple[Finding, ...] = ()
+    mismatch_sense: Sense = "known"
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -86,6 +89,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         calibration=stand.calibration,
         corrections=asked,
         warnings=findings,
+        mismatch_sense=stand.mismatch_sense,
     )
 
 

@@ -20,6 +20,7 @@ from diagnosis.observed import observe
 from diagnosis.parameters import Bound, Interval, bounds, intervals
 from diagnosis.ranking import Ranking, rank
 from diagnosis.scoring import Predicted, Problem, Scored
+from diagnosis.sense_answer import SenseAnswer, sense_answers
 from diagnosis.sensitivity import readings
 from diagnosis.signature import Metric
 from diagnosis.spread import Emulator, Hypothesis
@@ -52,6 +53,7 @@ class Diagnosis:
     tests : the menu, best first.
     foretold : what the leading hypothesis says of each operating point.
     noise : Monte Carlo standard error of the leading probability.
+    senses : the answers given either sense of rotation, none where it is known.
     """
 
     bench: Bench
@@ -73,6 +75,7 @@ class Diagnosis:
     effects: Mapping[str, Effect]
     foretold: Foretold
     noise: float
+    senses: tuple[SenseAnswer, ...] = ()
 
     def as_dict(self) -> Record:
         """Return the record of the contract, with more."""
@@ -113,6 +116,7 @@ class Diagnosis:
                 for t in self.tests[:8]
             ],
             "inclusion": inclusion(self.belief),
+            "senses": [one.as_dict(self.intervals) for one in self.senses],
             "credible_set": [list(h) for h in self.verdict.credible],
             "class_probability": self.verdict.group_probability,
             "no_information": [n for n, share in self.hidden.items() if share > BLIND],
@@ -158,6 +162,7 @@ class Diagnosis:
             self.leading,
             self.chance,
             sees_nothing(self.hidden),
+            self.senses,
         )
 
     @property
@@ -215,7 +220,7 @@ def diagnose(
     effects : that are considered, by name.
     pairs : of them, the plausible ones by default.
     """
-    problem = Problem(observe(bench), emulator, rules or Rules())
+    problem = Problem(observe(bench), emulator, rules or Rules(), bench.mismatch_sense)
     ranking = rank(problem, bench, effects, pairs)
     belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
@@ -247,6 +252,7 @@ def diagnose(
         effects=effects,
         foretold=foretold(standing, ranking.leading),
         noise=noise(next(iter(belief)), ranking.raw, ranking.fold, scored),
+        senses=sense_answers(problem, ranking),
     )
 
 

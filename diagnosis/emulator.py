@@ -118,7 +118,8 @@ def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
     likely = _share_curves(curves, shares, doubts)
     first = late_shares(bank.baseline[:, None], dense[:, None], late.share)
     rare = np.concatenate([first, late_shares(times, soon, late.share)], axis=1)
-    jumps = jumps_of(curves, means, slice(2, None))
+    # Nothing lies between an effect without parameters and none.
+    jumps = jumps_of(curves, means, slice(2, None)) if effect.parameters else (0.0, 0.0)
     least = doubts.min(axis=1)
     return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare, *jumps)
 
@@ -182,7 +183,8 @@ class BankEmulator:
         self.effects = {effect.name: effect for effect in bank.effects}
         simulated = {level.hypothesis[0] for level in bank.levels}
         self._soon = bulk(bank.baseline)
-        self.late = lateness([(bank.baseline, self._soon), (bank.times, bulk(bank.times))])
+        levels = [(bank.times, bulk(bank.times))] if bank.levels else []
+        self.late = lateness([(bank.baseline, self._soon), *levels])
         self.fits = {
             name: fit_effect(bank, self.effects[name], self._soon, self.late)
             for name in sorted(simulated)
@@ -287,7 +289,7 @@ class BankEmulator:
         They are the same at all operating points, which is why they are kept.
         """
         setting = self.bank.settings[0]
-        rows = np.frombuffer(raw).reshape(shape).tolist()
+        rows = (np.frombuffer(raw) if raw else np.zeros(0)).reshape(shape).tolist()
         read = [Level(names, tuple(row)).setting(self.effects, setting) for row in rows]
         found = [(s.delay - setting.delay, s.concentration, s.centre) for s in read]
         delay, concentration, centre = np.array(found).T

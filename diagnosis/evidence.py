@@ -66,7 +66,7 @@ def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
         rows = at(np.zeros((1, 0)))
         total = float(rows.whole[0])
         return Scored(space, rows, np.zeros(1), total, 0.0)
-    if len(space.effects) == 1 and size in FIRST:
+    if sum(bool(effect.parameters) for effect in space.effects) == 1 and size in FIRST:
         found = normalised(quadrature(at, size, best))
     else:
         found = normalised(sampled(at, size, best))

@@ -53,6 +53,10 @@ class Table:
 
     def at(self, values: Array) -> Marks:
         """Return the marks at values (m, p)."""
+        if not self.parameters:
+            one = (np.tile(part, (len(values), 1)) for part in (self.logs, self.errors, self.creep))
+            logs, errors, creep = one
+            return Marks(np.exp(logs), np.exp(logs) * errors, creep)
         shares = np.stack([_shares(p, values[:, k]) for k, p in enumerate(self.parameters)], axis=1)
         smooth = [_weights(nodes, shares[:, k], 3) for k, nodes in enumerate(self.nodes)]
         straight = [_weights(nodes, shares[:, k], 1) for k, nodes in enumerate(self.nodes)]

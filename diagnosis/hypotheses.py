@@ -12,11 +12,12 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.sense import REVERSED, SHARES, Sense, both_senses, forward
 from diagnosis.spread import Array, Hypothesis
 from sim.effect import Effect, Parameter
 from sim.setting import Setting
@@ -103,7 +104,8 @@ def _bounded(effect: Effect, setting: Setting) -> bool:
 
 def pairs_of(effects: Sequence[str]) -> tuple[Hypothesis, ...]:
     """Return the plausible pairs of effects, in alphabetical order."""
-    found = {tuple(sorted((one, other))) for one in COMMON for other in effects if one in effects}
+    those = [name for name in effects if name != REVERSED]
+    found = {tuple(sorted((one, other))) for one in COMMON for other in those if one in those}
     return tuple(sorted(pair for pair in found if pair[0] != pair[1]))
 
 
@@ -111,11 +113,15 @@ def spaces_of(
     effects: Mapping[str, Effect],
     setting: Setting,
     pairs: Sequence[Hypothesis] | None = None,
+    sense: Sense = "known",
 ) -> tuple[Space, ...]:
-    """Return the spaces of none, each effect, and the pairs (the plausible ones by default)."""
+    """Return the spaces of none, each effect, and the pairs (the plausible ones by default).
+
+    Behind them stand those with the reversed sense (``diagnosis.sense``).
+    """
     single = [(name,) for name in sorted(effects)]
     pairs = pairs_of(list(effects)) if pairs is None else pairs
-    return spaces_for([NONE, *single, *pairs], effects, setting)
+    return spaces_for(both_senses([NONE, *single, *pairs], effects, sense), effects, setting)
 
 
 def spaces_for(
@@ -148,12 +154,18 @@ def without(hypothesis: Hypothesis, some: Hypothesis) -> Hypothesis:
     return tuple(name for name in hypothesis if name not in some)
 
 
-def priors_of(hypotheses: Sequence[Hypothesis]) -> dict[Hypothesis, float]:
-    """Return the prior probability of each hypothesis, which add to one."""
-    kinds = {h: _kind(h) for h in hypotheses}
+def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[Hypothesis, float]:
+    """Return the prior probability of each hypothesis, which add to one.
+
+    What is left of the plain sense's goes to the reversed one, hypothesis by hypothesis.
+    """
+    kinds = {h: _kind(h) for h in map(forward, hypotheses)}
     numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
     three = THREE / max(1, _threes(numbers["single"]))
-    raw = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
+    each = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
+    share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
+    shares = {h: share if REVERSED in h else 1.0 - share for h in hypotheses} | {UNKNOWN: 1.0}
+    raw = {h: shares[h] * each[forward(h)] for h in hypotheses}
     whole = sum(raw.values())
     return {h: weight / whole for h, weight in raw.items()}
 
@@ -169,6 +181,8 @@ def _threes(effects: int) -> int:
     return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
 
 
-def with_third(pair: Hypothesis, effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+def with_third(pair: Hypothesis, effects: Iterable[str]) -> tuple[Hypothesis, ...]:
     """Return a pair with each further effect, in alphabetical order."""
-    return tuple(tuple(sorted((*pair, name))) for name in sorted(effects) if name not in pair)
+    return tuple(
+        tuple(sorted((*pair, name))) for name in sorted(effects) if name not in (*pair, REVERSED)
+    )

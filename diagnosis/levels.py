@@ -5,7 +5,7 @@ prior is uniform in the logarithm and the neutral value is 0: there
 :math:`x = \ln(1 + v/v_{low}) / \ln(1 + v_{high}/v_{low})`, which is 0 at the neutral value, so that
 the baseline is a level like any other. A second parameter that changes nothing while the first is
 neutral (where a detent of no force stands) is spread by what the first departs from neutral: all
-its values meet in one place there.
+its values meet in one place there. An effect without parameters lies at 1, the baseline at 0.
 
 Levels of one parameter are even in the share of the prior, ends included, without the one beside
 the neutral value if that lies within: the baseline stands there. Those of two parameters fill
@@ -63,6 +63,8 @@ def levels_of(effect: Effect, setting: Setting, along: int, plane: int) -> tuple
     plane : number of levels of two parameters.
     """
     name = effect.name
+    if not effect.parameters:
+        return (Level((name,)),) if effect.possible(setting, {}) else ()
     if len(effect.parameters) == 1:
         only = effect.parameters[0]
         values = [only.at(s) for s in _along(only, only.neutral_of(setting), along)]
@@ -82,7 +84,7 @@ def check_level(
     chosen = []
     for name in hypothesis:
         mine = levels[name]
-        if len(mine[0].values) == 1:
+        if len(mine[0].values) <= 1:
             place = round(share * (len(mine) - 1))
         else:
             place = 1 if share == TOGETHER[0] else len(mine) // 2
@@ -135,6 +137,8 @@ class Axes:
     @classmethod
     def of(cls, effect: Effect, setting: Setting) -> Axes:
         """Return the coordinates of an effect in a setting without it."""
+        if not effect.parameters:
+            return cls(np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1, dtype=np.int64), None)
         neutral = effect.neutral(setting)
         kinds = [_kind(p, neutral[p.name]) for p in effect.parameters]
         axes = cls(
@@ -148,7 +152,9 @@ class Axes:
         return replace(axes, dependent=idle[0]) if len(idle) == 1 and len(kinds) == 2 else axes
 
     def at(self, values: Array) -> Array:
-        """Return the coordinates of values (m, p), (m, p)."""
+        """Return the coordinates of values (m, p), (m, p); 1 (m, 1) of an effect without any."""
+        if values.shape[1] == 0:
+            return np.ones((len(values), 1))
         places = self._shares(values)
         if self.dependent is not None:
             first = 1 - self.dependent

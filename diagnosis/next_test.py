@@ -31,6 +31,7 @@ from diagnosis.bench import Bench
 from diagnosis.hypotheses import UNKNOWN, in_common, plain, without
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
+from diagnosis.sense import REVERSED
 from diagnosis.spread import Array, Hypothesis
 from diagnosis.unknown import Unknown
 from diagnosis.verdict import NAMED
@@ -59,6 +60,7 @@ HOURS = {
     "both speeds at the first touch": 2.0,
     "angle of each shift": 2.0,
     "chamfer by profile": 4.0,
+    "sense of rotation at the rig": 0.25,
     "free flight at the sleeve": 4.0,
     "free flight at two forces": 4.0,
     "drop test of the ring": 6.0,
@@ -211,6 +213,8 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
         tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
+    # So does the one that shows the sense, on which all sizes rest where nobody noted it.
+    named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
     if shares.max() <= NAMED:
         tests.sort(key=lambda t: -t.value)
@@ -259,7 +263,7 @@ def _direct(standing: Standing) -> list[Offer]:
             name,
             those[0].test.how,
             HOURS.get(name, DIRECT),
-            Asked("direct", tuple(p.name for effect in those for p in effect.parameters)),
+            Asked("direct", tuple(name for effect in those for name in _read(effect))),
             tuple(effect.name for effect in those),
             _parameters(standing, those),
         )
@@ -267,18 +271,32 @@ def _direct(standing: Standing) -> list[Offer]:
     ]
 
 
+def _read(effect: Effect) -> tuple[str, ...]:
+    """Return what a direct test reads of an effect: its parameters, or whether it is there."""
+    return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
+
+
+def _absent(effect: Effect, setting: Setting) -> list[float]:
+    return [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
+
+
 def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
-    """Return what hypotheses say of the parameters of some effects, as shares of their priors."""
+    """Return what hypotheses say of the parameters of some effects, as shares of their priors.
+
+    An effect without parameters is there (1) or not (0).
+    """
     setting = standing.setting
-    absent = np.array([p.share(p.neutral_of(setting)) for e in effects for p in e.parameters])
+    absent = np.array([share for effect in effects for share in _absent(effect, setting)])
     means, variances = [], []
     for hypothesis in standing.plausible:
         mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
         start = 0
         for effect in effects:
-            place = slice(start, start + len(effect.parameters))
+            place = slice(start, start + len(_read(effect)))
             start = place.stop
-            if effect.name in hypothesis:
+            if effect.name in hypothesis and not effect.parameters:
+                mean[place] = 1.0
+            elif effect.name in hypothesis:
                 found = standing.scored[hypothesis]
                 shares = found.rows.shares[:, found.space.columns(effect.name)]
                 weights = found.weights()

@@ -66,12 +66,12 @@ def intervals(found: Scored) -> dict[str, Interval]:
 
 
 def bounds(scored: Sequence[Scored], metric: Metric) -> dict[str, Bound]:
-    """Return the bound of each effect on its own."""
+    """Return the bound of each effect on its own; one without parameters has none."""
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
     nothing = metric.of(baseline)
     found = {}
     for one in scored:
-        if len(one.hypothesis) == 1:
+        if len(one.hypothesis) == 1 and one.space.parameters:
             seen = squared(metric.of(one.rows.predicted), nothing)[:, 0] >= VISIBLE
             found[one.hypothesis[0]] = _bound(one, bool(seen.any()))
     return found

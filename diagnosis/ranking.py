@@ -1,13 +1,14 @@
 """Hypotheses ranked by a data set: evidence, what cannot be seen, and what fits at all.
 
 None, each effect and the plausible pairs are scored. Where none of them can have made the data and
-a pair leads, that pair and its nearest rivals are tried with each further effect.
+a pair leads, that pair and its nearest rivals are tried with each further effect. Where the sense
+of rotation is unknown, this goes for each sense by itself.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from diagnosis.fit import ADEQUATE, p_value
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, spaces_for, spaces_of, with_third
 from diagnosis.next_test import setting_of
 from diagnosis.scoring import Problem, Scored
+from diagnosis.sense import REVERSED, SHARES, forward
 from diagnosis.signature import Metric, metric_of
 from diagnosis.spread import Hypothesis
 from diagnosis.unknown import Unknown, unknown
@@ -74,15 +76,48 @@ def rank(
 ) -> Ranking:
     """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
     setting, free = setting_of(bench), unknown(problem, bench)
-    scored = _scored(problem, spaces_of(effects, setting, pairs))
+    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense))
     first = _ranked(problem, scored, free)
+    near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
     # The flight with three effects at once is not tabulated.
-    if not first.fails or len(first.leading) != 2 or problem.flights:
+    if not near or problem.flights:
         return first
-    near = [three for pair in _near(first) for three in with_third(pair, list(effects))]
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
     best = max(one.log_evidence for one in scored.values())
     return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free)
+
+
+def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
+    """Return the pairs to try with a third effect, for each sense that may be the true one.
+
+    Either sense is looked into as deeply as if it were known.
+    """
+    open_to = problem.sense == "unknown" and any(REVERSED in h for h in first.raw)
+    views = [within_sense(problem, first, s) for s in (False, True)] if open_to else [first]
+    those = [view for view in views if view.fails and len(forward(view.leading)) == 2]
+    return [pair for view in those for pair in _near(view)]
+
+
+def sense_chances(raw: Probabilities) -> dict[bool, float]:
+    """Return the probability of the reversed sense (True) and of the other one, if unknown.
+
+    What no known effect explains says nothing of the sense.
+    """
+    other = sum(p for h, p in raw.items() if REVERSED in h)
+    other += SHARES["unknown"] * raw.get(UNKNOWN, 0.0)
+    return {False: 1.0 - other, True: other}
+
+
+def within_sense(problem: Problem, ranking: Ranking, other: bool) -> Ranking:
+    """Return the ranking given that the unknown sense is reversed (``other``) or not."""
+    share = SHARES["unknown"] if other else 1.0 - SHARES["unknown"]
+    mine = {h: share if h == UNKNOWN else float((REVERSED in h) == other) for h in ranking.raw}
+    whole = sum(p * mine[h] for h, p in ranking.raw.items())
+    raw = {h: p * mine[h] / whole for h, p in ranking.raw.items()}
+    fold = folding(problem, list(ranking.scored.values()), ranking.metric, raw)
+    folded = fold.fold(raw)
+    fits = plausible_fits(problem, ranking.scored, folded)
+    return replace(ranking, raw=raw, fold=fold, folded=folded, fits=fits)
 
 
 def _near(first: Ranking) -> list[Hypothesis]:
@@ -90,7 +125,7 @@ def _near(first: Ranking) -> list[Hypothesis]:
 
     By evidence: which of them is nearest to the data by itself says little where none can be.
     """
-    pairs = {h: p for h, p in first.raw.items() if len(h) == 2 and h != UNKNOWN}
+    pairs = {h: p for h, p in first.raw.items() if len(forward(h)) == 2}
     least = NEAR * sum(pairs.values())
     found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
     return list(dict.fromkeys([first.leading, *found]))[:MOST]
@@ -117,7 +152,7 @@ def _scored(
 
 def _ranked(problem: Problem, scored: Mapping[Hypothesis, Scored], free: Unknown) -> Ranking:
     logs = {h: one.log_evidence for h, one in scored.items()}
-    raw = probabilities({**logs, UNKNOWN: free.log_evidence})
+    raw = probabilities({**logs, UNKNOWN: free.log_evidence}, sense=problem.sense)
     metric = metric_of(problem.seen, scored[NONE].rows.predicted)
     fold = folding(problem, list(scored.values()), metric, raw)
     folded = fold.fold(raw)

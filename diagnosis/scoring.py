@@ -25,6 +25,7 @@ from diagnosis.likelihood import (
 )
 from diagnosis.marks import SeenFlight
 from diagnosis.observed import Observed
+from diagnosis.sense import Sense
 from diagnosis.spread import Array, Emulator, FlightEmulator, Hypothesis, Marks
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
@@ -123,11 +124,15 @@ class Rows:
 
 @dataclass(frozen=True)
 class Problem:
-    """What the bench shows and what says how hypotheses would have it."""
+    """What the bench shows and what says how hypotheses would have it.
+
+    ``sense`` says whether the sign of the mismatch is known.
+    """
 
     seen: Observed
     emulator: Emulator
     rules: Rules
+    sense: Sense = "known"
 
     @cached_property
     def common(self) -> Array:

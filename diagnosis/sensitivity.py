@@ -19,6 +19,7 @@ from diagnosis.hypotheses import UNKNOWN, spaces_for
 from diagnosis.next_test import setting_of
 from diagnosis.ranking import Ranking, plausible_fits
 from diagnosis.scoring import Problem, Scored
+from diagnosis.sense import predictable
 from diagnosis.spread import Hypothesis
 from sim.effect import Effect
 
@@ -60,6 +61,7 @@ def _with_effect(
         return {}
     bare = [h for h in ranking.fits if fact.effect not in h]
     names: dict[Hypothesis, Hypothesis] = {tuple(sorted((*h, fact.effect))): h for h in bare}
+    names = {more: h for more, h in names.items() if predictable(more, problem.sense)}
     spaces = spaces_for(list(names), effects, setting_of(bench))
     found = {space.hypothesis: evidence(problem, space) for space in spaces}
     return {h: (one, names[h]) for h, one in found.items()}
@@ -79,5 +81,5 @@ def _read(
     like: Mapping[Hypothesis, Hypothesis] | None = None,
 ) -> Probabilities:
     logs = {h: one.log_evidence for h, one in scored.items()}
-    folded = ranking.fold.fold(probabilities({**logs, UNKNOWN: free}, like))
+    folded = ranking.fold.fold(probabilities({**logs, UNKNOWN: free}, like, problem.sense))
     return judged(folded, plausible_fits(problem, scored, folded))

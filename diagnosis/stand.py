@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from diagnosis.sense import Sense
 from sim.clutch import Clutch, solver_for
 from sim.contact import contact_set
 from sim.edge import DogSection, OutputSection, Section, SlidingSection, rings, si_fields, validate
@@ -46,6 +47,7 @@ class _BenchFile(Section):
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
     corrections: list[str] = Field(default_factory=list)
+    mismatch_sense: Sense = "known"
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
@@ -99,6 +101,7 @@ class Stand:
     sensor: Sensor = Sensor()
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[str, ...] = ()
+    mismatch_sense: Sense = "known"
 
 
 def load_stand(path: Path) -> Stand:
@@ -113,6 +116,7 @@ def load_stand(path: Path) -> Stand:
         sensor=_sensor(path, file.sensor or _Sensor()),
         calibration=tuple(_calibration(one) for one in file.actuator_calibration),
         corrections=tuple(file.corrections),
+        mismatch_sense=file.mismatch_sense,
     )
 
 

@@ -1,7 +1,8 @@
 """The decision: a named effect, none, unknown, or ambiguous with what is left.
 
 - *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data, and
-  each of its effects is part of the cause with more than 0.95, whatever else is;
+  each of its effects is part of the cause with more than 0.95, whatever else is; the sense of
+  rotation (``diagnosis.sense``) is a setting beside these effects, and has to be as sure;
 - *none*: effects that the data could show have less than 0.2 together, and none can have made
   the data; what each effect is at most stands beside it;
 - *unknown*: a gap of no known effect has more than 0.8; it has also what plausible hypotheses lose
@@ -20,6 +21,7 @@ from diagnosis.belief import Probabilities, inclusion
 from diagnosis.classes import Confusion
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN
+from diagnosis.sense import REVERSED, forward
 from diagnosis.spread import Hypothesis
 
 NAMED = 0.8  #: probability from which a hypothesis is named
@@ -69,13 +71,17 @@ def decide(
 def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
     if belief.get(UNKNOWN, 0.0) > NAMED:
         return "unknown"
-    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(top) > MOST:
+    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
         return "ambiguous"
     # Another hypothesis may share no cause with the most probable one: then that is not certain.
     part = inclusion(belief)
     if any(part[name] <= PART for name in top):
         return "ambiguous"
-    return "none" if top == NONE else "effect"
+    if top == NONE:
+        return "none"
+    # Sizes of effects are those of one sense.
+    doubted = REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - PART
+    return "ambiguous" if doubted else "effect"
 
 
 def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:

@@ -10,6 +10,8 @@ from diagnosis.heldout import HeldOut
 from diagnosis.hypotheses import NONE, in_common, plain, without
 from diagnosis.next_test import NextTest, why
 from diagnosis.parameters import Interval
+from diagnosis.sense import REVERSED
+from diagnosis.sense_answer import SenseAnswer
 from diagnosis.spread import Hypothesis
 from diagnosis.verdict import NAMED, Verdict
 from sim.effect import Effect
@@ -33,6 +35,7 @@ class Found:
     leading: Hypothesis
     chance: float | None
     blind: bool = False
+    senses: tuple[SenseAnswer, ...] = ()
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -124,7 +127,7 @@ def _worth(found: Found) -> list[Hypothesis]:
 
 def in_words(found: Found) -> str:
     """Return the finding in one paragraph: how large, why, how sure, what to do next."""
-    parts = _size(found.gaps), _cause(found), _far(found), _next(found)
+    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), _next(found)
     return " ".join(part for part in parts if part)
 
 
@@ -184,6 +187,30 @@ def _listed(causes: Hypothesis, found: Found) -> str:
     """Return effects as a list in words."""
     names = [found.effects[name].plain for name in causes]
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _senses(found: Found) -> str:
+    """Say what is found given either sense of rotation, where nobody noted it."""
+    if not found.senses:
+        return ""
+    given = [f"{_sense(one)} {_given(found, one)}" for one in found.senses]
+    return (
+        "Which way the rings turned past each other was not noted, and sizes depend on it: "
+        f"{'; '.join(given)}. {found.effects[REVERSED].test.how}"
+    )
+
+
+def _sense(one: SenseAnswer) -> str:
+    name = "with the reversed sense" if one.reversed else "with the sense of the table"
+    return f"{name} (probability {chance(one.probability)})"
+
+
+def _given(found: Found, one: SenseAnswer) -> str:
+    """Return the most probable effects given a sense, with their sizes."""
+    best = next(iter(one.belief))
+    sizes = [told(name, size) for name, size in one.sizes(best, found.intervals).items()]
+    size = f": {', '.join(sizes)}" if sizes else ""
+    return f"{plain(best, found.effects)} ({chance(one.belief[best])}){size}"
 
 
 def _far(found: Found) -> str:

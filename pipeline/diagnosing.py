@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
-from diagnosis.bank_store import BankStore
+from diagnosis.bank_store import BankStore, series_key
 from diagnosis.bench import Bench, load_bench, require_times
 from diagnosis.blind import sealed
 from diagnosis.blind.between import RULES, Moved, engines_apart
@@ -28,6 +28,12 @@ from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.flight_store import FlightStore
 from diagnosis.likelihood import Rules
+from diagnosis.sense_bank import (
+    SenseEmulator,
+    forward_plan,
+    reversed_bench,
+    reversed_plan,
+)
 from diagnosis.spread import FlightEmulator
 from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
@@ -38,12 +44,14 @@ from sim.bundled import bundled_root
 from sim.effect import Effect
 from sim.effects import load, own_files
 from sim.errors import EffectError
+from sim.numerical import Runner
 from sim.records import Record
 from sim.setting import Setting
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"
 ENGINES = "engines.json"  #: beside blind cases
+LATER = ("later_s", "reversed_later_s")  #: its keys: with the sense of the table, and reversed
 
 
 def _silent(_: str) -> None:
@@ -102,10 +110,11 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
 
 def _emulator(
     bench: Bench, effects: Mapping[str, Effect], means: Means
-) -> tuple[BankEmulator, FlightStore]:
+) -> tuple[SenseEmulator, FlightStore]:
     """Return what foretells a data set, and the flights that are to be saved afterwards."""
     flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
-    return BankEmulator(bank_of(bench, effects, means), flights), flights
+    plain, turned = banks_of(bench, effects, means)
+    return SenseEmulator(BankEmulator(plain, flights), turned), flights
 
 
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
@@ -116,7 +125,7 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     """
     bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
     bare, flights = _emulator(bench, effects, means)
-    emulator = Moved(bare, _engines_apart(folder, bare.bank))
+    emulator = Moved(bare, *_engines_apart(folder, bare))
     found = _with_plain(bench, bare, effects, None)
     found["told"] = _with_plain(bench, emulator, effects, RULES)
     flights.save()
@@ -131,23 +140,53 @@ def _with_plain(
     return {**found, "plain": plain(bench, emulator, effects)}
 
 
-def _engines_apart(folder: Path, bank: Bank) -> list[float]:
-    """Return what both engines differ by at the points of a case, s; kept beside the cases."""
+def _engines_apart(folder: Path, emulator: SenseEmulator) -> tuple[list[float], list[float]]:
+    """Return what both engines differ by at the points of a case, s, in both senses.
+
+    It is kept beside the cases.
+    """
     path = folder.parent.parent / ENGINES
     if not path.exists():
-        later = engines_apart(read_stand(folder), bank)
-        sealed.write(path, json.dumps({"later_s": later}))
-    found: list[float] = sealed.read(path, "remove it")["later_s"]
-    return found
+        stand, banks = read_stand(folder), (emulator.plain.bank, emulator.reversed.bank)
+        later = [engines_apart(stand, bank) for bank in banks]
+        sealed.write(path, json.dumps(dict(zip(LATER, later, strict=True))))
+    found = sealed.read(path, "remove it")
+    return found[LATER[0]], found[LATER[1]]
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
-    """Return the bank of a data set: what files have of it, and the rest simulated."""
-    plan = Plan(tuple(effects.values()))
+    """Return the bank of a data set with the sense of its table."""
+    return banks_of(bench, effects, means)[0]
+
+
+def plans_of(
+    bench: Bench, effects: Mapping[str, Effect]
+) -> tuple[tuple[Plan, Bench], tuple[Plan, Bench]]:
+    """Return what is simulated for a data set, with the sense of its table and reversed."""
+    turned = reversed_plan(effects, bench), reversed_bench(bench)
+    return (forward_plan(effects), bench), turned
+
+
+def blocks_by_key(plans: Iterable[tuple[Plan, Bench]]) -> dict[str, Block]:
+    """Return the blocks of some plans, each once, by the key of their series."""
+    return {series_key(block): block for one in plans for block in blocks_of(*one)}
+
+
+def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple[Bank, Bank]:
+    """Return the banks of a data set with the sense of its table and with the reversed one.
+
+    They are what files have of them, and the rest simulated.
+    """
+    plain, turned = plans_of(bench, effects)
     store = BankStore((brought(TIMES), means.bank / TIMES))
-    lacking = store.missing(blocks_of(plan, bench))
+    lacking = store.missing(blocks_by_key((plain, turned)).values())
+
+    def made(run: Runner) -> tuple[Bank, Bank]:
+        first = store.bank(*plain, run)
+        return first, store.bank(*turned, run, first.numerics)
+
     if not lacking:
-        return store.bank(plan, bench, _none_left)
+        return made(_none_left)
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
     means.say(_announced(left, _finished(lacking, kept), means))
@@ -159,9 +198,9 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
     ):
         journal = ShiftJournal(kept)
         executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
-        bank = store.bank(plan, bench, executor.run)
+        banks = made(executor.run)
         journal.say_unfinished(means.say)
-        return bank
+        return banks
 
 
 def _finished(blocks: Sequence[Block], journal: Path) -> int:

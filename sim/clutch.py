@@ -137,7 +137,12 @@ class Clutch:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Mismatch (output less sliding speed, rad/s) and shift force, with a weight."""
+    """Mismatch in rad/s and shift force, with a weight.
+
+    A positive mismatch runs the traction flanks together, and opposing faces fall away from each
+    other: the ring on the engine's side is the faster one, as before an upshift. It is output less
+    sliding speed about the axis from the output to the sliding ring (``docs/mismatch.md``).
+    """
 
     mismatch: float
     profile: ForceProfile

@@ -87,7 +87,7 @@ class Effect:
     ----------
     name : as files have it; that of its file.
     meaning : in one line.
-    parameters : one or two.
+    parameters : none for what is there or not, one or two.
     change : makes a setting with it of one without, given a value for each parameter.
     test : what would measure it directly.
     aliases : what no data of shifts can tell from it, in words.

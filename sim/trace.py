@@ -44,7 +44,7 @@ class Trace:
 
     @property
     def relative_speed(self) -> Series:
-        """Output less sliding speed, rad/s, (n,)."""
+        """Output less sliding speed, rad/s, (n,); at the start it is the mismatch."""
         return self.output_speed - self.sliding_speed
 
 

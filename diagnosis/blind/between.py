@@ -23,6 +23,7 @@ from diagnosis.blind.engine import Draw, Engine
 from diagnosis.blind.stand import Point, Stand
 from diagnosis.late import bulk
 from diagnosis.likelihood import Rules
+from diagnosis.sense import REVERSED
 from diagnosis.spread import Array, FlightEmulator, Hypothesis, Marks, Spread
 from sim.actuation import ForceProfile
 from sim.setting import Setting
@@ -58,15 +59,20 @@ def timely(first: Array, second: Array) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Moved:
-    """An emulator whose times are later by ``offsets``, s, one for each operating point."""
+    """An emulator whose times are later by ``offsets``, s, one for each operating point.
+
+    ``turned`` are those with the reversed sense of rotation.
+    """
 
     emulator: FlightEmulator
     offsets: Sequence[float]
+    turned: Sequence[float] = ()
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
         """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
         found = self.emulator.at(hypothesis, values, cell)
-        return replace(found, times=np.maximum(found.times + self.offsets[cell], SOON))
+        offsets = self.turned if REVERSED in hypothesis else self.offsets
+        return replace(found, times=np.maximum(found.times + offsets[cell], SOON))
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks of the flight, which ends before the dogs meet."""

@@ -51,6 +51,8 @@ TRACED = (  # effects with traces too, at the clear strength
     "linkage_compliance", "moving_mass", "sleeve_friction", "viscous_damping",
 )  # fmt: skip
 
+REVERSED = "reversed_mismatch"
+
 
 @dataclass(frozen=True)
 class Case:
@@ -149,6 +151,8 @@ class _Maker:
         return min(1.0, strength * (1.0 + off))
 
     def _values(self, name: str, strength: str) -> Values:
+        if not RANGES[name]:
+            return {}
         # A logarithmic prior with what the stand has inside it is measured from there.
         inside = RANGES[name][0]
         log = inside.log and inside.neutral <= inside.low
@@ -164,8 +168,11 @@ def _small(maker: _Maker) -> Iterator[Case]:
 
 
 def _full(maker: _Maker) -> Iterator[Case]:
-    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 18 outside."""
-    for name in RANGES:
+    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 18 outside.
+
+    At last come four with the reversed sense, which has no strength: alone and beside a delay.
+    """
+    for name in (effect for effect, ranges in RANGES.items() if ranges):
         for strength in ("barely", "clear", "gross"):
             yield maker.single(name, strength)
     for name in SINGLES:
@@ -182,3 +189,8 @@ def _full(maker: _Maker) -> Iterator[Case]:
         yield maker.outside(name, "clear", "means")
         yield maker.outside(name, "gross", "means")
         yield maker.outside(name, "gross", "singles")
+    # Speeds of traces show the sense at once, and the data set is refused.
+    for form in ("means", "singles"):
+        yield maker.single(REVERSED, "gross", form)
+    yield maker.pair(("actuation_delay", REVERSED))
+    yield maker.pair(("actuation_delay", REVERSED), "gross", "singles")

@@ -102,6 +102,8 @@ def _bench(base: Path, name: str) -> str:
     """Return the base's ``bench.toml`` with another name and the sensor at the actuator."""
     data: dict[str, Any] = tomllib.loads((base / "bench.toml").read_text(encoding="utf-8"))
     plain = {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}}
+    if "mismatch_sense" in data:
+        plain["mismatch_sense"] = data["mismatch_sense"]
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     for table in ("dog", "sliding", "output", "contact"):
         lines += ["", f"[{table}]"]

@@ -79,6 +79,7 @@ RANGES: dict[str, tuple[Range, ...]] = {
         Range("concentration", 0.1, 10.0, True),
         Range("centre_pitch", 0.0, 1.0, by_strength=False),
     ),
+    "reversed_mismatch": (),
     "sleeve_friction": (Range("friction_N", 3.0, 200.0, True),),
     "spline_friction": (Range("spline_friction", 0.01, 0.3, True),),
     "viscous_damping": (Range("damping_Ns_m", 5.0, 1000.0, True),),
@@ -108,6 +109,9 @@ FIELDS: dict[str, tuple[str, float]] = {
     "spline_friction": ("spline_friction", 1.0),
     "damping_Ns_m": ("damping", 1.0),
 }
+
+#: Field of the truth that an effect without parameters sets.
+SWITCHES = {"reversed_mismatch": "reversed"}
 
 #: Outside the list: fields of the truth at a strength in [0, 1].
 OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
@@ -144,7 +148,8 @@ def values_of(effect: str, strength: float, generator: np.random.Generator) -> V
 
 def fields_of(parameters: Mapping[str, Values]) -> dict[str, Any]:
     """Return fields of the truth from parameters by effect."""
-    return {
+    switched = {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
+    return switched | {
         FIELDS[name][0]: FIELDS[name][1] * value
         for values in parameters.values()
         for name, value in values.items()

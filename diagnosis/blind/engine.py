@@ -16,7 +16,7 @@ forces (detent, ripple).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -133,6 +133,8 @@ class Engine:
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; ``keep`` keeps its motion."""
+        if self.truth.reversed:
+            point = replace(point, mismatch=-point.mismatch)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
         seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None

@@ -128,7 +128,7 @@ def contact_references(stand: Stand, truth: Truth, point: Point) -> tuple[Refere
     both = stand.sliding_inertia * stand.output_inertia
     turning = stand.radius**2 * (stand.sliding_inertia + stand.output_inertia) / both
     felt = 1.0 / (math.cos(lean) ** 2 * turning + math.sin(lean) ** 2 / mass)
-    around = abs(point.mismatch + truth.mismatch_offset) * stand.radius
+    around = abs(abs(point.mismatch) + truth.mismatch_offset) * stand.radius
     gap = stand.gap + truth.gap_offset
     axial = _axial_speed(truth, point, gap + 0.5 * stand.height, mass)
     hit = math.cos(lean) * around + math.sin(lean) * axial

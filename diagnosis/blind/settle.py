@@ -24,7 +24,7 @@ from zlib import crc32
 import numpy as np
 
 from diagnosis.blind.data import draws
-from diagnosis.blind.effects import FIELDS, RANGES, truth_of
+from diagnosis.blind.effects import FIELDS, RANGES, SWITCHES, truth_of
 from diagnosis.blind.engine import Engine
 from diagnosis.blind.intervals import share
 from diagnosis.blind.marks import Names, class_of, names_of
@@ -186,6 +186,7 @@ def outcome_of(name: str, case: Record, test: Record, stage: Stage) -> tuple[flo
 def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
     """Return what direct tests read without error, as shares of the parameters' priors.
 
+    An effect without parameters is read by its own name: 1 where it is there, else 0.
     They read what acts, also where that is outside the list: a valve that sticks as its mean
     delay, drift as half of the force that it takes, and a dog that stands out as a smaller gap.
     """
@@ -197,6 +198,9 @@ def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
     )
     found = []
     for name in names:
+        if name in SWITCHES:
+            found.append(float(getattr(seen, SWITCHES[name])))
+            continue
         field, factor = FIELDS[name]
         value = getattr(seen, field)
         # What the truth leaves as given is the stand's, under the same name.

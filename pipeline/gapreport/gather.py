@@ -11,6 +11,7 @@ from diagnosis.bench import Bench
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.levels import Level
+from diagnosis.sense import forward
 from pipeline.consequence import Consequence, consequence, shifts_of, studied
 from pipeline.diagnosing import Means
 from pipeline.gapreport.extras import Extras
@@ -71,11 +72,12 @@ def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
 def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
     """Return what the cause means for the best designs of a study.
 
-    The cause is the most probable set of effects, at the mean of its parameters. What is finished
-    of the simulations stays in a folder below ``folder`` until all are.
+    The cause is the most probable set of effects, at the mean of its parameters. The sense of
+    rotation is the stand's and says nothing of a study. What is finished of the simulations stays
+    in a folder below ``folder`` until all are.
     Raises InputError where the diagnosis has no such.
     """
-    cause = next((h for h in found.belief if h not in (NONE, UNKNOWN)), None)
+    cause = next((h for h in found.belief if forward(h) not in (NONE, UNKNOWN)), None)
     if cause is None or found.belief[cause] < 0.01:
         raise InputError(
             f"--study is '{study}', but the diagnosis of {found.bench.name} names no effect whose "
@@ -88,4 +90,6 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         ShiftProgress(shifts_of(given, designs)) as progress,
         kept_shifts(work, progress, means.jobs) as executor,
     ):
-        return consequence(given, designs, Level(cause, values), found.effects, executor.run)
+        return consequence(
+            given, designs, Level(forward(cause), values), found.effects, executor.run
+        )

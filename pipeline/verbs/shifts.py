@@ -46,7 +46,13 @@ from sim.numerical import numerical_error, repeated
 from sim.plant import ClutchPlant
 from sim.units import DEG
 
-Mismatch = Annotated[float, typer.Option(help="output less sliding speed before the shift")]
+Mismatch = Annotated[
+    float,
+    typer.Option(
+        help="speed of ring against ring before the shift; + runs the traction flanks together, "
+        "as before an upshift (docs/mismatch.md)"
+    ),
+]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
 Simulate = Callable[[ShiftProgress], AbstractContextManager[Executor]]
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks

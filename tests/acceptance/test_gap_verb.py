@@ -38,6 +38,15 @@ def test_the_stand_has_a_dead_time_and_a_drag_and_something_that_is_open(
     assert stand["next_test"]["name"] == "force at the sleeve over time"
 
 
+def test_what_is_said_of_the_stand_is_said_for_either_sense(stand: dict[str, Any]) -> None:
+    """Nobody noted which way its wheel was driven."""
+    plain, other = stand["senses"]
+    assert (plain["reversed"], other["reversed"]) == (False, True)
+    assert plain["probability"] + other["probability"] == pytest.approx(1.0)
+    assert all(one["hypotheses"] for one in stand["senses"])
+    assert "Which way the rings turned past each other was not noted" in stand["summary"]
+
+
 def test_what_is_left_of_the_stand_was_not_fitted(stand: dict[str, Any]) -> None:
     gap = stand["gap"]
     assert 0.12 < gap["baseline_rmse_s"] < 0.15

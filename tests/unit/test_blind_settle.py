@@ -130,6 +130,11 @@ def test_true_parameters_read_as_shares_of_the_priors() -> None:
     assert {name for c in cases_of("tuning", "full") for name in c.parameters} == set(RANGES)
 
 
+def test_an_effect_without_parameters_reads_as_there_or_not() -> None:
+    assert shares_of(Truth(), STAND, ["reversed_mismatch"]) == [0.0]
+    assert shares_of(truth_of({"reversed_mismatch": {}}, {}), STAND, ["reversed_mismatch"]) == [1.0]
+
+
 def test_what_is_outside_the_list_reads_as_what_acts() -> None:
     names = ["delay_s", "force_factor", "gap_offset_mm"]
     truth = truth_of({}, {"sticking_valve": 0.5, "drift": 0.4, "high_dog": 0.5})

@@ -54,6 +54,7 @@ NAMES = [
     "axial_gap",
     "chamfer_angle",
     "relative_angle",
+    "reversed_mismatch",
 ]
 #: Of the default study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
@@ -79,11 +80,12 @@ def test_effects_are_those_of_the_contract() -> None:
     for name, parameter in own:
         assert EFFECTS[name].parameters[0].name == parameter
     assert EFFECTS["contact_friction"].parameters[1].name == "dynamic_friction"
+    assert EFFECTS["reversed_mismatch"].parameters == ()
 
 
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
 def test_every_effect_says_what_it_is(effect: Effect) -> None:
-    assert 1 <= len(effect.parameters) <= 2
+    assert len(effect.parameters) <= 2
     assert len(effect.meaning) > 20
     assert effect.test.how.endswith(".")
     assert effect.test.name
@@ -101,7 +103,7 @@ def test_the_notes_list_every_effect_with_its_range() -> None:
             assert f"`{p.name}` {p.low:g} to {p.high:g}, {p.scale}" in row
 
 
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
+@pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.parameters])
 def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None:
     same = effect.apply(setting, effect.neutral(setting))
     assert same == setting
@@ -116,6 +118,18 @@ def test_effects_compose_in_either_order(setting: Setting, one: str, two: str) -
     back = first.apply(second.apply(setting, _values(second)), _values(first))
     assert there == back
     assert there not in (setting, first.apply(setting, _values(first)))
+
+
+def test_the_reversed_sense_negates_the_mismatch_and_twice_is_none(setting: Setting) -> None:
+    effect = EFFECTS["reversed_mismatch"]
+    other = effect.apply(setting, {})
+    assert other.point.mismatch == -setting.point.mismatch
+    assert other == setting.with_point(mismatch=-setting.point.mismatch)
+    assert effect.apply(other, {}) == setting
+    still = setting.with_point(mismatch=0.0)
+    assert effect.apply(still, {}).block((0.1,)).keys == still.block((0.1,)).keys
+    with pytest.raises(InputError, match="is not a parameter of reversed_mismatch"):
+        effect.apply(setting, {"mismatch_rpm": 1.0})
 
 
 def test_priors_run_from_end_to_end() -> None:

@@ -186,9 +186,27 @@ def test_sets_differ_in_strengths_and_draws_and_cover_the_list() -> None:
     for cases in (published, tuning):
         assert {name for c in cases for name in c.parameters} == set(RANGES)
         assert {name for c in cases for name in c.outside} == set(OUTSIDE)
-    values = [{str(c.parameters) for c in cases if c.parameters} for cases in (published, tuning)]
+    values = [
+        {str(c.parameters) for c in cases if any(c.parameters.values())}
+        for cases in (published, tuning)
+    ]
     assert not values[0] & values[1]
     assert not {c.seed for c in published} & {c.seed for c in tuning}
+
+
+def test_reversed_sense_is_the_other_sign_of_every_mismatch(stand: Stand) -> None:
+    """The shift is that of the negated point; its first speeds are of the other sign."""
+    other = replace(POINT, mismatch=-POINT.mismatch)
+    for more in ({}, {"mismatch_speed": {"offset_rpm": 2.0}}):
+        truth = truth_of({"reversed_mismatch": {}, **more}, {})
+        assert truth.reversed
+        shift = Engine(stand, truth).shift(POINT, Draw(0.1), keep=True)
+        plain = Engine(stand, truth_of(more, {})).shift(other, Draw(0.1), keep=True)
+        assert shift.motion is not None
+        assert plain.motion is not None
+        np.testing.assert_array_equal(shift.motion, plain.motion)
+        assert shift.motion[0, 4] == pytest.approx(-(10.0 + 2.0 * len(more)) * RPM)
+    assert shift.time != Engine(stand, truth_of(more, {})).shift(POINT, Draw(0.1)).time
 
 
 def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
