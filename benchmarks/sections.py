@@ -13,7 +13,7 @@ EVERYWHERE = (
     (rf"\b{FORCES}\b(?: (?:to|and) {FORCES})?(?:\sN)?(?!\w)", "force of an operating point"),
     (r"\b9[05] %\)?\s(?:intervals?|quantile)|in\s95 %|hold 90 %", "level of an interval"),
 )
-TARGET = r"\| (?:9[058]|1|80) % \|$|both: 70 % \||\| 0\.(?:05|95) \|$"
+TARGET = r"\| (?:9[058]|1|70|80) % \|$|\| 0\.05 \|$"
 
 DEFINITIONS = "keys, limits and constants of the method, which its tests hold"
 ONCE = "measured once while the method was chosen; no table is kept"
@@ -34,10 +34,9 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
                 r"\*\*Against the stand(?s:.)*?(?=\*\*Does the diagnosis)",
                 "diagnoses; `make gaps` keeps their records, from which entries follow",
             ),
-            (
-                r"\(74 cases\)|effects of the list \(59\)",
-                "size of the subset, in the labels of blind.txt",
-            ),
+            (r"130 (?:sealed )?cases", "size of the set, in the labels of blind.txt"),
+            (r"the\s90 % set", "level of the set of hypotheses"),
+            (r"a\s+probability of 0\.9 is", "an example"),
             (rf"(?m:{TARGET})", "aims, set before the score"),
         ),
         "The surrogate in short": (
