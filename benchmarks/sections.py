@@ -93,6 +93,7 @@ OTHERS: dict[str, dict[str, str]] = {
         ),
         "Both engines without any effect": TABLES,
         "Another clutch": TABLES,
+        "Sets that were opened": "what each set showed; each has its table in the history",
         "The published score, and where it falls short": TABLES,
         "Cost": ONCE,
     },
@@ -119,6 +120,10 @@ OTHERS: dict[str, dict[str, str]] = {
             "Next test (`diagnosis/next_test.py`)",
         ),
         DEFINITIONS,
+    ),
+    "docs/mismatch.md": dict.fromkeys(
+        ("", "Which ring is the sliding one", "In the simulation", "Where it is not known"),
+        "a definition",
     ),
     "docs/search.md": {
         **dict.fromkeys(("", "What is proposed", "What is simulated", "Checked"), DEFINITIONS),
