@@ -33,6 +33,13 @@ def gap(bench: str) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def bank_shifts() -> int:
+    """Count the shifts of the bundled bank."""
+    path = ROOT / "studies" / "bench" / "bank.json"
+    found = json.loads(path.read_text(encoding="utf-8"))
+    return sum(len(series["t"]) for series in found["series"].values())
+
+
 def trial(study: str, number: int) -> Any:
     """Give a confirmed design of a study by the number of its trial.
 

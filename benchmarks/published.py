@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchmarks.entries import Entry
-from benchmarks.kept import numbers, result, surrogate, trial
+from benchmarks.kept import bank_shifts, gap, numbers, result, surrogate, trial
 
 MS = 1e3
 PERCENT = 100.0
@@ -131,6 +131,55 @@ BLIND = [
 
 def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
     return lambda: _share(numbers(table, label), first)
+
+
+STAND_TOP = ("actuation_delay", "actuation_lag", "drag_torque")
+WITH_MASS = ("actuation_delay", "drag_torque", "moving_mass")
+
+
+def _hypothesis(bench: str, effects: Sequence[str]) -> Any:
+    return next(h for h in gap(bench)["hypotheses"] if h["effects"] == list(effects))
+
+
+def _interval(found: Any, name: str, scale: float = 1.0) -> list[float]:
+    return [scale * found["parameters"][name][end] for end in ("mean", "low", "high")]
+
+
+def _stand(effects: Sequence[str], name: str, scale: float = 1.0) -> Callable[[], Sequence[float]]:
+    return lambda: _interval(_hypothesis("stand", effects), name, scale)
+
+
+def _reversed(third: str) -> Callable[[], Sequence[float]]:
+    """Give the dead time beside a third effect, were the sense of rotation reversed, in ms."""
+    effects = sorted(("actuation_delay", "drag_torque", third))
+
+    def values() -> Sequence[float]:
+        found = next(one for one in gap("stand")["senses"] if one["reversed"])
+        mine = next(h for h in found["hypotheses"] if h["effects"] == effects)
+        return _interval(mine, "delay_s", MS)
+
+    return values
+
+
+def _thirds() -> list[float]:
+    """Give the probabilities of lag, mass, detent and friction as the third effect, percent."""
+    names = ("actuation_lag", "moving_mass", "detent_force", "sleeve_friction")
+    return [PERCENT * gap("stand")["inclusion"][name] for name in names]
+
+
+def _other_delays() -> list[float]:
+    """Give the least and the largest mean dead time beside the other thirds, in ms."""
+    thirds = ("moving_mass", "detent_force", "sleeve_friction")
+    each = [sorted(("actuation_delay", "drag_torque", third)) for third in thirds]
+    means = [MS * _hypothesis("stand", one)["parameters"]["delay_s"]["mean"] for one in each]
+    return [min(means), max(means)]
+
+
+def _given_compliance() -> list[float]:
+    """Give the probabilities of lag and friction with the linkage in the simulation, percent."""
+    rows = gap("stand")["sensitivity"]["given_compliance_mm_kN"]
+    names = ("actuation_lag", "sleeve_friction")
+    return [PERCENT * sum(r["probability"] for r in rows if n in r["effects"]) for n in names]
 
 
 def _best() -> Any:
@@ -303,6 +352,56 @@ ENTRIES: list[Entry] = [
         "root-mean-square deviation {:.1f} ms or {:.1f} %",
         lambda: numbers("adams", "as published")[1::-1],
     ),
+    # README: the stand
+    Entry(
+        README,
+        "{:.1f} ms with the sign of the table and",
+        lambda: numbers("sense", "of the table")[:1],
+    ),
+    Entry(README, "and {:.1f} ms reversed (", lambda: numbers("sense", "reversed")[:1]),
+    Entry(
+        README,
+        "({:.1f} and {:.1f} ms from 25 1/min up)",
+        lambda: [numbers("sense", name)[1] for name in ("of the table", "reversed")],
+    ),
+    Entry(README, "from the {:,.0f} simulated shifts", lambda: [bank_shifts()]),
+    Entry(
+        README,
+        "root mean square | {:.0f} ms; scatter and numerics of the simulation make {:.0f} ms |",
+        lambda: [MS * gap("stand")["gap"][k] for k in ("baseline_rmse_s", "floor_rmse_s")],
+    ),
+    Entry(
+        README,
+        "{:.0f} ms ({:.0f} to {:.0f}) beside a slow rise,",
+        _stand(STAND_TOP, "delay_s", MS),
+    ),
+    Entry(README, "rise, {:.0f} to {:.0f} ms beside the other thirds", _other_delays),
+    Entry(README, "| {:.1f} N m ({:.1f} to {:.1f}),", _stand(STAND_TOP, "drag_Nm")),
+    Entry(README, "constant {:.2f} s ({:.2f} to {:.2f}):", _stand(STAND_TOP, "lag_s")),
+    Entry(README, "linkage, {:.1f} kg ({:.1f} to {:.1f}):", _stand(WITH_MASS, "added_mass_kg")),
+    Entry(
+        README,
+        "): {:.0f} %; mass of actuator",
+        lambda: _thirds()[:1],
+    ),
+    Entry(
+        README,
+        "): {:.0f} %; a detent: {:.0f} %; dry friction of the ring: {:.0f} % |",
+        lambda: _thirds()[1:],
+    ),
+    Entry(
+        README,
+        "never saw | {:.0f} ms, where chance alone would leave {:.0f} ms; with the mass instead "
+        "{:.0f} ms |",
+        lambda: [
+            MS * gap("stand")["gap"][name]
+            for name in ("heldout_rmse_s", "leading_floor_rmse_s", "rival_heldout_rmse_s")
+        ],
+    ),
+    Entry(README, "{:.0f} ms ({:.0f} to {:.0f}) beside a free play,", _reversed("free_play")),
+    Entry(README, "play, {:.0f} ms ({:.0f} to {:.0f}) beside a detent;", _reversed("detent_force")),
+    Entry(README, "(p = {:.2f}).", lambda: [_hypothesis("stand", STAND_TOP)["predictive_p"]]),
+    Entry(README, "slow rise ({:.0f} %), friction ({:.0f} %),", _given_compliance),
     # README: the blind score
     *(Entry(README, text, _blind(table, label, first)) for table, label, first, text in BLIND),
     Entry(

@@ -30,10 +30,6 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
                 r"up to 20 ms at low(?s:.)*?by up to 19 %",
                 "printed by `dogshape validate mq200_adams`",
             ),
-            (
-                r"\*\*Against the stand(?s:.)*?(?=\*\*Does the diagnosis)",
-                "diagnoses; `make gaps` keeps their records, from which entries follow",
-            ),
             (r"130 (?:sealed )?cases", "size of the set, in the labels of blind.txt"),
             (r"the\s90 % set", "level of the set of hypotheses"),
             (r"a\s+probability of 0\.9 is", "an example"),
