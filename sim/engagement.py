@@ -18,6 +18,7 @@ from sim.clutch import Clutch, OperatingPoint
 from sim.events import Events, events_of, stays_held
 from sim.loads import Loads, loads_of
 from sim.outcome import TIME_LIMIT, Outcome
+from sim.passing import passing_through
 from sim.phases import Phase, phases_of
 from sim.plant import ClutchPlant
 from sim.trace import Series, Trace, crossing, trace_of
@@ -159,6 +160,9 @@ def _conclude(record: _Record, angle: float) -> Engagement:
     clutch, point = record.clutch, record.point
     trace = trace_of(clutch, point, record.times, record.states)
     outcome = _outcome(record, trace)
+    if outcome is Outcome.ENGAGED:
+        record.failure = passing_through(clutch.dog, trace.displacement, trace.relative_angle)
+        outcome = _outcome(record, trace)
     way = clutch.shift_travel
     done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
     far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
