@@ -46,7 +46,7 @@ blind: $(VENV)/complete
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams root_stress load_height impact_force crest_hang workers effects blind_engines bank evidence \
-  keeping sense
+  valid_range keeping sense
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves

@@ -129,6 +129,7 @@ OTHERS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("", "What is modelled", "Friction"), DEFINITIONS),
         "Verification": TABLES,
         "Cost": TABLES,
+        "Valid range": TABLES,
     },
     "docs/strength.md": {
         **dict.fromkeys(("", "Material", "Dog on dog", "Drawing, print, CAD"), DEFINITIONS),

@@ -29,6 +29,7 @@ from sim.loadcase import LoadCase
 from sim.loads import Loads
 from sim.manufacture import ManufacturingLimits
 from sim.materials import Material, material_of
+from sim.passing import require_stiff_enough
 from sim.records import Record, clutch_record, content_key, uncertain_record
 from sim.strength import Limits
 from sim.texts import listed, read_toml
@@ -222,6 +223,7 @@ def build_study(file: StudyFile) -> Study:
         solver=_solver(file, contact),
     )
     points = _points(file)
+    require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points)
     return Study(file, clutch, _limits(file), points, _variables(file), unsure)
 

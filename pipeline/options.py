@@ -10,6 +10,7 @@ import typer
 from pipeline.config import Study, profile_for
 from sim.clutch import OperatingPoint
 from sim.errors import InputError
+from sim.passing import require_stiff_enough
 from sim.units import DEG, RPM
 
 StudyArg = Annotated[
@@ -44,7 +45,9 @@ def point_of(
 
     ``other_way`` is what the verb offers for a force that the study's table lacks.
     """
-    return OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise, other_way))
+    point = OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise, other_way))
+    require_stiff_enough(study.clutch, force)
+    return point
 
 
 def points_of(

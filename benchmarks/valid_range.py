@@ -1,0 +1,75 @@
+"""Speeds and forces up to which dogs do not pass through each other in the simulation.
+
+    python -m benchmarks.valid_range
+
+Shifts of the prototype and of the chosen design of the default study at angles of one pitch; the
+force rises within 0.05 s. A cell has how many of them were refused (``sim.passing``), and the
+deepest penetration of those that were not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from benchmarks.common import default_study
+from benchmarks.kept import result
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import engage
+from sim.outcome import Outcome
+from sim.passing import penetration
+from sim.plant import ClutchPlant
+from sim.units import DEG, MM, RPM
+
+SPEEDS = (-1000.0, -500.0, -249.0, 249.0, 500.0, 1000.0)  #: 1/min
+FORCES = (641.5, 1500.0, 3000.0)  #: N
+RISE = 0.05  #: s
+ANGLES = 6
+
+
+def chosen(clutch: Clutch) -> Clutch:
+    """Give the clutch with the chosen design of the default study."""
+    p = result("mq200")["best"]
+    dog = replace(
+        clutch.dog,
+        count=int(p["count"]),
+        chamfer=p["chamfer_deg"] * DEG,
+        traction=p["traction_deg"] * DEG,
+        braking=p["braking_deg"] * DEG,
+        height=p["height_mm"] * MM,
+    )
+    return replace(clutch, dog=dog)
+
+
+def cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
+    """Count refused shifts; give the deepest penetration of the others, m."""
+    dog, refused, deepest = plant.clutch.dog, 0, 0.0
+    for k in range(ANGLES):
+        shift = engage(plant, point, (k + 0.5) / ANGLES * dog.pitch_angle)
+        if shift.outcome is Outcome.DIVERGED:
+            refused += 1
+        else:
+            trace = shift.trace
+            depth = penetration(dog, trace.displacement, trace.relative_angle)
+            deepest = max(deepest, float(depth.max()))
+    return refused, deepest
+
+
+def main() -> None:
+    """Print the table."""
+    clutch = default_study().clutch
+    print(f"refused of {ANGLES} shifts, and the deepest penetration of the others, mm")
+    print(f"{'design':<12}{'1/min':>8}" + "".join(f"{f'{force:g} N':>16}" for force in FORCES))
+    for name, mine in (("prototype", clutch), ("chosen", chosen(clutch))):
+        plant = ClutchPlant(mine)
+        for speed in SPEEDS:
+            cells = [
+                cell(plant, OperatingPoint(speed * RPM, ForceProfile(force, RISE)))
+                for force in FORCES
+            ]
+            told = "".join(f"{refused:>7}{deepest / MM:>9.3f}" for refused, deepest in cells)
+            print(f"{name:<12}{speed:>8g}{told}")
+
+
+if __name__ == "__main__":
+    main()

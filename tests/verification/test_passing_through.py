@@ -1,0 +1,112 @@
+"""Dogs that pass through each other are no engagement."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.config import load_study
+from sim.actuation import ForceProfile
+from sim.clutch import Clutch, OperatingPoint
+from sim.engagement import FINER, Engagement, engage
+from sim.errors import InputError
+from sim.geometry import Dog
+from sim.mesh import pressure_apex
+from sim.outcome import Outcome
+from sim.passing import passing_through, penetration, require_stiff_enough
+from sim.plant import ClutchPlant
+from sim.units import DEG, MM, RPM
+
+_DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3)
+
+
+def _depth(dog: Dog, displacement: float, pitches: float) -> float:
+    angle = np.array([pitches * dog.pitch_angle])
+    return float(penetration(dog, np.array([displacement]), angle)[0])
+
+
+def test_seated_dogs_touch_and_do_not_overlap() -> None:
+    assert _depth(_DOG, _DOG.travel, 0.5) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_flat_faces_overlap_by_the_way_beyond_their_gap() -> None:
+    flat = replace(_DOG, chamfer=0.0)
+    assert _depth(flat, flat.axial_gap - 1e-5, 0.0) == 0.0
+    assert _depth(flat, flat.axial_gap + 1e-4, 0.0) == pytest.approx(1e-4)
+
+
+@pytest.mark.parametrize(("side", "angle"), [(-1, _DOG.braking), (1, _DOG.traction)])
+def test_a_seated_dog_off_its_slot_overlaps_across_the_flank(side: int, angle: float) -> None:
+    off = 0.02
+    expected = off * _DOG.pitch * np.cos(angle)
+    assert _depth(_DOG, _DOG.travel, 0.5 + side * off) == pytest.approx(expected)
+
+
+def _fine() -> Clutch:
+    return replace(load_study("mq200").clutch, dog=_DOG)
+
+
+def _shift(mismatch: float, force: float, rise: float, pitches: float) -> Engagement:
+    point = OperatingPoint(mismatch * RPM, ForceProfile(force, rise))
+    return engage(ClutchPlant(_fine()), point, pitches * _DOG.pitch_angle)
+
+
+def test_a_dog_inside_another_is_refused_with_depth_and_remedy() -> None:
+    way, clutch = np.array([_DOG.travel]), _fine()
+    assert _depth(_DOG, _DOG.travel, 0.1) > pressure_apex(_DOG)[1]
+    said = passing_through(clutch, way, np.array([0.1 * _DOG.pitch_angle]))
+    assert said.startswith("penetration of the dogs is")
+    assert "lower shift force or mismatch" in said
+    assert passing_through(clutch, way, np.array([0.49 * _DOG.pitch_angle])) == ""
+
+
+def test_a_ring_beyond_its_travel_is_refused() -> None:
+    clutch, seated = _fine(), np.array([0.5 * _DOG.pitch_angle])
+    assert passing_through(clutch, np.array([_DOG.travel + 0.04 * MM]), seated) == ""
+    said = passing_through(clutch, np.array([_DOG.travel + 0.06 * MM]), seated)
+    assert said.startswith("way beyond full travel is 0.06 mm")
+
+
+@pytest.mark.parametrize("pitches", [0.1, 0.6])
+def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: float) -> None:
+    result = _shift(-1000.0, 3000.0, 0.05, pitches)
+    clutch = _fine()
+    solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
+    finer = ClutchPlant(replace(clutch, solver=solver))
+    again = engage(finer, result.point, result.relative_angle)
+    assert result.outcome is Outcome.ENGAGED
+    assert result.shift_time == again.shift_time
+    assert result.clutch == clutch
+    depth = penetration(_DOG, result.trace.displacement, result.trace.relative_angle)
+    assert depth.max() < 0.2 * MM
+
+
+@pytest.mark.parametrize("pitches", [0.1, 0.6])
+def test_a_shift_that_passes_through_again_has_diverged(
+    pitches: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim.engagement.FINER", 1.0)
+    result = _shift(-1000.0, 3000.0, 0.05, pitches)
+    assert result.outcome is Outcome.DIVERGED
+    assert result.shift_time is None
+    assert "penetration of the dogs is" in result.detail
+
+
+@pytest.mark.parametrize("mismatch", [-249.0, 249.0])
+def test_an_ordinary_shift_stays_far_from_the_limits(mismatch: float) -> None:
+    result = _shift(mismatch, 641.5, 0.12614, 0.6)
+    assert result.outcome is Outcome.ENGAGED
+    trace = result.trace
+    depth = penetration(_DOG, trace.displacement, trace.relative_angle)
+    assert 0.0 < depth.max() < 0.5 * pressure_apex(_DOG)[1] / 3.0
+    assert trace.displacement.max() < _DOG.travel
+
+
+def test_a_contact_too_soft_for_its_force_is_refused() -> None:
+    clutch = load_study("mq200").clutch
+    soft = replace(clutch, contact=replace(clutch.contact, stiffness=1e10))
+    with pytest.raises(InputError, match=r"take at least 5\.\de\+10 Pa/m"):
+        require_stiff_enough(soft, 641.5)
+    require_stiff_enough(replace(clutch, contact=replace(clutch.contact, stiffness=1e11)), 641.5)
+    with pytest.raises(InputError, match=r"contact\.stiffness_Pa_m is 1e\+10 Pa/m"):
+        load_study("mq200", ["contact.stiffness_Pa_m=1e10"])
