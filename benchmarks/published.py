@@ -182,6 +182,34 @@ def _given_compliance() -> list[float]:
     return [PERCENT * sum(r["probability"] for r in rows if n in r["effects"]) for n in names]
 
 
+def _linkage() -> list[float]:
+    """Give the compliance of the linkage at the sleeve by the static readings, mm/kN."""
+    found = next(f for f in gap("stand")["facts"] if f["parameter"] == "compliance_mm_kN")
+    return [found["low"], found["high"]]
+
+
+def _prices() -> list[list[float]]:
+    """Give the time with the causes and its error for each design of the price, ms."""
+    told = gap("stand")["so_what"]["candidates"]
+    return [[MS * one["with_s"], MS * one["with_standard_error_s"]] for one in told]
+
+
+def _price() -> list[float]:
+    prototype, chosen, *_ = _prices()
+    return [*chosen, *prototype, PERCENT * (1.0 - chosen[0] / prototype[0])]
+
+
+def _other_prices() -> list[float]:
+    """Give by how much the other designs take longer than the best, least and most, ms."""
+    _, chosen, *others = _prices()
+    longer = [time - chosen[0] for time, _ in others]
+    return [min(longer), max(longer)]
+
+
+def _adams(effect: str, name: str) -> Callable[[], Sequence[float]]:
+    return lambda: [_hypothesis("adams", [effect])["parameters"][name]["mean"]]
+
+
 def _best() -> Any:
     return result("mq200")["best"]
 
@@ -402,6 +430,20 @@ ENTRIES: list[Entry] = [
     Entry(README, "play, {:.0f} ms ({:.0f} to {:.0f}) beside a detent;", _reversed("detent_force")),
     Entry(README, "(p = {:.2f}).", lambda: [_hypothesis("stand", STAND_TOP)["predictive_p"]]),
     Entry(README, "slow rise ({:.0f} %), friction ({:.0f} %),", _given_compliance),
+    Entry(README, "linkage of {:.1f} to {:.1f} mm/kN at the sleeve", _linkage),
+    Entry(
+        README,
+        "takes {:.0f} ± {:.0f} ms and the prototype {:.0f} ± {:.0f} ms, a gain of {:.0f} %.",
+        _price,
+    ),
+    Entry(README, "take {:.0f} to {:.0f} ms longer with them", _other_prices),
+    Entry(
+        README,
+        "published simulation is {:.1f} ms off, where chance makes {:.0f} ms",
+        lambda: [MS * gap("adams")["gap"][k] for k in ("baseline_rmse_s", "floor_rmse_s")],
+    ),
+    Entry(README, "oil damping of {:.0f} N s/m", _adams("viscous_damping", "damping_Ns_m")),
+    Entry(README, "dry friction of {:.0f} N that", _adams("sleeve_friction", "friction_N")),
     # README: the blind score
     *(Entry(README, text, _blind(table, label, first)) for table, label, first, text in BLIND),
     Entry(
