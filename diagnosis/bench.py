@@ -15,6 +15,7 @@ from pathlib import Path
 
 from diagnosis.corrections import Correction, corrected, parse
 from diagnosis.reading import Cell, Reading, gather
+from diagnosis.repeats import ends_early
 from diagnosis.sense import Sense
 from diagnosis.slips import Finding, examine, impossible, require_no_slip
 from diagnosis.stand import Calibration, Sensor, Stand, load_stand
@@ -137,18 +138,22 @@ def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]
     rule = impossible(stand, row, asked)
     if rule:
         raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
-    _require_whole(sheet, row)
+    _require_whole(stand, sheet, row)
     return Reading(row.row, point, row.n, row.time, row.engaged, row.trace)
 
 
-def _require_whole(sheet: Sheet, row: Row) -> None:
-    """Raise DataError where a trace ends before its shift does."""
+def _require_whole(stand: Stand, sheet: Sheet, row: Row) -> None:
+    """Raise DataError where a trace ends before its shift has come to the first touch.
+
+    Up to there a trace is the flight, which a diagnosis reads; one that is cut later is used as far
+    as it goes, with a warning (``diagnosis.repeats.short_traces``).
+    """
     trace = row.trace
-    if trace is None or row.time is None:
+    if trace is None or not ends_early(row):
         return
-    if trace.time[-1] < row.time - 2.0 * trace.step:
+    if trace.displacement.max() < stand.clutch.dog.axial_gap:
         raise DataError(
-            f"{trace.path} ends at {number(trace.time[-1])} s, before its shift, which took "
-            f"{number(row.time)} s ({sheet.path}, row {row.row}); export the whole shift, or "
-            "correct the name of the trace"
+            f"{trace.path} ends at {number(trace.time[-1])} s and before the first touch, but its "
+            f"shift took {number(row.time or 0.0)} s ({sheet.path}, row {row.row}); export the "
+            "whole shift, or correct the name of the trace"
         )

@@ -53,11 +53,17 @@ def folds(bench: Bench) -> list[np.ndarray]:
 
 
 def by_effects(found: Scored) -> Predict:
-    """Return what a hypothesis predicts after a refit."""
+    """Return what a hypothesis predicts after a refit; NaN where none of its values engages."""
+    means = found.rows.predicted.mean
+    there = np.isfinite(means)
 
     def predict(cells: np.ndarray) -> Array:
-        means: Array = found.weights(cells) @ np.nan_to_num(found.rows.predicted.mean)
-        return means
+        # A value by which nothing engages has no mean time, which is not a time of zero.
+        weights = found.weights(cells)[:, None] * there
+        whole = weights.sum(axis=0)
+        summed = (weights * np.where(there, means, 0.0)).sum(axis=0)
+        predicted: Array = np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
+        return predicted
 
     return predict
 
@@ -73,6 +79,7 @@ def held_out(
     gaps = times - baseline.mean[0]
     left = [(times - predict(~fold))[fold & having] for fold in folds(bench)]
     after = np.concatenate(left) if left else np.array([])
+    after = after[np.isfinite(after)]
     return HeldOut(_rms(gaps[having]), _rms(after), _rms(metric.mean[having]))
 
 

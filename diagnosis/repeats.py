@@ -1,4 +1,4 @@
-"""Rows of a table of shifts that are there twice: each would count as shifts of its own."""
+"""Flaws of a table of shifts that are told and not refused: rows twice, traces that end early."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Hashable, Sequence
 from diagnosis.finding import Finding
 from diagnosis.stand import Stand
 from diagnosis.table import Row, Sheet
+from sim.units import MS
 
 LOOKS = "a table that was copied below itself: copies make the data seem surer than they are"
 
@@ -41,3 +42,28 @@ def _repeats(rows: Sequence[Row]) -> list[tuple[int, int]]:
             found.append((row.row, first[what]))
         first.setdefault(what, row.row)
     return found
+
+
+def ends_early(row: Row) -> bool:
+    """Tell whether the trace of a row ends before its shift does."""
+    trace = row.trace
+    if trace is None or row.time is None:
+        return False
+    return bool(trace.time[-1] < row.time - 2.0 * trace.step)
+
+
+def short_traces(_: Stand, sheet: Sheet) -> list[Finding]:
+    """Find traces that end before their shift, which are used as far as they go."""
+    short = [row for row in sheet.rows if ends_early(row)]
+    if not short:
+        return []
+    row = short[0]
+    assert row.trace is not None
+    assert row.time is not None
+    least = (row.time - row.trace.time[-1]) / MS
+    many = f"{len(short)} traces end" if len(short) > 1 else "a trace ends"
+    found = (
+        f"{many} before the shift is over: that of row {row.row} by {least:.3g} ms, so that it is "
+        "used up to there"
+    )
+    return [Finding("traces", found, "a recording that was stopped early", arguable=False)]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 from diagnosis.corrections import GIVEN, Correction, corrected
 from diagnosis.finding import Finding
-from diagnosis.repeats import repeated_rows
+from diagnosis.repeats import repeated_rows, short_traces
 from diagnosis.stand import Stand
 from diagnosis.table import Row, Sheet
 from diagnosis.table_slips import (
@@ -57,6 +57,7 @@ CHECKS: tuple[Check, ...] = (
     speeds,
     trace_force,
     repeated_rows,
+    short_traces,
 )
 
 

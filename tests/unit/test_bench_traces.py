@@ -75,8 +75,29 @@ BROKEN: list[tuple[Callable[[Path], object], str]] = [
     (cell(7, 0, "0.001"), "row 7, column t_s is '0.001' after '0.004', but time must grow"),
     (cell(7, 0, "0.004"), "sort the trace and leave doubled samples out"),
     (lines(lambda given: given[:9]), "has 8 samples, but a trace needs at least 10"),
-    (lines(lambda given: given[:40]), "before its shift, which took"),
+    (lines(lambda given: given[:14]), "before the first touch, but its shift took"),
 ]
+
+
+def test_a_trace_that_ends_early_is_used_up_to_there(folder: Path) -> None:
+    path = folder / "traces" / "0041.csv"
+    whole = load_bench(folder)
+    took = whole.readings[0].time
+    assert took is not None
+
+    def early(given: list[str]) -> list[str]:
+        return [given[0], *(one for one in given[1:] if float(one.split(",")[0]) < took - 0.005)]
+
+    lines(early)(path)
+    bench = load_bench(folder)
+    assert not any(one.quantity == "traces" for one in whole.warnings)
+    (warning,) = [one for one in bench.warnings if one.quantity == "traces"]
+    assert "a trace ends before the shift is over: that of row 2 by" in warning.sentence
+    trace, before = bench.readings[0].trace, whole.readings[0].trace
+    assert trace is not None
+    assert before is not None
+    assert before.time[-1] >= took > trace.time[-1] > took - 0.01
+    assert bench.readings[0].time == whole.readings[0].time
 
 
 @pytest.mark.parametrize(("spoil", "words"), BROKEN, ids=[words for _, words in BROKEN])
