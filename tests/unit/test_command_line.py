@@ -251,7 +251,10 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     ),
     (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
     (("shift", "mq200", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
-    (("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"), "No such file"),
+    (
+        ("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
+        "--html is no/such/folder/a.html, but there is no folder no/such/folder; make it",
+    ),
     (("shift", "mq200", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
     (("strength", "no/such/mq200"), "there is no study at no/such/mq200"),
     (("strength", "mq200", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),

@@ -143,7 +143,7 @@ def test_export_to_cad(dogshape: Call) -> None:
     [
         ((), "export was asked for nothing"),
         (("--svg", "a.svg", "--body-mm", 0), "--body-mm is 0"),
-        (("--svg", "none/a.svg"), "No such file or directory (none/a.svg)"),
+        (("--svg", "none/a.svg"), "--svg is none/a.svg, but there is no folder none; make it"),
         (("--svg", "a.svg", "--set", "dog.count=40"), "use fewer or lower dogs"),
         (("--svg", "a.svg", "--set", "dog.height_mm=2", "--set", "dog.count=11"), "a higher dog"),
     ],
