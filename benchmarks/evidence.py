@@ -9,16 +9,15 @@ from __future__ import annotations
 import math
 import time
 
-from diagnosis.bench import load_bench
+from diagnosis.bench import load_bench, setting_of
 from diagnosis.emulator import BankEmulator
 from diagnosis.evidence import evidence
 from diagnosis.hypotheses import spaces_for
 from diagnosis.likelihood import Rules
 from diagnosis.nested import nested_evidence
-from diagnosis.next_test import setting_of
 from diagnosis.observed import observe
 from diagnosis.scoring import Problem
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from pipeline.diagnosing import Means, bank_of
 from sim.effects import load
 

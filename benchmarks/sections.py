@@ -89,7 +89,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Sources": "literature",
     },
     "docs/bench.md": dict.fromkeys(
-        ("", "Format", "Slips of units and axes", "The gap map", "Along the shift"), DEFINITIONS
+        ("", "Format", "Slips of units and axes", "Along the shift"), DEFINITIONS
     ),
     "docs/blind.md": {
         **dict.fromkeys(

@@ -27,13 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from diagnosis.bench import Bench
-from diagnosis.gap import numerical_ratio
 from diagnosis.levels import TOGETHER, Level, check_level, levels_of, only_read
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from sim.blocks import Block, even_block
 from sim.effect import Effect
 from sim.errors import InputError
-from sim.numerical import Runner
+from sim.numerical import Runner, numerical_ratio
 from sim.outcome import Outcome
 from sim.records import Record, content_key
 from sim.setting import Sensor, Setting
@@ -41,7 +40,7 @@ from sim.units import RPM
 
 Array = NDArray[np.float64]
 
-ANGLES = 16  #: at each level, those of the gap map
+ANGLES = 16  #: at each level
 SHIFT = 0.1  #: s of processor time that a shift takes, about
 ACCURACY = 1e-6  #: of the convex integrator, at least
 

@@ -19,7 +19,7 @@ from diagnosis.hypotheses import NONE, UNKNOWN, Space, priors_of
 from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.sense import Sense
 from diagnosis.signature import VISIBLE, Metric, squared
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 
 DRAWN = 2000  #: values drawn from the posterior of several effects
 NEGLIGIBLE = 1e-4  #: probability below which several effects are not looked into

@@ -24,6 +24,7 @@ from sim.actuation import ForceProfile
 from sim.bundled import bundled_root
 from sim.clutch import Clutch, OperatingPoint
 from sim.errors import DataError, InputError, number
+from sim.setting import Setting
 from sim.units import RPM
 
 
@@ -157,3 +158,9 @@ def _require_whole(stand: Stand, sheet: Sheet, row: Row) -> None:
             f"shift took {number(row.time or 0.0)} s ({sheet.path}, row {row.row}); export the "
             "whole shift, or correct the name of the trace"
         )
+
+
+def setting_of(bench: Bench) -> Setting:
+    """Return the first operating point of a bench, without effects."""
+    sensor = "actuator" if bench.sensor.displacement_at == "actuator" else "sleeve"
+    return Setting(bench.clutch, bench.cells[0].point, sensor=sensor)  # type: ignore[arg-type]

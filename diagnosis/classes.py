@@ -18,7 +18,7 @@ from diagnosis.belief import Probabilities
 from diagnosis.hypotheses import NONE
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.signature import VISIBLE, Metric, squared
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 
 APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
 PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at

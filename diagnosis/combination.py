@@ -26,7 +26,7 @@ from diagnosis.bank import Bank
 from diagnosis.late import bulk
 from diagnosis.levels import Level
 from diagnosis.sampling import engaged_mean, even_variance, residuals
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 
 BLEND = (0.7, 1.0)  #: mean and standard deviation of w, where no pair was simulated
 BEYOND = (-2.0, 3.0)  #: w is kept between

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.units import RPM
 
 LENGTH = 1.0  #: of the errors, in units of the natural logarithm of the mismatch

@@ -23,7 +23,8 @@ from diagnosis.scoring import Predicted, Problem, Scored
 from diagnosis.sense_answer import SenseAnswer, sense_answers
 from diagnosis.sensitivity import readings
 from diagnosis.signature import Metric
-from diagnosis.spread import Emulator, Hypothesis
+from diagnosis.spread import Emulator
+from diagnosis.terms import Hypothesis
 from diagnosis.verdict import Verdict, decide
 from diagnosis.words import Found, headline, in_words
 from sim.effect import Effect

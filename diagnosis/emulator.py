@@ -40,7 +40,8 @@ from diagnosis.sampling import (
     residuals,
     with_dense,
 )
-from diagnosis.spread import Hypothesis, Marks, Spread
+from diagnosis.spread import Marks, Spread
+from diagnosis.terms import Hypothesis
 from sim.actuation import ForceProfile
 from sim.effect import Effect
 from sim.errors import InputError, did_you_mean

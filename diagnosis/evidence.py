@@ -20,7 +20,7 @@ from scipy.stats import qmc
 from diagnosis.hypotheses import Space
 from diagnosis.likelihood import log_sum
 from diagnosis.scoring import IMPOSSIBLE, Problem, Rows, Scored, score
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 
 FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
 TOLERANCE = 0.003  #: share of the evidence that a halving may still change

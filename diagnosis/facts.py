@@ -18,7 +18,7 @@ import numpy as np
 from diagnosis.bench import Bench
 from diagnosis.parameters import intervals
 from diagnosis.scoring import Scored
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 from sim.units import MM
 
 LEAST = 3  #: readings that a line needs

@@ -21,7 +21,7 @@ from diagnosis.flight_likelihood import flight_scores
 from diagnosis.likelihood import Said, beta_of, late_counts, spread_score, time_score
 from diagnosis.observed import Observed
 from diagnosis.scoring import Problem, Scored
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 
 DRAWN = 2000  #: values drawn from the posterior
 REPLICATES = 20_000  #: of the counts, over all values

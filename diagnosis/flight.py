@@ -23,7 +23,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from diagnosis.marks import FORCES, WAYS
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.actuation import ForceProfile
 from sim.clutch import Clutch
 from sim.release import Release, release

@@ -32,7 +32,8 @@ from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from diagnosis.marks import FORCES, WAYS, SeenFlight
-from diagnosis.spread import Array, Marks
+from diagnosis.spread import Marks
+from diagnosis.terms import Array
 
 DOF = 5.0
 SCALES = np.geomspace(1e-3, 0.2, 10)  #: of unknown offsets, s

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.errors import StorageError
 from sim.files import write_whole
 from sim.records import clutch_record, content_key

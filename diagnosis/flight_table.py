@@ -22,7 +22,8 @@ from diagnosis.flight import Flight, changes_flight, fly
 from diagnosis.flight_store import FlightStore, key_of
 from diagnosis.levels import Level
 from diagnosis.marks import SIZE, WAYS
-from diagnosis.spread import Array, Hypothesis, Marks
+from diagnosis.spread import Marks
+from diagnosis.terms import Array, Hypothesis
 from sim.actuation import ForceProfile
 from sim.effect import Effect, Parameter
 from sim.errors import DogshapeError

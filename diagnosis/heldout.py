@@ -16,7 +16,7 @@ from diagnosis.bench import Bench
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.signature import Metric, known
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 
 Predict = Callable[[np.ndarray], Array]  #: mean times of all cells from the data of some
 

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.sense import REVERSED, SHARES, Sense, both_senses, forward
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 from sim.effect import Effect, Parameter
 from sim.setting import Setting
 

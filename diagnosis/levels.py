@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from sim.effect import Effect, Parameter
 from sim.setting import Setting
 

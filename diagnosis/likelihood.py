@@ -39,7 +39,8 @@ from scipy.stats import binom
 from diagnosis.common_error import Slopes
 from diagnosis.late import added
 from diagnosis.observed import LEAST, Observed
-from diagnosis.spread import Array, Spread
+from diagnosis.spread import Spread
+from diagnosis.terms import Array
 
 TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
 ANYTHING = 0.002  #: share of late shifts that may take any time until the time-out

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from diagnosis.bench import Bench
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from diagnosis.traces import BenchTrace
 from sim.actuation import ForceProfile
 

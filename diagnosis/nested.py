@@ -12,7 +12,7 @@ import numpy as np
 
 from diagnosis.hypotheses import Space
 from diagnosis.scoring import Problem, score
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.errors import InputError
 
 LIVE = 100  #: points

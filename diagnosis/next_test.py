@@ -27,12 +27,12 @@ import numpy as np
 from scipy.special import logsumexp
 
 from diagnosis.belief import Probabilities
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.hypotheses import UNKNOWN, in_common, plain, without
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted, Scored
 from diagnosis.sense import REVERSED
-from diagnosis.spread import Array, Hypothesis
+from diagnosis.terms import Array, Hypothesis
 from diagnosis.unknown import Unknown
 from diagnosis.verdict import NAMED
 from sim.effect import Effect
@@ -194,12 +194,6 @@ class Standing:
     def setting(self) -> Setting:
         """A setting of the bench without effects."""
         return setting_of(self.bench)
-
-
-def setting_of(bench: Bench) -> Setting:
-    """Return the first operating point of a bench, without effects."""
-    sensor = "actuator" if bench.sensor.displacement_at == "actuator" else "sleeve"
-    return Setting(bench.clutch, bench.cells[0].point, sensor=sensor)  # type: ignore[arg-type]
 
 
 def choose(standing: Standing) -> tuple[NextTest, ...]:

@@ -10,7 +10,7 @@ from diagnosis.bench import Bench
 from diagnosis.late import bulk
 from diagnosis.marks import SeenFlight, flights_of
 from diagnosis.reading import Cell
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.clutch import Clutch
 
 LEAST = 0.5e-3  #: s, the least spread of single shifts

@@ -10,7 +10,7 @@ import numpy as np
 from diagnosis.hypotheses import NONE
 from diagnosis.scoring import Scored
 from diagnosis.signature import VISIBLE, Metric, squared
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 
 INSIDE = 0.9  #: probability of an interval
 

@@ -13,16 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.belief import Folding, Probabilities, folding, judged, probabilities
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.classes import PLAUSIBLE
 from diagnosis.evidence import evidence
 from diagnosis.fit import ADEQUATE, p_value
 from diagnosis.hypotheses import NONE, UNKNOWN, Space, spaces_for, spaces_of, with_third
-from diagnosis.next_test import setting_of
 from diagnosis.scoring import Problem, Scored
 from diagnosis.sense import REVERSED, SHARES, forward
 from diagnosis.signature import Metric, metric_of
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.unknown import Unknown, unknown
 from sim.effect import Effect
 

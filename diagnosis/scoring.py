@@ -26,7 +26,8 @@ from diagnosis.likelihood import (
 from diagnosis.marks import SeenFlight
 from diagnosis.observed import Observed
 from diagnosis.sense import Sense
-from diagnosis.spread import Array, Emulator, FlightEmulator, Hypothesis, Marks
+from diagnosis.spread import Emulator, FlightEmulator, Marks
+from diagnosis.terms import Array, Hypothesis
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 

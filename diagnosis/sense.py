@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import Literal
 
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 
 Sense = Literal["known", "unknown"]
 

@@ -17,7 +17,7 @@ from diagnosis.parameters import Interval
 from diagnosis.ranking import Ranking, sense_chances, within_sense
 from diagnosis.scoring import Problem
 from diagnosis.sense import REVERSED, forward, turned
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 
 SHOWN = 5  #: hypotheses in the record
 

@@ -11,12 +11,12 @@ from dataclasses import replace
 from functools import cached_property
 
 from diagnosis.bank import COMMON, Bank, Plan, both
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.emulator import BankEmulator
 from diagnosis.levels import only_read
-from diagnosis.next_test import setting_of
 from diagnosis.sense import REVERSED, Sense, forward
-from diagnosis.spread import Array, Hypothesis, Marks, Spread
+from diagnosis.spread import Marks, Spread
+from diagnosis.terms import Array, Hypothesis
 from sim.actuation import ForceProfile
 from sim.effect import Effect
 

@@ -12,15 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from diagnosis.belief import Probabilities, judged, probabilities
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.evidence import evidence, with_width
 from diagnosis.facts import Fact, facts_of, given, log_neutral
 from diagnosis.hypotheses import UNKNOWN, spaces_for
-from diagnosis.next_test import setting_of
 from diagnosis.ranking import Ranking, plausible_fits
 from diagnosis.scoring import Problem, Scored
 from diagnosis.sense import predictable
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from sim.effect import Effect
 
 SHOWN = 8.0  #: log odds of a reading at rest against no such effect, from which the effect is there

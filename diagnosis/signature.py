@@ -18,7 +18,7 @@ from diagnosis.flight_likelihood import whitening
 from diagnosis.likelihood import sample_spread
 from diagnosis.observed import Observed
 from diagnosis.scoring import Predicted
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 
 VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
 

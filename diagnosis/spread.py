@@ -1,8 +1,6 @@
 """What a hypothesis says of one operating point: the distribution of the time that is read there.
 
-The bank of simulations gives it (an emulator), the likelihood asks for it. A *hypothesis* is a set
-of effects by name, in alphabetical order; its *values* are those of all parameters of these
-effects, effect by effect, in the units that the parameters' names end in.
+The bank of simulations gives it (an emulator), the likelihood asks for it.
 """
 
 from __future__ import annotations
@@ -11,12 +9,9 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from diagnosis.terms import Array, Hypothesis
 from sim.actuation import ForceProfile
-
-Array = NDArray[np.float64]
-Hypothesis = tuple[str, ...]  #: effects by name, () for none
 
 
 @dataclass(frozen=True)

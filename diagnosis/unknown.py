@@ -26,7 +26,7 @@ from diagnosis.flight_likelihood import log_unknown
 from diagnosis.likelihood import Said, log_engaged, log_sum, log_times
 from diagnosis.observed import Observed
 from diagnosis.scoring import Problem
-from diagnosis.spread import Array
+from diagnosis.terms import Array
 from sim.units import RPM
 
 SCALES = np.geomspace(0.005, 0.4, 12)  #: A, s

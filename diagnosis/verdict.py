@@ -22,7 +22,7 @@ from diagnosis.classes import Confusion
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.sense import REVERSED, forward
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 
 NAMED = 0.8  #: probability from which a hypothesis is named
 MOST = 2  #: effects that are named at once; of more, each that is part of the cause in any case

@@ -12,7 +12,7 @@ from diagnosis.next_test import NextTest, why
 from diagnosis.parameters import Interval
 from diagnosis.sense import REVERSED
 from diagnosis.sense_answer import SenseAnswer
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.verdict import NAMED, Verdict
 from sim.effect import Effect
 from sim.units import suffix_of, unit_of

@@ -18,8 +18,7 @@ from pipeline.drawing import outline
 from pipeline.reporting.html import figure_html, render, script, script_beside
 from pipeline.reporting.look import BLUE, GREEN, GREY, INK, ORANGE
 from pipeline.scene import solids, viewer_code
-from pipeline.story import facts, why
-from pipeline.tables.shifts import phase_title
+from pipeline.story import facts, phase_title, why
 from sim.engagement import Engagement
 from sim.files import naming
 from sim.phases import touching

@@ -22,8 +22,7 @@ import numpy as np
 from diagnosis.levels import Level
 from pipeline.config import Study, load_study
 from pipeline.evaluation import FRESH
-from pipeline.folder import StudyFolder
-from pipeline.options import default_out
+from pipeline.folder import StudyFolder, default_out
 from sim.blocks import even_block
 from sim.bundled import bundled_root
 from sim.effect import Effect

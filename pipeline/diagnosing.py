@@ -10,31 +10,23 @@ The package brings the bank of the published clutch at the operating points of i
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from diagnosis.bank import SHIFT, Bank, Plan, blocks_of
 from diagnosis.bank_store import BankStore, series_key
-from diagnosis.bench import Bench, load_bench, require_times
-from diagnosis.blind import sealed
-from diagnosis.blind.between import RULES, Moved, engines_apart
-from diagnosis.blind.plain import plain
-from diagnosis.blind.stand import read_stand
+from diagnosis.bench import Bench, require_times
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.flight_store import FlightStore
-from diagnosis.likelihood import Rules
 from diagnosis.sense_bank import (
     SenseEmulator,
     forward_plan,
     reversed_bench,
     reversed_plan,
 )
-from diagnosis.spread import FlightEmulator
 from pipeline.executor import Executor
 from pipeline.journal import ShiftJournal
 from pipeline.lock import writing
@@ -50,8 +42,6 @@ from sim.setting import Setting
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"
-ENGINES = "engines.json"  #: beside blind cases
-LATER = ("later_s", "reversed_later_s")  #: its keys: with the sense of the table, and reversed
 
 
 def _silent(_: str) -> None:
@@ -89,7 +79,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     require_times(bench)
     effects = load(means.effects)
     _require_working(effects, bench, means)
-    emulator, flights = _emulator(bench, effects, means)
+    emulator, flights = emulator_of(bench, effects, means)
     found = diagnose(bench, emulator, effects)
     flights.save()
     return found
@@ -108,50 +98,13 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
             raise EffectError(f"{path}: {error}") from error
 
 
-def _emulator(
+def emulator_of(
     bench: Bench, effects: Mapping[str, Effect], means: Means
 ) -> tuple[SenseEmulator, FlightStore]:
     """Return what foretells a data set, and the flights that are to be saved afterwards."""
     flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
     plain, turned = banks_of(bench, effects, means)
     return SenseEmulator(BankEmulator(plain, flights), turned), flights
-
-
-def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
-    """Return the record of the diagnosis of a blind case, and what plain ways say of it.
-
-    Beside the diagnosis that a user gets, ``told`` has that of the same data once what both engines
-    differ by without any effect is known; it is measured with the first case of a set.
-    """
-    bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
-    bare, flights = _emulator(bench, effects, means)
-    emulator = Moved(bare, *_engines_apart(folder, bare))
-    found = _with_plain(bench, bare, effects, None)
-    found["told"] = _with_plain(bench, emulator, effects, RULES)
-    flights.save()
-    return found
-
-
-def _with_plain(
-    bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules | None
-) -> dict[str, Any]:
-    """Diagnose with one emulator, and have the plain ways say what they make of it."""
-    found = diagnose(bench, emulator, effects, rules=rules).as_dict()
-    return {**found, "plain": plain(bench, emulator, effects)}
-
-
-def _engines_apart(folder: Path, emulator: SenseEmulator) -> tuple[list[float], list[float]]:
-    """Return what both engines differ by at the points of a case, s, in both senses.
-
-    It is kept beside the cases.
-    """
-    path = folder.parent.parent / ENGINES
-    if not path.exists():
-        stand, banks = read_stand(folder), (emulator.plain.bank, emulator.reversed.bank)
-        later = [engines_apart(stand, bank) for bank in banks]
-        sealed.write(path, json.dumps(dict(zip(LATER, later, strict=True))))
-    found = sealed.read(path, "remove it")
-    return found[LATER[0]], found[LATER[1]]
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:

@@ -163,3 +163,8 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise StorageError(f"{path} is damaged; {remedy}")
     return content
+
+
+def default_out(given: Study) -> Path:
+    """Return the folder of a study's results where none is named."""
+    return Path("results") / given.name

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from pipeline.config import Study
-from pipeline.folder import StudyFolder
-from pipeline.options import default_out
+from pipeline.folder import StudyFolder, default_out
 from sim.bundled import bundled_root
 from sim.records import content_key
 from sim.versions import engine

@@ -65,11 +65,6 @@ def points_of(
     return (point_of(study, mismatch, force, rise, other_way),)
 
 
-def default_out(given: Study) -> Path:
-    """Return the folder of a study's results where none is named."""
-    return Path("results") / given.name
-
-
 def angles_of(text: str | None, default: int) -> tuple[int, tuple[float, ...]]:
     """Return how many angles, and the angles in rad where they are listed."""
     if text is None:

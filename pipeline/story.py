@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.console import in_ms
-from pipeline.tables.shifts import event_facts, load_facts, phase_title
 from sim.engagement import Engagement
+from sim.loads import peak_duration
 from sim.outcome import Outcome
-from sim.phases import Phase
+from sim.phases import Phase, crests_cross
 from sim.units import MM, MS, RPM
 
 ROSE = 0.05  #: share of the first mismatch from which a later change of it is told
@@ -20,6 +20,48 @@ MINUS = "\N{MINUS SIGN}"
 def facts(result: Engagement, torque_peak: float | None) -> list[str]:
     """Return what is worth knowing of a shift beside its phases; ``torque_peak`` in N m."""
     return [*_meeting(result), *event_facts(result), *load_facts(result, torque_peak)]
+
+
+def phase_title(name: str) -> str:
+    """Return how people read the name of a phase; records keep the name itself."""
+    return "free flight" if name == "free fly" else name
+
+
+def event_facts(result: Engagement) -> list[str]:
+    """Return what happened in a shift, in words."""
+    events = result.events
+    slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
+    facts = [
+        _counted(events.face_contacts, "face contact"),
+        f"{_counted(events.slots_skipped, 'slot')} skipped",
+        f"thrown back {events.rebound / MM:.2f} mm",
+        f"held dog on dog {in_ms(events.time_blocked)} ms",
+        slid,
+    ]
+    last = result.trace.relative_angle[-1:], result.trace.displacement[-1:]
+    if result.outcome is Outcome.BLOCKED and crests_cross(result.clutch, *last)[0]:
+        facts.append("stands crest across crest, where no chamfer lets go")
+    return facts
+
+
+def _counted(number: int, thing: str) -> str:
+    return f"{number or 'no'} {thing}{'' if number == 1 else 's'}"
+
+
+def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
+    """Return the loads of a shift, in words; ``torque_peak`` in N m."""
+    loads, lasts = result.loads, peak_duration(result.trace) / MS
+    facts = [
+        f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
+        f"tangential {loads.peak_tangential_force:.0f} N for {lasts:.2g} ms",
+        f"hardest ms {loads.impact_impulse:.3g} N s, takes {loads.strike_mismatch / RPM:.3g} 1/min",
+        f"dissipated {loads.energy_dissipated:.3g} J",
+    ]
+    if loads.residual_mismatch is not None:
+        facts.append(f"flanks close with {loads.residual_mismatch / RPM:.3g} 1/min")
+    if torque_peak is not None:
+        facts.append(f"driveline peak {torque_peak:.3g} N m")
+    return facts
 
 
 def why(result: Engagement) -> str:

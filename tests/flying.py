@@ -13,7 +13,8 @@ from diagnosis.bank import settings_of
 from diagnosis.bench import Bench, load_bench
 from diagnosis.flight_table import FlightTables
 from diagnosis.reading import Reading, gather
-from diagnosis.spread import Hypothesis, Marks, Spread
+from diagnosis.spread import Marks, Spread
+from diagnosis.terms import Hypothesis
 from diagnosis.traces import BenchTrace
 from sim.actuation import ForceProfile
 from sim.clutch import Solver

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from diagnosis.bench import Bench, load_bench
 from diagnosis.reading import Reading, gather
-from diagnosis.spread import Hypothesis, Spread
+from diagnosis.spread import Spread
 from diagnosis.stand import Sensor
+from diagnosis.terms import Hypothesis
 from sim.actuation import ForceProfile
 from sim.clutch import OperatingPoint
 from sim.effects import load

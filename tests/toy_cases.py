@@ -12,7 +12,7 @@ from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of
 from diagnosis.likelihood import Rules, Said
 from diagnosis.scoring import predict
 from diagnosis.signature import VISIBLE
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from sim.clutch import OperatingPoint
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 

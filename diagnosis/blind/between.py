@@ -24,7 +24,8 @@ from diagnosis.blind.stand import Point, Stand
 from diagnosis.late import bulk
 from diagnosis.likelihood import Rules
 from diagnosis.sense import REVERSED
-from diagnosis.spread import Array, FlightEmulator, Hypothesis, Marks, Spread
+from diagnosis.spread import FlightEmulator, Marks, Spread
+from diagnosis.terms import Array, Hypothesis
 from sim.actuation import ForceProfile
 from sim.setting import Setting
 

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.hypotheses import NONE, Space
 from diagnosis.late import added
-from diagnosis.next_test import setting_of
-from diagnosis.spread import Array, Emulator, Hypothesis
+from diagnosis.spread import Emulator
+from diagnosis.terms import Array, Hypothesis
 from sim.effect import Effect
 
 Record = dict[str, Any]

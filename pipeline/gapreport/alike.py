@@ -11,7 +11,7 @@ import plotly.graph_objects as go
 from diagnosis.classes import APART
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.hypotheses import NONE, UNKNOWN, in_common, plain, without
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.words import chance
 from pipeline.gapreport.answers import MANY, short
 from pipeline.gapreport.charts import row_height

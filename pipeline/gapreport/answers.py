@@ -10,7 +10,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.facts import facts_of
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN, plain
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.words import between, chance, ms, quantity, told
 from pipeline.gapreport.extras import Remark
 

@@ -10,7 +10,7 @@ from diagnosis.along import PhaseGap
 from diagnosis.diagnosis import Diagnosis
 from diagnosis.hypotheses import NONE
 from diagnosis.parameters import Bound
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.words import between, chance, ms, quantity, shown
 from pipeline.gapreport.answers import by_chance, short, shown_hypotheses
 from pipeline.gapreport.cells import NINETY

@@ -12,7 +12,7 @@ from diagnosis.diagnosis import Diagnosis
 from diagnosis.fit import ADEQUATE
 from diagnosis.hypotheses import NONE, UNKNOWN
 from diagnosis.next_test import HOUR
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.verdict import CREDIBLE, MOST, NAMED, PART
 from diagnosis.words import NUMBERS, chance
 

@@ -68,7 +68,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     """
     total = len(manifest_of(folder)["cases"])
     # It loads the simulation, which neither making nor scoring needs.
-    diagnose_folder = import_module("pipeline.diagnosing").diagnose_folder
+    diagnose_folder = import_module("pipeline.blind_diagnosis").diagnose_folder
     alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
     with ShiftProgress(total, unit="cases") as progress:
         found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)

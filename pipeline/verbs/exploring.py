@@ -12,9 +12,9 @@ from pipeline.console import emit, verb
 from pipeline.exploring.page import write_page
 from pipeline.exploring.record import explored
 from pipeline.exploring.slices import bases_of, rivals_of
-from pipeline.folder import StudyFolder
+from pipeline.folder import StudyFolder, default_out
 from pipeline.known import stored_surrogate
-from pipeline.options import Json, Sets, StudyArg, SurrogateFile, default_out
+from pipeline.options import Json, Sets, StudyArg, SurrogateFile
 from pipeline.tables.exploring import explored_text
 from pipeline.targets import require_targets
 

@@ -9,10 +9,10 @@ import typer
 
 from pipeline.config import load_study, require_variables
 from pipeline.console import emit, verb
-from pipeline.folder import StudyFolder
+from pipeline.folder import StudyFolder, default_out
 from pipeline.inquiry import Inquiry
 from pipeline.known import space_out
-from pipeline.options import Cluster, Jobs, Json, Sets, StudyArg, default_out
+from pipeline.options import Cluster, Jobs, Json, Sets, StudyArg
 from pipeline.progress import ShiftProgress
 from pipeline.reporting.publish import publish
 from pipeline.study import Run, run_study

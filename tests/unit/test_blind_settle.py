@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.bench import load_bench
+from diagnosis.bench import load_bench, setting_of
 from diagnosis.blind.cases import cases_of
 from diagnosis.blind.effects import RANGES, truth_of
 from diagnosis.blind.intervals import share
@@ -28,7 +28,7 @@ from diagnosis.blind.settle import (
 )
 from diagnosis.blind.stand import Point, Truth, read_points, read_stand
 from diagnosis.diagnosis import diagnose
-from diagnosis.next_test import EXACT, setting_of
+from diagnosis.next_test import EXACT
 from diagnosis.second_engine import engine_available
 from pipeline.tables.blinds import score_table
 from sim.bundled import bundled_root

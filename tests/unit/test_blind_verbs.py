@@ -22,14 +22,14 @@ Call = Callable[..., Said]
 @pytest.fixture
 def _injected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A diagnosis that knows the made-up results, in the place of the real one."""
-    module = ModuleType("pipeline.diagnosing")
+    module = ModuleType("pipeline.blind_diagnosis")
 
     def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, object]:
         assert jobs in (0, 1)
         return RESULTS["case_00" if folder.name == "case_04" else folder.name]["diagnosis"]
 
     module.diagnose_folder = diagnose_folder  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pipeline.diagnosing", module)
+    monkeypatch.setitem(sys.modules, "pipeline.blind_diagnosis", module)
 
 
 @pytest.mark.usefixtures("_injected")

@@ -10,7 +10,7 @@ from diagnosis.bank import settings_of
 from diagnosis.bench import load_bench
 from diagnosis.flight_store import FlightStore
 from diagnosis.flight_table import FlightTables
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from sim.effects import load
 from sim.errors import StorageError
 

@@ -10,7 +10,8 @@ from diagnosis.common_error import Slopes, common_errors, log_common, shared_err
 from diagnosis.late import bulk, late_counts, lateness
 from diagnosis.likelihood import Rules, Said, timed
 from diagnosis.observed import observe
-from diagnosis.spread import Array, Spread
+from diagnosis.spread import Spread
+from diagnosis.terms import Array
 from sim.units import RPM
 from tests.toy import bench_of, points_of
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from benchmarks.crest_hang import DESIGNS, Crests, crests_of, time_on_crests
-from pipeline.tables.shifts import event_facts
+from pipeline.story import event_facts
 from sim.clutch import Clutch, OperatingPoint
 from sim.engagement import Engagement, engage
 from sim.outcome import Outcome

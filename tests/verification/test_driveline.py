@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from pipeline.config import load_study
-from pipeline.tables.shifts import load_facts
+from pipeline.story import load_facts
 from sim.clutch import Clutch, OperatingPoint
 from sim.driveline import response, torque_peak, torque_peaks
 from sim.engagement import engage

@@ -9,19 +9,20 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.common_error import Slopes
 from diagnosis.evidence import Sum, evidence, quadrature, sampled
 from diagnosis.hypotheses import spaces_of
 from diagnosis.likelihood import Rules, Said, log_times, sample_spread
 from diagnosis.nested import nested, nested_evidence
-from diagnosis.next_test import Outcome, setting_of, told
+from diagnosis.next_test import Outcome, told
 from diagnosis.observed import Observed, observe
 from diagnosis.reading import Reading, gather
 from diagnosis.scoring import Predicted, Problem, Rows
 from diagnosis.signature import squared
-from diagnosis.spread import Array, Spread
+from diagnosis.spread import Spread
 from diagnosis.stand import Sensor
+from diagnosis.terms import Array
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 
 CENTRE, WIDTH = (0.37, 0.8, 0.5, 0.2), (0.01, 0.05, 0.02, 0.1)

@@ -9,19 +9,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from diagnosis.bench import Bench
+from diagnosis.bench import Bench, setting_of
 from diagnosis.evidence import evidence
 from diagnosis.fit import p_value
 from diagnosis.flight_likelihood import log_flights, log_unknown, to_cells
 from diagnosis.hypotheses import NONE, UNKNOWN, Space
 from diagnosis.likelihood import Rules
 from diagnosis.marks import WAYS
-from diagnosis.next_test import setting_of
 from diagnosis.observed import observe
 from diagnosis.parameters import intervals
 from diagnosis.reading import gather
 from diagnosis.scoring import Problem, Scored
-from diagnosis.spread import Hypothesis
+from diagnosis.terms import Hypothesis
 from diagnosis.unknown import unknown
 from tests.flying import EFFECTS, FlightOnly, flying_bench
 from tests.toy import Toy

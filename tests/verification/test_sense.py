@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from diagnosis.bank import Plan, blocks_of, collect
-from diagnosis.bench import Bench, load_bench
+from diagnosis.bench import Bench, load_bench, setting_of
 from diagnosis.classes import Confusion
 from diagnosis.diagnosis import Diagnosis, diagnose
 from diagnosis.emulator import BankEmulator
 from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of, spaces_of, with_third
-from diagnosis.next_test import setting_of
 from diagnosis.reading import gather
 from diagnosis.sense import REVERSED, SHARES, Sense, both_senses, forward, predictable, turned
 from diagnosis.sense_bank import SenseEmulator, forward_plan, reversed_bench, reversed_plan
-from diagnosis.spread import Array, Hypothesis, Spread
+from diagnosis.spread import Spread
+from diagnosis.terms import Array, Hypothesis
 from diagnosis.verdict import decide
 from sim.blocks import Block
 from sim.effect import BenchTest, Effect, Values
