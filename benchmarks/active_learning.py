@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.space import space
-from pipeline.executor import Executor
-from pipeline.inquiry import Inquiry, inquire
-from pipeline.journal import ShiftJournal, append
-from pipeline.references import best_pool
-from surrogate.figures import predict
-from surrogate.learning import fit
-from surrogate.mix import Mix
-from surrogate.model import Surrogate
-from surrogate.reference import Reference
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.train.inquiry import Inquiry, inquire
+from dogshape.pipeline.train.reference_designs import best_pool
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.references import Reference
+from dogshape.surrogate.validation_figures import predict
 
 START = 40  #: designs that both begin with
 SHIFTS = 1536  #: spent on the question

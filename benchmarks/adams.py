@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from diagnosis.bench import Bench, load_bench
-from diagnosis.comparison import compare
-from pipeline.executor import scratch_executor
-from sim.clutch import Clutch
-from sim.units import DEG
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.comparison import compare
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.units import DEG
 
 
 def choices(clutch: Clutch) -> dict[str, Clutch]:

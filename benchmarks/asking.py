@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config import load_study
-from pipeline.known import stored_surrogate
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.train.found_surrogates import stored_surrogate
 
 DESIGNS = 100_000
 RUNS = 5
@@ -44,7 +44,7 @@ def _measure(what: str, arguments: list[str]) -> None:
     for _ in range(RUNS):
         begin = time.perf_counter()
         done = subprocess.run(
-            [sys.executable, "-m", "pipeline", *arguments, "--json"],
+            [sys.executable, "-m", "dogshape.pipeline", *arguments, "--json"],
             capture_output=True,
             check=False,
         )

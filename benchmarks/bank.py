@@ -4,10 +4,11 @@
 
 Three operating points of the published model, five effects. Each effect is simulated at values
 between its levels, at angles of another draw; the table has both means without late shifts
-(``diagnosis.late``) with their errors, in ms, and how many joint errors they lie apart. Then what
-pairs differ by from their combination, with changes of the time added (w = 1) and with changes of
-its logarithm (w = 0), and the w that the emulator takes (``diagnosis.combination``). Some 2000
-shifts, a few minutes on an idle machine; finished ones are kept in the file.
+(``diagnosis.prediction.outliers``) with their errors, in ms, and how many joint errors they lie
+apart. Then what pairs differ by from their combination, with changes of the time added (w = 1) and
+with changes of its logarithm (w = 0), and the w that the emulator takes
+(``diagnosis.prediction.combination``). Some 2000 shifts, a few minutes on an idle machine; finished
+ones are kept in the file.
 """
 
 from __future__ import annotations
@@ -18,17 +19,17 @@ from pathlib import Path
 
 import numpy as np
 
-from diagnosis.bank import Bank, Plan, collect, settings_of, times_of
-from diagnosis.bench import Bench, load_bench
-from diagnosis.emulator import BankEmulator
-from diagnosis.late import bulk
-from diagnosis.levels import Level, check_level
-from diagnosis.sampling import engaged_mean, even_variance, residuals
-from pipeline.executor import Executor, scratch_executor
-from pipeline.journal import ShiftJournal
-from sim.blocks import even_block
-from sim.effects import load
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.prediction.angle_means import engaged_mean, even_variance, residuals
+from dogshape.diagnosis.prediction.bank import Bank, Plan, collect, settings_of, times_of
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.levels import Level, check_level
+from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.effects import load
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.units import RPM
 
 POINTS = [(10, 235.2), (50, 469.0), (249, 641.5)]
 NAMES = (

@@ -2,11 +2,11 @@
 
     python -m benchmarks.blind_engines [ANGLES]
 
-The blind check takes its truth from MuJoCo (``diagnosis.blind``), the diagnosis simulates with
+The blind check takes its truth from MuJoCo (``validation.blind``), the diagnosis simulates with
 Drake. At the same even angles, 48 by default, of each operating point of ``mq200_adams`` the table
-has both means over shifts that are late in neither engine (``diagnosis.late``), their difference,
-how many are late in one of them, and the difference in sampling errors of a mean of ten. Four
-minutes of processor time.
+has both means over shifts that are late in neither engine (``diagnosis.prediction.outliers``),
+their difference, how many are late in one of them, and the difference in sampling errors of a mean
+of ten. Four minutes of processor time.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ import time
 
 import numpy as np
 
-from diagnosis.bank import settings_of, times_of
-from diagnosis.bench import load_bench
-from diagnosis.blind.between import second_times, timely
-from diagnosis.blind.engine import Engine
-from diagnosis.blind.stand import read_stand
-from pipeline.executor import scratch_executor
-from sim.blocks import even_block
-from sim.bundled import bundled_root
-from sim.clutch import OperatingPoint
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank import settings_of, times_of
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.units import RPM
+from dogshape.validation.blind.engine_gap import second_times, timely
+from dogshape.validation.blind.mujoco_shift import Engine
+from dogshape.validation.blind.stand import read_stand
 
 ANGLES = 48
 SHIFTS = 10  #: of a mean

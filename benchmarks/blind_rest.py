@@ -7,8 +7,8 @@ The key is opened, so the set is one to tune on. The emulator foretells each cas
 the list at their true values; what both engines differ by without any effect is taken off as
 ``dogshape blind run`` does. For each truth: the root mean square of the gaps that are left over
 their errors (sampling, emulator, ``Rules.model_error``; without the tenth that is largest, as in
-``diagnosis.blind.marks``), and case by case the median gap at 100 1/min and more as share of the
-mean time, which a common error has to cover. Two minutes.
+``validation.blind.case_marks``), and case by case the median gap at 100 1/min and more as share of
+the mean time, which a common error has to cover. Two minutes.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.bench import load_bench
-from diagnosis.blind.between import Moved, engines_apart
-from diagnosis.blind.marks import CHANCE, counted, timely
-from diagnosis.blind.sealed import opened
-from diagnosis.blind.stand import read_stand
-from diagnosis.emulator import BankEmulator
-from diagnosis.likelihood import Rules, Said
-from diagnosis.sense_bank import SenseEmulator
-from pipeline.diagnosing import Means, banks_of
-from sim.effects import load
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.sim.effects import load
+from dogshape.sim.units import RPM
+from dogshape.validation.blind.case_marks import CHANCE, counted, timely
+from dogshape.validation.blind.engine_gap import Moved, engines_apart
+from dogshape.validation.blind.sealed import opened
+from dogshape.validation.blind.stand import read_stand
 
 FAST = 99.0 * RPM
 

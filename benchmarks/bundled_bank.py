@@ -13,10 +13,18 @@ import argparse
 from dataclasses import replace
 from pathlib import Path
 
-from diagnosis.bank_store import BankStore
-from diagnosis.bench import load_bench
-from pipeline.diagnosing import BANK, TIMES, Means, banks_of, blocks_by_key, brought, plans_of
-from sim.effects import load
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank_store import BankStore
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    BANK,
+    TIMES,
+    Means,
+    banks_of,
+    blocks_by_key,
+    brought,
+    plans_of,
+)
+from dogshape.sim.effects import load
 
 SETS = ("mq200_stand", "mq200_adams")
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.config import VARIABLES, Study, load_study
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.expectation import even_phases
-from sim.plant import ClutchPlant
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.expectation import even_phases
+from dogshape.sim.units import RPM
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs: the prototype, two
 #: shapes far from it, and the neighbourhood of the best design of the default study.

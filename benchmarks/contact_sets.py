@@ -19,15 +19,15 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.common import default_study
-from pipeline.config import Study, load_study
-from pipeline.evaluation import FRESH, evaluate
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal
-from pipeline.plans import whole_plan
-from sim.bundled import bundled_root
-from sim.contact import CONTACT_SETS
-from sim.expectation import Expectation
-from sim.units import DEG
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.units import DEG
 
 FACTORS = (0.667, 1.333)  #: of friction, the ends of its range in the study mq200_robust
 

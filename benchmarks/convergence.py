@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-import sim.plant
+import dogshape.sim.shift.plant
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
-from sim.clutch import Clutch
-from sim.mesh import Mesh, rigid_dog
-from sim.plant import ClutchPlant
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.mesh import Mesh, rigid_dog
+from dogshape.sim.shift.plant import ClutchPlant
 
 POINTS = (
     (5.0, 235.2),
@@ -59,11 +59,11 @@ def plant_with(clutch: Clutch, levels: int) -> ClutchPlant:
             mesh = refined(mesh)
         return mesh
 
-    sim.plant.rigid_dog = cut  # type: ignore[assignment]
+    dogshape.sim.shift.plant.rigid_dog = cut  # type: ignore[assignment]
     try:
         return ClutchPlant(clutch)
     finally:
-        sim.plant.rigid_dog = rigid_dog
+        dogshape.sim.shift.plant.rigid_dog = rigid_dog
 
 
 def error(cell: Cell, reference: Cell) -> tuple[float, float]:

@@ -2,12 +2,12 @@
 
     python -m benchmarks.convergence_designs
 
-Designs fill the feasible space of the default study (``pipeline.filling``); each is simulated at
-one operating point of either sign, eight even angles each, at the default accuracy and at 1e-5
+Designs fill the feasible space of the default study (``pipeline.train.filling``); each is simulated
+at one operating point of either sign, eight even angles each, at the default accuracy and at 1e-5
 with half the largest step. A shift *flips* where only one of the two engages or where their times
 differ by more than 5 %: a dog caught another slot or was thrown back once more. Counting slots and
-landings would not do: a touch of a hair's breadth counts or does not and moves no time. The rest
-is the error of shifts that went the same way. Intervals hold 95 %: those of rates after Clopper and
+landings would not do: a touch of a hair's breadth counts or does not and moves no time. The rest is
+the error of shifts that went the same way. Intervals hold 95 %: those of rates after Clopper and
 Pearson, all others from designs drawn again with replacement. Takes about ten minutes.
 """
 
@@ -23,12 +23,12 @@ from scipy.stats import beta
 
 from benchmarks.common import default_study, measure
 from benchmarks.convergence import REFERENCE, with_accuracy
-from pipeline.config import Study
-from pipeline.filling import filling_designs
-from sim.blocks import even_block
-from sim.clutch import OperatingPoint
-from sim.plant import ClutchPlant
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.train.filling import filling_designs
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.units import RPM
 
 SEED = 2024
 DESIGNS = 40

@@ -30,13 +30,13 @@ from numpy.typing import NDArray
 
 from benchmarks.common import default_study, point_of
 from benchmarks.convergence import plant_with
-from pipeline.config import VARIABLES, Study
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, engage
-from sim.outcome import Outcome
-from sim.phases import crests_cross
-from sim.plant import ClutchPlant
-from sim.units import MM
+from dogshape.pipeline.config.study_file import VARIABLES, Study
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.phases import crests_cross
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import MM
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs. The last two lean so far that
 #: their crests cross over a wide overlap; both faces slide from rest by far.

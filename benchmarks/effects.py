@@ -14,14 +14,14 @@ import time
 from dataclasses import replace
 
 from benchmarks.common import default_study, point_of
-from sim.clutch import solver_for
-from sim.contact import CONTACT_SETS
-from sim.effects import load
-from sim.engagement import engage
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.units import DEG
+from dogshape.sim.effects import load
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.clutch import solver_for
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
 
 POINTS = ((10.0, 235.2), (50.0, 469.0), (249.0, 641.5))
 ANGLES = (0.0, 13.0)

@@ -9,17 +9,17 @@ from __future__ import annotations
 import math
 import time
 
-from diagnosis.bench import load_bench, setting_of
-from diagnosis.emulator import BankEmulator
-from diagnosis.evidence import evidence
-from diagnosis.hypotheses import spaces_for
-from diagnosis.likelihood import Rules
-from diagnosis.nested import nested_evidence
-from diagnosis.observed import observe
-from diagnosis.scoring import Problem
-from diagnosis.terms import Hypothesis
-from pipeline.diagnosing import Means, bank_of
-from sim.effects import load
+from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
+from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.hypotheses import spaces_for
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
+from dogshape.sim.effects import load
+from dogshape.validation.nested_sampling import nested_evidence
 
 COMPARED: tuple[Hypothesis, ...] = (
     ("actuation_delay",),

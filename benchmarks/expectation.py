@@ -18,15 +18,15 @@ import time
 import numpy as np
 
 from benchmarks.common import angles_of, default_study
-from diagnosis.second_engine import SecondEngine
-from pipeline.config import Study
-from pipeline.executor import scratch_executor
-from pipeline.precision import FIRST, expect_to
-from pipeline.progress import ShiftProgress
-from sim.engagement import engage
-from sim.planar import planar_times
-from sim.plant import ClutchPlant
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.precision import FIRST, expect_to
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.planar import planar_times
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import RPM
+from dogshape.validation.second_engine import SecondEngine
 
 DENSE, STARTS, GOAL = 96, 400, 0.01
 SLOW = 15.0 * RPM  #: mismatch up to which the planar model follows the simulation

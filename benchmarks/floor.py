@@ -15,10 +15,10 @@ from collections import Counter
 import numpy as np
 
 from benchmarks.common import angles_of, default_study
-from sim.engagement import engage
-from sim.phases import PHASES, touching
-from sim.plant import ClutchPlant
-from sim.units import MM, RPM
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.phases import PHASES, touching
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import MM, RPM
 
 #: Displacement in mm, part of a pitch, and a step in s small enough to stay there.
 PLACES = {

@@ -5,14 +5,14 @@
 Prototype and chosen design of the default study at its 28 operating points, three even angles each,
 the same for all settings: mean of the shifts' peak axial and tangential force with the standard
 error of their ratio, and the hardest landing dog on dog, an extreme and so mostly luck. The fork
-moves with the sliding ring (``sim.mechanism``, the effect moving_mass).
+moves with the sliding ring (``sim.shift.mechanism``, the effect moving_mass).
 
-Beside it the peak of one body on Hunt and Crossley's spring (``sim.impact``), all faces flat on
-each other: at 0.25 m/s, where it goes with the root of stiffness times mass, and at the speed with
-which the ring lands after its free flight. That falls with the mass: the force grows as the square
-of the time at first, so the way as its fourth power over the mass, the speed at the end of the
-gap as the mass to the power -1/4, and the peak of a spring alone with the mass to the power 1/4;
-the dissipation, less at less speed, takes from that. Takes five minutes.
+Beside it the peak of one body on Hunt and Crossley's spring (``sim.shift.impact``), all faces flat
+on each other: at 0.25 m/s, where it goes with the root of stiffness times mass, and at the speed
+with which the ring lands after its free flight. That falls with the mass: the force grows as the
+square of the time at first, so the way as its fourth power over the mass, the speed at the end of
+the gap as the mass to the power -1/4, and the peak of a spring alone with the mass to the power
+1/4; the dissipation, less at less speed, takes from that. Takes five minutes.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common import default_study
-from pipeline.config import Study
-from sim.blocks import even_blocks
-from sim.bundled import bundled_root
-from sim.clutch import Clutch
-from sim.contact import ContactSet
-from sim.engagement import Engagement, engage
-from sim.landing import hardest
-from sim.plant import ClutchPlant
-from sim.units import MM
+from dogshape.pipeline.config.study_file import Study
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import even_blocks
+from dogshape.sim.strength.landing import hardest
+from dogshape.sim.units import MM
 
 STIFFNESSES = (5e12, 1.5e13, 2e13)  #: Pa/m: default, faces pressed on steel, its upper end
 FORKS = (0.0, 1.0)  #: kg

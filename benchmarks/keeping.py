@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.config import load_study
-from pipeline.journal import ShiftJournal, append
-from sim.batch import run_block
-from sim.blocks import even_blocks
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import even_blocks
 
 SHIFTS = 480
 RUNS = 5

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.space import space
-from pipeline.training import FILLED
-from surrogate.figures import Prediction, figures, predict, ranked
-from surrogate.fitting import Effort
-from surrogate.learning import fit
-from surrogate.reference import Reference
+from dogshape.pipeline.train.training import FILLED
+from dogshape.surrogate.fitting import Effort
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.references import Reference
+from dogshape.surrogate.validation_figures import Prediction, figures, predict, ranked
 
 DESIGNS = (40, 80, 160, 320, 500)
 

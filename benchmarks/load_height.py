@@ -4,20 +4,20 @@ r"""Where the pressure of two flanks that are out of angle acts, and how far dog
 
 Plane finite elements of one dog on its body, one pitch wide, in plane strain, unrolled at
 the mean radius. Biquadratic quadrilaterals; root and tip have sharp corners, the body's
-lower face is fixed, its sides are free, clamped, or move alike as in ``sim.root_stress``.
-The traction flank is cut into strips that are the elements' edges. A uniform pressure on
-one strip moves all of them by their mean, into the material: that is the flexibility
-:math:`G`. The mate is the same dog turned over, so that its strips come in the opposite
-order, :math:`G'`. At an angle :math:`\delta` between the flanks, with the distance
-:math:`s` from the end that touches first, normal forces :math:`f` and normal approach
-:math:`a` obey, without friction,
+lower face is fixed, its sides are free, clamped, or move alike as in
+``validation.finite_elements.root_stress``. The traction flank is cut into strips that are the
+elements' edges. A uniform pressure on one strip moves all of them by their mean, into the material:
+that is the flexibility :math:`G`. The mate is the same dog turned over, so that its strips come in
+the opposite order, :math:`G'`. At an angle :math:`\delta` between the flanks, with the distance
+:math:`s` from the end that touches first, normal forces :math:`f` and normal approach :math:`a`
+obey, without friction,
 
 .. math::
     w = \delta s + g + (G + G') f - a \ge 0, \quad f \ge 0, \quad f^T w = 0, \quad
     \sum f = F / \cos\beta
 
 and an active set finds them. What touches ends where the tips' roundings begin
-(``sim.flank``), where pressure on the elastic bodies grows without bound as the mesh is
+(``sim.shift.flank``), where pressure on the elastic bodies grows without bound as the mesh is
 refined. With their true gap :math:`g = \varrho - \sqrt{\varrho^2 - d^2}`, :math:`d` beyond
 that end, it stays finite and reaches a little onto the roundings: that is "rounded",
 against "cut". The rings are held at the angle, whatever moment that takes.
@@ -41,11 +41,11 @@ from skfem import Basis, ElementQuad2, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
 from benchmarks.common import clutch_of, default_study
-from sim.flank import FlankContact, flank_contact
-from sim.geometry import Dog, section
-from sim.loadcase import LoadCase
-from sim.materials import POISSON, YOUNG
-from sim.units import DEG, MM
+from dogshape.sim.shift.flank import FlankContact, flank_contact
+from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.materials import POISSON, YOUNG
+from dogshape.sim.units import DEG, MM
 
 Array = NDArray[np.float64]
 Sides = Literal["free", "clamped", "alike"]

@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 
 from benchmarks.common import default_study
-from pipeline import svg
-from pipeline.drawing import outline
-from sim.geometry import Dog
-from sim.units import MM
+from dogshape.pipeline.export import svg
+from dogshape.pipeline.export.drawing import outline
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.units import MM
 
 WIDTH, HEIGHT = 980.0, 560.0  #: px
 SCALE = 24.0  #: px for a mm

@@ -7,14 +7,29 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from sim.errors import DogshapeError
-from sim.flank import Flank, flank_contact
-from sim.geometry import Dog
-from sim.manufacture import ManufacturingLimits, require_makeable
-from sim.notch import PRESSED, TENSION, Load, Pressed, Tension, mises_opposite, root_tension
-from sim.root_mesh import SIDES, RootShape
-from sim.root_stress import BANDS, FINENESS, Band, Cut, RootModel, RootStress
-from sim.units import DEG, MM
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.flank import Flank, flank_contact
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
+from dogshape.sim.strength.notch import (
+    PRESSED,
+    TENSION,
+    Load,
+    Pressed,
+    Tension,
+    mises_opposite,
+    root_tension,
+)
+from dogshape.sim.units import DEG, MM
+from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
+from dogshape.validation.finite_elements.root_stress import (
+    BANDS,
+    FINENESS,
+    Band,
+    Cut,
+    RootModel,
+    RootStress,
+)
 
 FORCE = 1666.7  #: N, the prototype's design load on one dog
 LOW = np.array([0.0, 4.0, 4.0, 1.6, 6.0, 0.2])

@@ -3,8 +3,9 @@
     python -m benchmarks.root_stress
 
 What the mesh and the surroundings do to it, then the formula with a constant notch
-factor (``sim.strength``) and the closed form of ``sim.notch`` on designs spread over the
-search space: those that its coefficients were fitted to and others. Takes ten minutes.
+factor (``sim.strength.dog_strength``) and the closed form of ``sim.strength.notch`` on designs
+spread over the search space: those that its coefficients were fitted to and others. Takes ten
+minutes.
 """
 
 from __future__ import annotations
@@ -24,10 +25,17 @@ from benchmarks.root_cases import (
     fit_tension,
     shape_of,
 )
-from sim.notch import PRESSED, TENSION, mises_loaded, mises_opposite, root_mises, root_tension
-from sim.root_mesh import SIDES, RootShape
-from sim.root_stress import BANDS, Cut, RootModel
-from sim.units import DEG, MM, MPA
+from dogshape.sim.strength.notch import (
+    PRESSED,
+    TENSION,
+    mises_loaded,
+    mises_opposite,
+    root_mises,
+    root_tension,
+)
+from dogshape.sim.units import DEG, MM, MPA
+from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
+from dogshape.validation.finite_elements.root_stress import BANDS, Cut, RootModel
 
 FINE: Design = (11.4, 7.2, 22.3, 1.95, 34, 0.2)
 SIX: Design = (10.0, 20.0, 12.0, 5.0, 6, 0.4)

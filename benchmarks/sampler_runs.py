@@ -21,18 +21,19 @@ import optuna
 from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
-from pipeline.config import Study, load_study
-from pipeline.design import SIMULATED, design_of, values_of
-from pipeline.evaluation import evaluate
-from pipeline.executor import Executor
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal
-from pipeline.plans import whole_plan
-from pipeline.sampling.dogs import DogGuide, search_space
-from pipeline.sampling.factory import sampler_factory
-from pipeline.sampling.improvement import not_dominated
-from pipeline.sampling.sampler import SurrogateSampler
-from pipeline.search import front, open_search, run
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.rounds import run
+from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import front, open_search
+from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
+from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.surrogate.hypervolume import not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
 POINTS = 3  #: operating points of six that this project's sampler simulates of a design

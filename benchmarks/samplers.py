@@ -36,19 +36,25 @@ from typing import Any
 import numpy as np
 
 from benchmarks.sampler_runs import OWN, SAMPLERS, Values, problem, search
-from pipeline.config import Study
-from pipeline.design import SIMULATED, design_of, exact_losses, values_of, worth_simulating
-from pipeline.evaluation import FRESH, evaluate
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal
-from pipeline.known import known_surrogate
-from pipeline.plans import whole_plan
-from pipeline.rows import study_mix
-from pipeline.sampling.dogs import search_space
-from pipeline.sampling.improvement import hypervolume, not_dominated
-from pipeline.sampling.space import Space
-from surrogate.covariance import Array
-from surrogate.over import Over
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.dog_guide import search_space
+from dogshape.pipeline.search.unit_cube import Space
+from dogshape.pipeline.simulate.design import (
+    SIMULATED,
+    design_of,
+    exact_losses,
+    values_of,
+    worth_simulating,
+)
+from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.found_surrogates import known_surrogate
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
 SHIFTS = 24  #: of a whole design
 DENSE = 8  #: fresh angles at each operating point of a declared design

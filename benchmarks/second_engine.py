@@ -19,12 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
-from diagnosis import second_model
-from diagnosis.second_engine import SecondEngine
-from diagnosis.second_model import FINE, EngineSettings
-from sim.clutch import Clutch, OperatingPoint
-from sim.plant import ClutchPlant
-from sim.units import MM
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import MM
+from dogshape.validation import second_model
+from dogshape.validation.second_engine import SecondEngine
+from dogshape.validation.second_model import FINE, EngineSettings
 
 #: Mismatch in 1/min and force in N.
 POINTS = (

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from diagnosis.bank import Bank
-from diagnosis.bench import Bench, load_bench
-from pipeline.diagnosing import Means, banks_of
-from sim.effects import load
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.prediction.bank import Bank
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.sim.effects import load
+from dogshape.sim.units import RPM
 
 FAST = 25.0  #: 1/min from which a shift seldom waits for the next slot
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from pipeline.config import Study
-from pipeline.filling import first_designs
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal
-from pipeline.rows import dataset_of, study_mix
-from pipeline.training import references_of
-from sim.records import Record
-from surrogate.dataset import Dataset
-from surrogate.mix import Mix
-from surrogate.reference import Reference
-from surrogate.store import load
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.filling import first_designs
+from dogshape.pipeline.train.training import references_of
+from dogshape.pipeline.train.training_rows import dataset_of, study_mix
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.surrogate.dataset import Dataset
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.references import Reference
+from dogshape.surrogate.store import load
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.common import angles_of, default_study, measure, point_of
-from sim.clutch import solver_for
-from sim.contact import CONTACT_SETS
-from sim.plant import ClutchPlant
+from dogshape.sim.shift.clutch import solver_for
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.plant import ClutchPlant
 
 VELOCITIES = {
     "adams2019": (0.1, 0.03, 0.01, 0.001),

@@ -3,7 +3,7 @@
     python -m benchmarks.valid_range
 
 Shifts of the prototype and of the chosen design of the default study at angles of one pitch; the
-force rises within 0.05 s. A cell has how many of them were refused (``sim.passing``), and the
+force rises within 0.05 s. A cell has how many of them were refused (``sim.shift.passing``), and the
 deepest penetration of those that were not.
 """
 
@@ -13,13 +13,13 @@ from dataclasses import replace
 
 from benchmarks.common import default_study
 from benchmarks.kept import result
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.outcome import Outcome
-from sim.passing import penetration
-from sim.plant import ClutchPlant
-from sim.units import DEG, MM, RPM
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.passing import penetration
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, MM, RPM
 
 SPEEDS = (-1000.0, -500.0, -249.0, 249.0, 500.0, 1000.0)  #: 1/min
 FORCES = (641.5, 1500.0, 3000.0)  #: N

@@ -21,14 +21,14 @@ import numpy as np
 import plotly.graph_objects as go
 from pydrake.geometry import HydroelasticContactRepresentation as Representation
 
-import sim.plant
+import dogshape.sim.shift.plant
 from benchmarks.common import angles_of, default_study
-from diagnosis.second_engine import SecondEngine
-from diagnosis.second_model import EngineSettings
-from sim.clutch import SCHEMES, Clutch, OperatingPoint, Solver
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.units import RPM
+from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import RPM
+from dogshape.validation.second_engine import SecondEngine
+from dogshape.validation.second_model import EngineSettings
 
 # Schemes that the product does not offer, because this benchmark decided against them.
 for _name in ("bogacki_shampine3", "runge_kutta5", "implicit_euler"):
@@ -61,18 +61,18 @@ def _drake(clutch: Clutch) -> Shift:
 
 
 def _polygons(clutch: Clutch) -> Shift:
-    original: Any = sim.plant.AddMultibodyPlantSceneGraph
+    original: Any = dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph
 
     def build(*args: Any, **kwargs: Any) -> Any:
         made = original(*args, **kwargs)
         made[0].set_contact_surface_representation(Representation.kPolygon)
         return made
 
-    sim.plant.AddMultibodyPlantSceneGraph = build
+    dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph = build
     try:
         return _drake(clutch)
     finally:
-        sim.plant.AddMultibodyPlantSceneGraph = original
+        dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph = original
 
 
 def _mujoco(clutch: Clutch, settings: EngineSettings) -> Shift:

@@ -25,13 +25,13 @@ import optuna
 from distributed import LocalCluster
 
 from benchmarks.common import default_study
-from pipeline.config import Study
-from pipeline.executor import Executor, connect
-from pipeline.journal import ShiftJournal
-from pipeline.sampling.dogs import DogGuide, search_space
-from pipeline.sampling.sampler import SurrogateSampler
-from sim.blocks import Block, even_blocks
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.statistics.blocks import Block, even_blocks
+from dogshape.sim.units import RPM
 
 ANGLES = 3  #: of a measured block; those of the study have twice as many
 WORKERS = (1, 2, 4, 8, 16, 32, 64)

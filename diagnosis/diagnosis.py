@@ -8,27 +8,34 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.belief import Probabilities, inclusion, noise
-from diagnosis.bench import Bench
-from diagnosis.classes import Confusion, confusable, confusion, invisible
-from diagnosis.facts import against, facts_of
-from diagnosis.heldout import HeldOut, by_effects, held_out
-from diagnosis.hypotheses import NONE, UNKNOWN
-from diagnosis.likelihood import Rules
-from diagnosis.next_test import Foretold, NextTest, Standing, choose, foretold, why
-from diagnosis.observed import observe
-from diagnosis.parameters import Bound, Interval, bounds, intervals
-from diagnosis.ranking import Ranking, rank
-from diagnosis.scoring import Predicted, Problem, Scored
-from diagnosis.sense_answer import SenseAnswer, sense_answers
-from diagnosis.sensitivity import readings
-from diagnosis.signature import Metric
-from diagnosis.spread import Emulator
-from diagnosis.terms import Hypothesis
-from diagnosis.verdict import Verdict, decide
-from diagnosis.words import Found, headline, in_words
-from sim.effect import Effect
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.inference.classes import Confusion, confusable, confusion, invisible
+from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
+from dogshape.diagnosis.inference.next_test import (
+    Foretold,
+    NextTest,
+    Standing,
+    choose,
+    foretold,
+    why,
+)
+from dogshape.diagnosis.inference.parameter_intervals import Bound, Interval, bounds, intervals
+from dogshape.diagnosis.inference.posterior import Probabilities, inclusion, noise
+from dogshape.diagnosis.inference.prior_sensitivity import readings
+from dogshape.diagnosis.inference.ranking import Ranking, rank
+from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
+from dogshape.diagnosis.inference.static_readings import against, facts_of
+from dogshape.diagnosis.inference.verdict import Verdict, decide
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Scored
+from dogshape.diagnosis.likelihood.signature import Metric
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.prediction.prediction import Emulator
+from dogshape.diagnosis.report.wording import Found, headline, in_words
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effect import Effect
+from dogshape.sim.units import RPM
 
 Record = dict[str, Any]
 

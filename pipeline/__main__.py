@@ -8,7 +8,7 @@ import sys
 def main() -> None:
     """Load and run the command line; exits with the status of the contract."""
     try:
-        from pipeline.cli import app  # noqa: PLC0415
+        from dogshape.pipeline.cli.app import app  # noqa: PLC0415
 
         given = sys.argv[1:]
         if (nothing := _given_nothing(given)) is not None:
@@ -48,7 +48,7 @@ def _sentence(error: Exception, message: str) -> str:
     details = getattr(error.__cause__, "errors", None)
     names = getattr(getattr(error, "param", None), "opts", None)
     if details is not None and names:
-        from sim.rules import broken_rule  # noqa: PLC0415
+        from dogshape.sim.rules import broken_rule  # noqa: PLC0415
 
         return broken_rule(names[-1], details()[0])
     option = getattr(error, "option_name", None)
@@ -59,7 +59,7 @@ def _sentence(error: Exception, message: str) -> str:
 
 def _keys_like(option: str) -> list[str]:
     """Return how keys of a study that an unknown option resembles are set."""
-    from pipeline.schema import keys_like  # noqa: PLC0415
+    from dogshape.pipeline.config.schema import keys_like  # noqa: PLC0415
 
     given = [*sys.argv[1:], ""]
     value = given[given.index(option) + 1] if option in given else ""

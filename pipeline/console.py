@@ -13,7 +13,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.table import Table
 
-from sim.errors import DogshapeError
+from dogshape.sim.errors import DogshapeError
 
 P = ParamSpec("P")
 

@@ -17,7 +17,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pipeline.console import terminal
+from dogshape.pipeline.console import terminal
 
 LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 

@@ -10,39 +10,44 @@ from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from pipeline.config import Study, require_variables
-from pipeline.confirmation import confirm
-from pipeline.design import (
+from dogshape.pipeline.config.study_file import Study, require_variables
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.search.confirmation import confirm
+from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
+from dogshape.pipeline.search.front_uncertainty import standings
+from dogshape.pipeline.search.repair import repair
+from dogshape.pipeline.search.replication import replicate, replication_record
+from dogshape.pipeline.search.rounds import SamplerOf, run
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import Search, best_trial, front, open_search, value_of
+from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
+from dogshape.pipeline.search.trials import UNKNOWN
+from dogshape.pipeline.simulate.design import (
     SIMULATED,
     Design,
     exact_values,
     leading,
     objectives_of,
 )
-from pipeline.executor import Executor, connect
-from pipeline.folder import StudyFolder, write_json
-from pipeline.journal import ShiftJournal
-from pipeline.known import digest_of, joining
-from pipeline.plans import most_confirmed, most_to_confirm, most_to_replicate, most_to_search
-from pipeline.progress import ShiftProgress
-from pipeline.repair import repair
-from pipeline.replication import replicate, replication_record
-from pipeline.reporting.publish import publish
-from pipeline.rounds import SamplerOf
-from pipeline.rows import study_mix
-from pipeline.sampling.dogs import DogGuide, distinct, simulated
-from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search, best_trial, front, open_search, run, value_of
-from pipeline.standing import standings
-from pipeline.storage import kept
-from pipeline.tolerances import smallest_within, spread_record, time_spread
-from pipeline.training import Say, train
-from pipeline.trials import UNKNOWN
-from sim.checks import smallest_margin
-from sim.errors import InputError
-from sim.outcome import Outcome
-from sim.versions import versions
-from surrogate.model import MIN_DESIGNS
+from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.point_plans import (
+    most_confirmed,
+    most_to_confirm,
+    most_to_replicate,
+    most_to_search,
+)
+from dogshape.pipeline.store.folder import StudyFolder, write_json
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.trial_storage import kept
+from dogshape.pipeline.train.found_surrogates import digest_of, joining
+from dogshape.pipeline.train.training import Say, train
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.versions import versions
+from dogshape.surrogate.model import MIN_DESIGNS
 
 
 @dataclass(frozen=True)

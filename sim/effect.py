@@ -12,9 +12,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from sim.errors import DogshapeError, EffectError, InputError, did_you_mean, refusal
-from sim.setting import Setting
-from sim.units import unit_of
+from dogshape.sim.errors import DogshapeError, EffectError, InputError, did_you_mean, refusal
+from dogshape.sim.setting import Setting
+from dogshape.sim.units import unit_of
 
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
 

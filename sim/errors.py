@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
-from sim.units import unit_of
+from dogshape.sim.units import unit_of
 
 
 class DogshapeError(Exception):

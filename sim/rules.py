@@ -11,8 +11,8 @@ from typing import Any
 
 from pydantic_core import ErrorDetails
 
-from sim.errors import meant_number
-from sim.units import unit_of
+from dogshape.sim.errors import meant_number
+from dogshape.sim.units import unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"

@@ -20,13 +20,13 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.blocks import Block
-from sim.clutch import Clutch, OperatingPoint
-from sim.contact import ContactSet
-from sim.errors import EffectError, did_you_mean, require_between
-from sim.geometry import Dog
-from sim.mechanism import Mechanism
-from sim.records import Record
+from dogshape.sim.errors import EffectError, did_you_mean, require_between
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
 
 Sensor = Literal["sleeve", "actuator"]
 Weights = NDArray[np.float64]

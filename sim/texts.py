@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from sim.errors import DataError, InputError, did_you_mean
+from dogshape.sim.errors import DataError, InputError, did_you_mean
 
 SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
 NO_TABLE = "is not a table of comma separated values"

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from surrogate.covariance import Array, Places
-from surrogate.model import Surrogate
-from surrogate.over import Over
-from surrogate.targets import point_coordinates, timed
+from dogshape.surrogate.covariance import Array, Places
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.process_targets import point_coordinates, timed
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.errors import DataError
-from sim.expectation import variance_of_mean
-from sim.outcome import Outcome
-from sim.records import Record, content_key, result_of
-from surrogate.covariance import Array, Mask, Places
+from dogshape.sim.errors import DataError
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.expectation import variance_of_mean
+from dogshape.sim.statistics.shift_records import Record, content_key, result_of
+from dogshape.surrogate.covariance import Array, Mask, Places
 
 if TYPE_CHECKING:
     import pandas as pd

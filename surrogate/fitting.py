@@ -17,8 +17,8 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import Kernel
 
-from surrogate.covariance import Array, Covariance, Term, starting
-from surrogate.process import Process
+from dogshape.surrogate.covariance import Array, Covariance, Term, starting
+from dogshape.surrogate.process import Process
 
 
 @dataclass(frozen=True)

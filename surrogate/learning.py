@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from surrogate.covariance import Array
-from surrogate.dataset import Dataset
-from surrogate.fitting import WHOLE, Effort, fit_process
-from surrogate.model import ALTERNATIVES, SMOOTH, USUAL, Surrogate, require_enough
-from surrogate.share import Share, fit_share
-from surrogate.targets import design_coordinates, row_inputs, spread_targets, time_targets
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import Dataset
+from dogshape.surrogate.engaged_share import Share, fit_share
+from dogshape.surrogate.fitting import WHOLE, Effort, fit_process
+from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, USUAL, Surrogate, require_enough
+from dogshape.surrogate.process_targets import (
+    design_coordinates,
+    row_inputs,
+    spread_targets,
+    time_targets,
+)
 
 
 def fit(

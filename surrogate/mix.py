@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.clutch import OperatingPoint
-from sim.units import RPM
-from surrogate.covariance import Array
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.units import RPM
+from dogshape.surrogate.covariance import Array
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ errors relative; t is the mean of the shifts that engage. The covariance has a t
 operating points alone, a smooth one over both, and two that grow with the mismatch: there a
 dog is thrown back once more or once less, and the mean runs in steps, of which short ones are
 rough: no design nearby foretells them. ``ALTERNATIVES`` are what this was chosen
-from by the likelihood of designs left out (``surrogate.comparison``).
+from by the likelihood of designs left out (``surrogate.form_choice``).
 
 Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
 logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
@@ -14,7 +14,7 @@ logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
    \qquad s^2 = \sum_{jk} w_j w_k T_j T_k (e^{C_{jk}} - 1) + s_p^2
 
 Retries after a time :math:`t_r` (time-out and retraction) follow the share *p*
-(``surrogate.share``); its errors :math:`s_p` go together as far as the points are near.
+(``surrogate.engaged_share``); its errors :math:`s_p` go together as far as the points are near.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from functools import cached_property
 
 import numpy as np
 
-from sim.errors import InputError
-from surrogate.covariance import Array, Term, distance
-from surrogate.dataset import Dataset
-from surrogate.mix import Mix
-from surrogate.process import Process
-from surrogate.share import Share
-from surrogate.targets import FLOOR, design_coordinates, point_coordinates
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.covariance import Array, Term, distance
+from dogshape.surrogate.dataset import Dataset
+from dogshape.surrogate.engaged_share import Share
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.process import Process
+from dogshape.surrogate.process_targets import FLOOR, design_coordinates, point_coordinates
 
 MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 

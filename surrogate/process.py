@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from surrogate.covariance import Array, Covariance
+from dogshape.surrogate.covariance import Array, Covariance
 
 BLOCK = 100  #: rows of a triangular system that are solved at a time
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.errors import InputError
-from sim.records import Record
-from surrogate.covariance import Array, Mask
-from surrogate.dataset import Dataset, differences
-from surrogate.mix import Mix
-from surrogate.model import Expected, Surrogate
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.surrogate.covariance import Array, Mask
+from dogshape.surrogate.dataset import Dataset, differences
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import Expected, Surrogate
 
 FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
 

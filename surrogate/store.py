@@ -14,16 +14,22 @@ from typing import Any
 
 import numpy as np
 
-from sim.errors import DataError
-from sim.files import write_whole
-from sim.versions import versions
-from surrogate.covariance import Array, Covariance, Term, starting
-from surrogate.dataset import COLUMNS, Dataset
-from surrogate.figures import Validation, validation_of
-from surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
-from surrogate.process import Process
-from surrogate.share import Share
-from surrogate.targets import Targets, design_coordinates, row_inputs, spread_targets, time_targets
+from dogshape.sim.errors import DataError
+from dogshape.sim.files import write_whole
+from dogshape.sim.versions import versions
+from dogshape.surrogate.covariance import Array, Covariance, Term, starting
+from dogshape.surrogate.dataset import COLUMNS, Dataset
+from dogshape.surrogate.engaged_share import Share
+from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
+from dogshape.surrogate.process import Process
+from dogshape.surrogate.process_targets import (
+    Targets,
+    design_coordinates,
+    row_inputs,
+    spread_targets,
+    time_targets,
+)
+from dogshape.surrogate.validation_figures import Validation, validation_of
 
 FORMAT = 3  #: version of the file
 AGAIN = "fit the surrogate again with 'dogshape fit'"

@@ -6,14 +6,14 @@ from dataclasses import fields
 
 import numpy as np
 
-from sim.errors import InputError
-from surrogate.dataset import Dataset, among
-from surrogate.figures import Prediction, Validation, figures, predict
-from surrogate.fitting import Effort
-from surrogate.learning import fit
-from surrogate.mix import Mix
-from surrogate.model import MIN_DESIGNS, Surrogate
-from surrogate.reference import Reference, reference_of
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.dataset import Dataset, among
+from dogshape.surrogate.fitting import Effort
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import MIN_DESIGNS, Surrogate
+from dogshape.surrogate.references import Reference, reference_of
+from dogshape.surrogate.validation_figures import Prediction, Validation, figures, predict
 
 FEW = 3  #: parts of data whose parameters are known: each lacks little of what is there
 QUICK = Effort(rows=300, steps=20)  #: of the fits to parts of the data

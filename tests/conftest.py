@@ -12,17 +12,17 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli import app
-from pipeline.config import VARIABLES, Study, load_study
-from pipeline.folder import StudyFolder
-from pipeline.study import Run
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, Rings, solver_for
-from sim.contact import contact_set
-from sim.edge import dog_fields
-from sim.geometry import Dog
-from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from dogshape.pipeline.cli.app import app
+from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run
+from dogshape.sim.clutch_tables import dog_fields
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 
 #: Rise time of the published shift forces, s by N (thesis table 2).
 RISE = {235.2: 0.2510, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}

@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.bank import settings_of
-from diagnosis.bench import Bench, load_bench
-from diagnosis.flight_table import FlightTables
-from diagnosis.reading import Reading, gather
-from diagnosis.spread import Marks, Spread
-from diagnosis.terms import Hypothesis
-from diagnosis.traces import BenchTrace
-from sim.actuation import ForceProfile
-from sim.clutch import Solver
-from sim.effects import load
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.trace import Trace
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.prediction.bank import settings_of
+from dogshape.diagnosis.prediction.flight_table import FlightTables
+from dogshape.diagnosis.prediction.prediction import Marks, Spread
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effects import load
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Solver
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]
 

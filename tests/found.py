@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.config import Study
-from sim.records import clutch_record
+from dogshape.pipeline.config.study_file import Study
+from dogshape.sim.statistics.shift_records import clutch_record
 
 Row = dict[str, Any]
 VARIABLES = ["chamfer_deg", "count"]

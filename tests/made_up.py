@@ -13,11 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.bench import Bench
-from sim.blocks import Block
-from sim.clutch import Clutch, OperatingPoint
-from sim.records import Record
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.units import RPM
 
 FACE = 0.4  #: share of the pitch in which the dogs meet a face
 WAY = 0.01  #: m

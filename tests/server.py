@@ -95,7 +95,7 @@ def postgres() -> Iterator[Server]:
 
 def command_of(verb: str, *arguments: str) -> list[str]:
     """Return the command line of a verb for a process of its own."""
-    return [sys.executable, "-m", "pipeline", verb, *arguments]
+    return [sys.executable, "-m", "dogshape.pipeline", verb, *arguments]
 
 
 @dataclass

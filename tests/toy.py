@@ -13,15 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from diagnosis.bench import Bench, load_bench
-from diagnosis.reading import Reading, gather
-from diagnosis.spread import Spread
-from diagnosis.stand import Sensor
-from diagnosis.terms import Hypothesis
-from sim.actuation import ForceProfile
-from sim.clutch import OperatingPoint
-from sim.effects import load
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effects import load
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]
 
@@ -73,7 +73,7 @@ def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) 
 
 @dataclass(frozen=True)
 class Toy:
-    """An emulator of the toy at some operating points (``diagnosis.spread``)."""
+    """An emulator of the toy at some operating points (``diagnosis.prediction.prediction``)."""
 
     points: tuple[OperatingPoint, ...]
     quantiles: int = 32

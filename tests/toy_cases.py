@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.diagnosis import Diagnosis, diagnose
-from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of
-from diagnosis.likelihood import Rules, Said
-from diagnosis.scoring import predict
-from diagnosis.signature import VISIBLE
-from diagnosis.terms import Hypothesis
-from sim.clutch import OperatingPoint
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said
+from dogshape.diagnosis.likelihood.scores import predict
+from dogshape.diagnosis.likelihood.signature import VISIBLE
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, pairs_of
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.shift.clutch import OperatingPoint
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 
 #: Effects that the toy knows, and two that change nothing in it.

@@ -11,8 +11,8 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-from sim.effect import Effect
-from sim.errors import InputError
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import InputError
 
 
 def load(folder: Path | None = None) -> dict[str, Effect]:
@@ -23,7 +23,7 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     ``EFFECT`` or another name than the effect, or a name is taken.
     """
     effects = {
-        path.stem: _effect(importlib.import_module(f"sim.effects.{path.stem}"), path)
+        path.stem: _effect(importlib.import_module(f"dogshape.sim.effects.{path.stem}"), path)
         for path in _files(Path(__file__).parent)
     }
     for path in _files(folder) if folder else []:

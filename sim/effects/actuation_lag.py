@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sim.actuation import LaggedProfile
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import LaggedProfile
 
 
 def _change(setting: Setting, values: Values) -> Setting:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
-from sim.units import to_si
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
+from dogshape.sim.units import to_si
 
 
 def _change(setting: Setting, values: Values) -> Setting:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
 
 
 def _change(setting: Setting, values: Values) -> Setting:
@@ -26,7 +26,7 @@ EFFECT = Effect(
             high=300.0,
             scale="log-uniform",
             source="restitution at 0.2 m/s from 0.88 (dry, elastic) to 0.02 (flooded "
-            "with oil); sim.impact has the law",
+            "with oil); sim.shift.impact has the law",
         ),
     ),
     change=_change,

@@ -1,12 +1,12 @@
 """Friction of the dogs on each other.
 
-The explicit scheme knows the dynamic coefficient alone; ``cenic`` both (``sim.contact``).
+The explicit scheme knows the dynamic coefficient alone; ``cenic`` both (``sim.shift.contact``).
 """
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
 
 
 def _change(setting: Setting, values: Values) -> Setting:

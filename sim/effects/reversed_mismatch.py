@@ -6,8 +6,8 @@ with their braking flanks, and faces that were to fall away come towards each ot
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Values
+from dogshape.sim.setting import Setting
 
 
 def _change(setting: Setting, values: Values) -> Setting:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
 
 
 def _change(setting: Setting, values: Values) -> Setting:

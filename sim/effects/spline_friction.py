@@ -5,8 +5,8 @@ The spline is taken to lie at 0.8 of the dogs' inner radius; coefficient over ra
 
 from __future__ import annotations
 
-from sim.effect import BenchTest, Effect, Parameter, Values
-from sim.setting import Setting
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.setting import Setting
 
 SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs
 

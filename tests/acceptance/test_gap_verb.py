@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from diagnosis.bench import load_bench
-from pipeline.diagnosing import Means, diagnosed
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
 from tests.conftest import Said
 
 Call = Callable[..., Said]

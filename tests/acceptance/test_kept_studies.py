@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from pipeline.config import Study, bundled_studies, load_study
-from pipeline.design import design_of
-from pipeline.evaluation import FRESH, evaluate
-from pipeline.executor import scratch_executor
-from sim.bundled import bundled_root
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.units import RPM
 
 
 def _kept(name: str) -> dict[str, Any]:

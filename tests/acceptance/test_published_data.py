@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from diagnosis.bench import Bench, load_bench
-from diagnosis.comparison import compare
-from pipeline.executor import scratch_executor
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.comparison import compare
+from dogshape.pipeline.simulate.executor import scratch_executor
 
 #: Root-mean-square deviation over all 25 cells. The mean of ten random angles
 #: scatters by 10 to 25 % itself; the phase origin of the published angles is not given.

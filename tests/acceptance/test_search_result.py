@@ -7,14 +7,14 @@ import math
 
 import numpy as np
 
-from pipeline.config import VARIABLES, load_study
-from pipeline.design import design_of
-from pipeline.evaluation import evaluate
-from pipeline.executor import scratch_executor
-from pipeline.known import known_surrogate
-from pipeline.plans import whole_plan
-from pipeline.rows import study_mix
-from sim.bundled import bundled_root
+from dogshape.pipeline.config.study_file import VARIABLES, load_study
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.train.found_surrogates import known_surrogate
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.bundled import bundled_root
 
 
 def best_kept() -> dict[str, float]:

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import sim.mesh
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.geometry import Dog
-from sim.mesh import Mesh
-from sim.plant import ClutchPlant
-from sim.units import DEG, FACTORS, from_si, to_si, unit_of
+import dogshape.sim.shift.mesh
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import Mesh
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, FACTORS, from_si, to_si, unit_of
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -56,7 +56,9 @@ def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
     """Same displacement, opposite angles and speeds; same events."""
     here = engage(ClutchPlant(clutch), point(mismatch, 469.0), angle * DEG)
     for name in ("rigid_dog", "compliant_dog"):
-        monkeypatch.setattr(f"sim.plant.{name}", _mirrored(getattr(sim.mesh, name)))
+        monkeypatch.setattr(
+            f"dogshape.sim.shift.plant.{name}", _mirrored(getattr(dogshape.sim.shift.mesh, name))
+        )
     there = engage(ClutchPlant(clutch), point(-mismatch, 469.0), -angle * DEG)
     assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
     seen = np.linspace(0.0, 0.9 * here.trace.time[-1], 50)

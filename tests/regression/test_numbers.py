@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import pytest
 
-from sim.clutch import Clutch, OperatingPoint, Solver
-from sim.contact import CONTACT_SETS
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.units import DEG
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pipeline.config import Study, load_study
+from dogshape.pipeline.config.study_file import Study, load_study
 from tests.found import Row, found
 
 

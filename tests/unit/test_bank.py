@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bank import Bank, Plan, blocks_of, collect, settings_of
-from diagnosis.bank_store import TICK, BankStore
-from diagnosis.bench import Bench, load_bench
-from diagnosis.emulator import BankEmulator
-from diagnosis.levels import Axes, levels_of, only_read
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal
-from sim.blocks import Block
-from sim.clutch import Clutch
-from sim.effects import load
-from sim.errors import InputError, StorageError
-from sim.numerical import Runner
-from sim.records import Record
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, settings_of
+from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.levels import Axes, levels_of, only_read
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import few_cells, made_up
 
 EFFECTS = load()

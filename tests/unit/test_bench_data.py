@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.bench import load_bench
-from sim.bundled import bundled_root
-from sim.errors import DogshapeError
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.units import RPM
 from tests.benches import good_set
 from tests.conftest import Said
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.bench import load_bench
-from diagnosis.table import load_sheet
-from diagnosis.tdms import tdms_available
-from diagnosis.traces import COLUMNS, BenchTrace, read_trace
-from sim.errors import DataError, InputError
-from sim.units import MM, RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.table import load_sheet
+from dogshape.diagnosis.bench.tdms import tdms_available
+from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
+from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.units import MM, RPM
 from tests.benches import edit, good_set
 from tests.conftest import needed
 
@@ -229,7 +229,7 @@ def test_without_the_extra_a_sentence_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"No module named '{name}'")
 
-    monkeypatch.setattr("diagnosis.tdms.import_module", missing)
+    monkeypatch.setattr("dogshape.diagnosis.bench.tdms.import_module", missing)
     (folder / "x.tdms").write_bytes(b"")
     with pytest.raises(InputError, match=r"npTDMS cannot be loaded.*'\.\[tdms\]'"):
         read_trace(folder / "x.tdms")

@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.blind import sealed
-from diagnosis.blind.cases import Case
-from diagnosis.blind.data import Series
-from diagnosis.blind.engine import Shift
-from diagnosis.blind.intervals import calibration, mean, share
-from diagnosis.blind.marks import CHANCE, gap_size, mark_of
-from diagnosis.blind.score import VISIBLE, score, scored
-from diagnosis.blind.stand import Point, Stand
-from sim.errors import InputError, StorageError
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.validation.blind import sealed
+from dogshape.validation.blind.case_marks import CHANCE, gap_size, mark_of
+from dogshape.validation.blind.cases import Case
+from dogshape.validation.blind.data import Series
+from dogshape.validation.blind.intervals import calibration, mean, share
+from dogshape.validation.blind.mujoco_shift import Shift
+from dogshape.validation.blind.score import VISIBLE, score, scored
+from dogshape.validation.blind.stand import Point, Stand
 
 PAIR_SIZES = {"actuation_delay": 40.0, "moving_mass": 2.5}
 FREE = [[0.1, 0.2, 0.3, 0.4]]

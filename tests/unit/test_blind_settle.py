@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.bench import load_bench, setting_of
-from diagnosis.blind.cases import cases_of
-from diagnosis.blind.effects import RANGES, truth_of
-from diagnosis.blind.intervals import share
-from diagnosis.blind.marks import mark_of
-from diagnosis.blind.score import scored
-from diagnosis.blind.settle import (
+from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
+from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.diagnosis.inference.next_test import EXACT
+from dogshape.pipeline.cli.tables.blind_tables import score_table
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effects import load
+from dogshape.sim.errors import StorageError
+from dogshape.sim.units import RPM
+from dogshape.validation.blind.advised_test import (
     ERROR,
     Advised,
     Stage,
@@ -26,15 +28,13 @@ from diagnosis.blind.settle import (
     told,
     updated,
 )
-from diagnosis.blind.stand import Point, Truth, read_points, read_stand
-from diagnosis.diagnosis import diagnose
-from diagnosis.next_test import EXACT
-from diagnosis.second_engine import engine_available
-from pipeline.tables.blinds import score_table
-from sim.bundled import bundled_root
-from sim.effects import load
-from sim.errors import StorageError
-from sim.units import RPM
+from dogshape.validation.blind.case_marks import mark_of
+from dogshape.validation.blind.cases import cases_of
+from dogshape.validation.blind.intervals import share
+from dogshape.validation.blind.score import scored
+from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
+from dogshape.validation.blind.true_effects import RANGES, truth_of
+from dogshape.validation.second_engine import engine_available
 from tests.conftest import needed
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 from tests.unit.test_blind_score import CASES, FREE, RESULTS

@@ -10,8 +10,8 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from diagnosis.blind import sealed
-from diagnosis.blind.plain import plain
+from dogshape.validation.blind import sealed
+from dogshape.validation.blind.baselines import plain
 from tests.conftest import Said
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 from tests.unit.test_blind_score import CASES, RESULTS, _sealed
@@ -22,14 +22,14 @@ Call = Callable[..., Said]
 @pytest.fixture
 def _injected(monkeypatch: pytest.MonkeyPatch) -> None:
     """A diagnosis that knows the made-up results, in the place of the real one."""
-    module = ModuleType("pipeline.blind_diagnosis")
+    module = ModuleType("dogshape.validation.blind.case_diagnosis")
 
     def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, object]:
         assert jobs in (0, 1)
         return RESULTS["case_00" if folder.name == "case_04" else folder.name]["diagnosis"]
 
     module.diagnose_folder = diagnose_folder  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "pipeline.blind_diagnosis", module)
+    monkeypatch.setitem(sys.modules, "dogshape.validation.blind.case_diagnosis", module)
 
 
 @pytest.mark.usefixtures("_injected")

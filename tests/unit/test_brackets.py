@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from rich.console import Group
 
-from pipeline.config import load_study
-from pipeline.console import columns, emit
-from pipeline.progress import ShiftProgress, say
-from pipeline.tables.studies import study_table
-from sim.bundled import bundled_root
+from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.console import columns, emit
+from dogshape.pipeline.progress import ShiftProgress, say
+from dogshape.sim.bundled import bundled_root
 from tests.conftest import Said
 
 Call = Callable[..., Said]

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from pipeline import executor
+from dogshape.pipeline.simulate import executor
 from tests.conftest import SMALL
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
 
@@ -149,14 +149,14 @@ def test_no_cluster_is_said(tmp_path: Path) -> None:
 
 
 OTHER_DRAKE = """
-import sim.versions
-sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
+import dogshape.sim.versions
+dogshape.sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
     "Metadata", (), {"version": lambda name: "1.2.3" if name == "drake" else "0.1.0"}
 )
 """
 NO_DOGSHAPE = """
 import sys
-sys.modules["pipeline.executor"] = None
+sys.modules["pipeline.simulate.executor"] = None
 """
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from sim.bundled import bundled_root
+from dogshape.sim.bundled import bundled_root
 from tests.conftest import SMALL, Said
 
 Call = Callable[..., Said]
@@ -96,7 +96,16 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
 def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder in which ``dogshape study`` has been run at smoke size."""
     home = tmp_path_factory.mktemp("home")
-    command = [sys.executable, "-m", "pipeline", "study", "mq200", *SETS, "--no-report", "--json"]
+    command = [
+        sys.executable,
+        "-m",
+        "dogshape.pipeline",
+        "study",
+        "mq200",
+        *SETS,
+        "--no-report",
+        "--json",
+    ]
     done = subprocess.run(command, cwd=home, capture_output=True, text=True, check=True)
     said = json.loads(done.stdout)
     assert set(said) >= {"best", "front", "n_simulated_shifts", "report"}
@@ -297,7 +306,7 @@ def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], w
     ],
 )
 def test_wrong_options_are_one_sentence(arguments: tuple[str, ...], words: str) -> None:
-    command = [sys.executable, "-m", "pipeline", *arguments]
+    command = [sys.executable, "-m", "dogshape.pipeline", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert words in done.stderr
@@ -306,7 +315,7 @@ def test_wrong_options_are_one_sentence(arguments: tuple[str, ...], words: str) 
 
 
 def test_version_and_status_through_the_entry_point() -> None:
-    entry = [sys.executable, "-m", "pipeline"]
+    entry = [sys.executable, "-m", "dogshape.pipeline"]
     version = subprocess.run([*entry, "--version"], capture_output=True, text=True, check=True)
     assert re.fullmatch(r"dogshape \d+\.\d+\.\d+, drake \S+", version.stdout.strip())
     weak = [*entry, "strength", "mq200", "--no-simulation", "--set", "dog.traction_deg=5"]

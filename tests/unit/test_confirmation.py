@@ -10,21 +10,22 @@ from typing import Any
 import optuna
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.confirmation import confirm
-from pipeline.evaluation import FRESH
-from pipeline.executor import Executor
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal
-from pipeline.plans import MOST_CONFIRMED, most_to_confirm
-from pipeline.reporting.names import designs_shown, failed_afresh, of_kinds
-from pipeline.reporting.tables import designs_frame
-from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search, front, losses, run
-from pipeline.study import Run, collect, run_study
-from sim.blocks import Block
-from sim.loads import OVERLAPS, Landing
-from sim.records import Record, landing_record
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.reports.study.design_names import designs_shown, failed_afresh, of_kinds
+from dogshape.pipeline.reports.study.design_tables import designs_frame
+from dogshape.pipeline.search.confirmation import confirm
+from dogshape.pipeline.search.rounds import run
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import Search, front, losses
+from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import MOST_CONFIRMED, most_to_confirm
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.study import Run, collect, run_study
+from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record, landing_record
 from tests.unit.test_replication import MADE_UP, CutOffError, MadeUp
 
 WANTED = 3
@@ -60,7 +61,7 @@ def ended(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[optun
     trials = optuna.create_study(directions=["minimize"] * 2)
     shifts = tmp_path_factory.mktemp("ended") / "shifts"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.executor.run_block", MadeUp())
+        patch.setattr("dogshape.pipeline.simulate.executor.run_block", MadeUp())
         search, executor = Search(study, trials), Executor(ShiftJournal(shifts), 1)
         run(search, sampler_factory(study, None), executor, lambda _: None)
     return trials, shifts
@@ -82,7 +83,7 @@ def opened(
             shutil.copy(kept, path)
         hard = {round(t.params["chamfer_deg"], 6) for t in search.trials if t.number in failing}
         landings = Landings(hard, most)
-        monkeypatch.setattr("pipeline.executor.run_block", landings)
+        monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", landings)
         return search, Executor(ShiftJournal(path), 1), landings
 
     return opening
@@ -207,10 +208,10 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     search = Search(study, ended[0])
     first = search.trials[_hiding(search)]
     hard = {round(first.params["chamfer_deg"], 6)}
-    monkeypatch.setattr("pipeline.study.MIN_DESIGNS", 99)  # no surrogate of shifts made up
+    monkeypatch.setattr("dogshape.pipeline.study.MIN_DESIGNS", 99)  # no surrogate of shifts made up
     results = []
     for name, failing in (("passes", set[float]()), ("fails", hard)):
-        monkeypatch.setattr("pipeline.executor.run_block", Landings(failing))
+        monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", Landings(failing))
         again = load_study("mq200", [*SETTINGS, "search.replicate=0.1"])
         how = Run(StudyFolder(tmp_path / name), 1, report=False)
         results.append(run_study(again, how))

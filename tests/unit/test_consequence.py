@@ -10,16 +10,23 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.levels import Level
-from pipeline.config import Study, load_study
-from pipeline.consequence import ANGLES, angles_of, consequence, designs_of, shifts_of, studied
-from pipeline.folder import StudyFolder
-from sim.blocks import Block
-from sim.bundled import bundled_root
-from sim.effects import load
-from sim.errors import DataError
-from sim.records import Record
-from sim.setting import Setting
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.diagnose.consequence import (
+    ANGLES,
+    angles_of,
+    consequence,
+    designs_of,
+    shifts_of,
+    studied,
+)
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effects import load
+from dogshape.sim.errors import DataError
+from dogshape.sim.setting import Setting
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
 
 EFFECTS = load()
 

@@ -10,11 +10,11 @@ from xml.etree import ElementTree
 
 import pytest
 
-from pipeline.cad import cad_available
-from pipeline.config import load_study
-from pipeline.drawing import dimensioned_svg
-from sim.checks import GROUPS
-from sim.root_stress import fem_available
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.export.cad import cad_available
+from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.sim.strength.checks import GROUPS
+from dogshape.validation.finite_elements.root_stress import fem_available
 from tests.conftest import Said, needed
 
 Call = Callable[..., Said]

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from diagnosis.belief import judged
-from diagnosis.diagnosis import Diagnosis, diagnose
-from diagnosis.fit import ADEQUATE
-from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
-from diagnosis.next_test import EXACT, LEAST
-from sim.units import RPM
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.next_test import EXACT, LEAST
+from dogshape.diagnosis.inference.posterior import judged
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
+from dogshape.sim.units import RPM
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
 
 SEPARATE = ("sleeve_friction", "moving_mass", "actuation_delay")

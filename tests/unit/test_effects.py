@@ -11,23 +11,23 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bench import load_bench
-from pipeline.config import load_study
-from pipeline.diagnosing import Means, _require_working
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal
-from pipeline.rows import dataset_of
-from sim.actuation import ForceProfile, LaggedProfile
-from sim.batch import run_block
-from sim.blocks import Block
-from sim.clutch import Clutch, OperatingPoint
-from sim.effect import Effect, Parameter
-from sim.effects import load
-from sim.errors import EffectError, GeometryError, InputError
-from sim.mechanism import MECHANISM_KEYS, Mechanism
-from sim.records import clutch_record
-from sim.setting import Setting
-from sim.units import suffix_of
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, _require_working
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.training_rows import dataset_of
+from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.effects import load
+from dogshape.sim.errors import EffectError, GeometryError, InputError
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import clutch_record
+from dogshape.sim.units import suffix_of
 from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]
@@ -184,7 +184,7 @@ def test_mistakes_are_sentences(setting: Setting) -> None:
 
 
 OWN = """
-from sim.effect import BenchTest, Effect, Parameter
+from dogshape.sim.effect import BenchTest, Effect, Parameter
 
 def _change(setting, values):
     return setting.with_mechanism(damping=values["damping_Ns_m"])

@@ -13,22 +13,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.exploring.slices import RIVALS, bases_of, rivals_of
-from pipeline.filling import filling_designs
-from pipeline.rows import study_mix, with_rows
-from sim.bundled import bundled_root
-from surrogate.covariance import Array
-from surrogate.curves import at_points, times_at
-from surrogate.effects import accumulate, effects
-from surrogate.figures import Validation
-from surrogate.fitting import Effort
-from surrogate.learning import fit
-from surrogate.mix import Mix
-from surrogate.model import Surrogate
-from surrogate.over import Over
-from surrogate.sensitivity import EVEN, LOG, WHOLE, Input, indices
-from surrogate.store import Stored, load, save
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.reports.surrogate.slices import RIVALS, bases_of, rivals_of
+from dogshape.pipeline.train.filling import filling_designs
+from dogshape.pipeline.train.training_rows import study_mix, with_rows
+from dogshape.sim.bundled import bundled_root
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.fitting import Effort
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.main_effects import accumulate, effects
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.sobol_indices import EVEN, LOG, WHOLE, Input, indices
+from dogshape.surrogate.store import Stored, load, save
+from dogshape.surrogate.time_curves import at_points, times_at
+from dogshape.surrogate.validation_figures import Validation
 from tests.browser import PROBE, look
 
 #: Ends of the search ranges of the default study, and what each variable adds across them, s.

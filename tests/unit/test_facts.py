@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bench import Bench, load_bench
-from diagnosis.facts import facts_of
-from diagnosis.stand import Calibration, Sensor
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.stand_file import Calibration, Sensor
+from dogshape.diagnosis.inference.static_readings import facts_of
 
 STAND = load_bench("mq200_stand")
 

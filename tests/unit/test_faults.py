@@ -20,14 +20,14 @@ from typing import Any
 import pytest
 from optuna.storages.journal import JournalFileBackend
 
-from pipeline.config import Study, load_study
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal, append
-from pipeline.study import run_study
-from sim.actuation import ForceProfile
-from sim.blocks import Block, even_blocks
-from sim.errors import StorageError, WorkerError
-from sim.records import Record
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import StorageError, WorkerError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.statistics.blocks import Block, even_blocks
+from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import SMALL, Said, searching
 from tests.server import ROOT, command_of
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from diagnosis.bank_store import BankStore
-from diagnosis.flight_store import FlightStore
-from pipeline.folder import write_json
-from pipeline.journal import ShiftJournal, append
-from pipeline.targets import require_targets
-from sim.errors import StorageError
-from sim.files import write_whole
+from dogshape.diagnosis.prediction.bank_store import BankStore
+from dogshape.diagnosis.prediction.flight_store import FlightStore
+from dogshape.pipeline.store.folder import write_json
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.sim.errors import StorageError
+from dogshape.sim.files import write_whole
 from tests.conftest import Said
 
 
@@ -185,7 +185,7 @@ def test_a_target_is_tried_before_the_work(
     def worked(*_: Any, **__: Any) -> None:
         raise AssertionError("the work began")
 
-    monkeypatch.setattr(f"pipeline.verbs.{module}", worked)
+    monkeypatch.setattr(f"dogshape.pipeline.cli.verbs.{module}", worked)
     said: Said = dogshape(*arguments)
     assert said.status == 2
     assert arguments[-2] in said.sentence

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.design import design_of, worth_simulating
-from pipeline.executor import Executor
-from pipeline.filling import SLACK, filling_blocks, filling_designs, filling_point
-from pipeline.inquiry import Inquiry, inquire
-from pipeline.journal import ShiftJournal
-from pipeline.references import MOST, finer_counts
-from pipeline.rows import dataset_of, study_mix
-from sim.errors import InputError
-from sim.units import RPM
-from surrogate.dataset import COLUMNS, rows_of
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.simulate.design import design_of, worth_simulating
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.filling import SLACK, filling_blocks, filling_designs, filling_point
+from dogshape.pipeline.train.inquiry import Inquiry, inquire
+from dogshape.pipeline.train.reference_designs import MOST, finer_counts
+from dogshape.pipeline.train.training_rows import dataset_of, study_mix
+from dogshape.sim.errors import InputError
+from dogshape.sim.units import RPM
+from dogshape.surrogate.dataset import COLUMNS, rows_of
 
 WANTED = 0.01  #: relative error of references
 EVEN = np.full(3, 1.0 / 3.0)  #: weights of three operating points

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bank import settings_of
-from diagnosis.bench import load_bench
-from diagnosis.flight_store import FlightStore
-from diagnosis.flight_table import FlightTables
-from diagnosis.terms import Hypothesis
-from sim.effects import load
-from sim.errors import StorageError
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank import settings_of
+from dogshape.diagnosis.prediction.flight_store import FlightStore
+from dogshape.diagnosis.prediction.flight_table import FlightTables
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effects import load
+from dogshape.sim.errors import StorageError
 
 FRICTION: Hypothesis = ("sleeve_friction",)
 TABLE = np.arange(8.0).reshape(4, 2) / 3.0
@@ -48,7 +48,7 @@ def test_a_stored_table_is_not_flown_again(tmp_path: Path, monkeypatch: pytest.M
     values = np.array([[40.0]])
     flown = FlightTables(effects, [setting], first).at(FRICTION, values, setting.point.profile)
     first.save()
-    monkeypatch.setattr("diagnosis.flight_table.table_of", _forbidden)
+    monkeypatch.setattr("dogshape.diagnosis.prediction.flight_table.table_of", _forbidden)
     tables = FlightTables(effects, [setting], FlightStore((path,)))
     kept = tables.at(FRICTION, values, setting.point.profile)
     np.testing.assert_array_equal(kept.times, flown.times)
@@ -62,7 +62,7 @@ def test_another_prior_is_another_table(tmp_path: Path, monkeypatch: pytest.Monk
     effect = effects["sleeve_friction"]
     narrow = replace(effect.parameters[0], high=0.5 * effect.parameters[0].high)
     changed = {**effects, "sleeve_friction": replace(effect, parameters=(narrow,))}
-    monkeypatch.setattr("diagnosis.flight_table.table_of", _forbidden)
+    monkeypatch.setattr("dogshape.diagnosis.prediction.flight_table.table_of", _forbidden)
     with pytest.raises(AssertionError, match="flown"):
         FlightTables(changed, [setting], store).at(
             FRICTION, np.array([[20.0]]), setting.point.profile

@@ -15,19 +15,22 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from diagnosis.along import PHASES, PhaseGap
-from diagnosis.bench import Bench, load_bench
-from diagnosis.diagnosis import Diagnosis, diagnose
-from diagnosis.parameters import Interval
-from diagnosis.reading import Reading, gather
-from diagnosis.verdict import NAMED, decide
-from diagnosis.words import between, chance, ms, told
-from pipeline.gapreport import answers, before, charts, gapmap, reasons
-from pipeline.gapreport.alike import alike_figure, class_in_words, odds
-from pipeline.gapreport.cells import cells_of
-from pipeline.gapreport.extras import Extras, Optimum, Remark, SoWhat
-from pipeline.gapreport.publish import publish
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.parameter_intervals import Interval
+from dogshape.diagnosis.inference.verdict import NAMED, decide
+from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
+from dogshape.diagnosis.report.wording import between, chance, ms, told
+from dogshape.pipeline.diagnose.extras import Extras, Optimum, Remark, SoWhat
+from dogshape.pipeline.reports.gap import before_after as before
+from dogshape.pipeline.reports.gap import charts, reasons
+from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
+from dogshape.pipeline.reports.gap import hypothesis_cards as answers
+from dogshape.pipeline.reports.gap.odds_matrix import alike_figure, class_in_words, odds
+from dogshape.pipeline.reports.gap.point_rows import cells_of
+from dogshape.pipeline.reports.gap.publish import publish
+from dogshape.sim.units import RPM
 from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from diagnosis.heldout import by_effects
+from dogshape.diagnosis.inference.held_out import by_effects
 
 
 def _scored(means: np.ndarray, weights: np.ndarray) -> Any:

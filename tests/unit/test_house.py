@@ -5,121 +5,185 @@ from __future__ import annotations
 import ast
 import subprocess
 import sys
+import tomllib
+from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("sim", "surrogate", "diagnosis", "pipeline")
-#: What each room may import of the others.
+#: What each house may import of the others.
 ALLOWED = {
     "sim": set(),
     "surrogate": {"sim"},
     "diagnosis": {"sim", "surrogate"},
     "pipeline": {"sim", "surrogate", "diagnosis"},
+    "validation": {"sim", "surrogate", "diagnosis", "pipeline"},
+    "dogshape": {"sim", "surrogate", "diagnosis", "pipeline"},
+}
+#: Rooms of a house: each may import those before it. Modules beside the rooms stand where the
+#: absence of circles lets them.
+ORDER = {
+    "sim": ("shift", "part", "statistics", "strength"),
+    "diagnosis": ("bench", "prediction", "likelihood", "inference", "report"),
+    "pipeline": (
+        *("config", "store", "simulate", "train", "search", "diagnose", "export", "reports"),
+        "cli",
+    ),
+    "validation": ("finite_elements", "blind"),
 }
 #: Outside packages that only some modules may import.
 GUARDED = {
-    "pydrake": {"sim/plant.py", "sim/linkage.py", "sim/engagement.py", "pipeline/scene.py"},
-    "optuna": {
-        "pipeline/confirmation.py",
-        "pipeline/repair.py",
-        "pipeline/replication.py",
-        "pipeline/rounds.py",
-        "pipeline/search.py",
-        "pipeline/standing.py",
-        "pipeline/storage.py",
-        "pipeline/study.py",
-        "pipeline/trials.py",
-        "pipeline/sampling/space.py",
-        "pipeline/sampling/guide.py",
-        "pipeline/sampling/sampler.py",
-        "pipeline/sampling/dogs.py",
-        "pipeline/sampling/factory.py",
+    "pydrake": {
+        "sim/shift/plant.py",
+        "sim/shift/linkage.py",
+        "sim/shift/engagement.py",
+        "pipeline/reports/shift/scene.py",
     },
-    "sqlalchemy": {"pipeline/claims.py", "pipeline/storage.py"},
+    "optuna": {
+        "pipeline/search/confirmation.py",
+        "pipeline/search/repair.py",
+        "pipeline/search/replication.py",
+        "pipeline/search/rounds.py",
+        "pipeline/search/search.py",
+        "pipeline/search/front_uncertainty.py",
+        "pipeline/store/trial_storage.py",
+        "pipeline/study.py",
+        "pipeline/search/trials.py",
+        "pipeline/search/unit_cube.py",
+        "pipeline/search/guide.py",
+        "pipeline/search/sampler.py",
+        "pipeline/search/dog_guide.py",
+        "pipeline/search/samplers.py",
+    },
+    "sqlalchemy": {"pipeline/store/claims.py", "pipeline/store/trial_storage.py"},
     "sklearn": {"surrogate/fitting.py"},
     "plotly": {
-        "pipeline/reporting/look.py",
-        "pipeline/reporting/html.py",
-        "pipeline/reporting/labels.py",
-        "pipeline/reporting/maps.py",
-        "pipeline/reporting/front.py",
-        "pipeline/reporting/parallel.py",
-        "pipeline/reporting/operating.py",
-        "pipeline/reporting/listed.py",
-        "pipeline/reporting/distribution.py",
-        "pipeline/reporting/convergence.py",
-        "pipeline/gapreport/alike.py",
-        "pipeline/gapreport/before.py",
-        "pipeline/gapreport/charts.py",
-        "pipeline/gapreport/gapmap.py",
-        "pipeline/animation.py",
-        "pipeline/exploring/figures.py",
+        "pipeline/reports/kit/look.py",
+        "pipeline/reports/kit/html.py",
+        "pipeline/reports/study/point_labels.py",
+        "pipeline/reports/kit/maps.py",
+        "pipeline/reports/study/front.py",
+        "pipeline/reports/study/parallel.py",
+        "pipeline/reports/study/operating_grid.py",
+        "pipeline/reports/study/point_list.py",
+        "pipeline/reports/study/distribution.py",
+        "pipeline/reports/study/convergence.py",
+        "pipeline/reports/gap/odds_matrix.py",
+        "pipeline/reports/gap/before_after.py",
+        "pipeline/reports/gap/charts.py",
+        "pipeline/reports/gap/gap_map_figure.py",
+        "pipeline/reports/shift/animation.py",
+        "pipeline/reports/surrogate/figures.py",
     },
     "typer": {
-        "pipeline/cli.py",
-        "pipeline/options.py",
+        "pipeline/cli/app.py",
+        "pipeline/cli/options.py",
         "pipeline/console.py",
-        "pipeline/verbs/shifts.py",
-        "pipeline/verbs/asking.py",
-        "pipeline/verbs/designs.py",
-        "pipeline/verbs/studies.py",
-        "pipeline/verbs/benches.py",
-        "pipeline/verbs/blinds.py",
-        "pipeline/verbs/exploring.py",
-        "pipeline/verbs/gaps.py",
+        "pipeline/cli/verbs/shift_expect.py",
+        "pipeline/cli/verbs/check.py",
+        "pipeline/cli/verbs/strength_export.py",
+        "pipeline/cli/verbs/study.py",
+        "pipeline/cli/verbs/validate.py",
+        "pipeline/cli/verbs/blind.py",
+        "pipeline/cli/verbs/explore.py",
+        "pipeline/cli/verbs/gap.py",
     },
-    "joblib": {"pipeline/executor.py"},
-    "distributed": {"pipeline/executor.py"},
-    "mujoco": {"diagnosis/second_engine.py", "diagnosis/blind/engine.py"},
-    "nptdms": {"diagnosis/tdms.py"},
-    "dynesty": {"diagnosis/nested.py"},
-    "build123d": {"pipeline/cad.py"},
-    "skfem": {"sim/root_stress.py"},
-    "SALib": {"surrogate/sensitivity.py"},
+    "joblib": {"pipeline/simulate/executor.py"},
+    "distributed": {"pipeline/simulate/executor.py"},
+    "mujoco": {"validation/second_engine.py", "validation/blind/mujoco_shift.py"},
+    "nptdms": {"diagnosis/bench/tdms.py"},
+    "dynesty": {"validation/nested_sampling.py"},
+    "build123d": {"pipeline/export/cad.py"},
+    "skfem": {"validation/finite_elements/root_stress.py"},
+    "SALib": {"surrogate/sobol_indices.py"},
 }
 #: What takes so long to load that ``check`` must answer without it.
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")
 #: What the truth of blind cases may have of the project: no physics, no effects.
 APART = {"sim.errors", "sim.units"}
-TRUTH = ("stand", "model", "engine", "effects", "cases", "data")
-MODULES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+TRUTH = ("stand", "mujoco_model", "mujoco_shift", "true_effects", "cases", "data")
+#: Verbs of proof are adapters of it; nothing else of the product imports ``validation``.
+PROOF = "pipeline/cli/"
+MODULES = sorted(path for house in ALLOWED for path in (ROOT / house).rglob("*.py"))
 
 
-def _imports(path: Path) -> set[str]:
-    found = set()
+def _named(path: Path) -> str:
+    """Return the module of a file, without ``dogshape``."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+NAMES = {_named(path) for path in MODULES}
+
+
+def _imports(path: Path) -> Iterator[str]:
+    """Yield all modules that a file imports, anywhere in it; of the project without its name."""
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
+            yield from (alias.name.removeprefix("dogshape.") for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            found.add((node.module or "").split(".")[0])
-    return found
+            module = (node.module or "").removeprefix("dogshape.")
+            for alias in node.names:
+                inner = f"{module}.{alias.name}"
+                yield inner if inner in NAMES else module
+
+
+def _room(module: str) -> str:
+    """Return house and room of a module, or the module itself where it stands beside the rooms."""
+    parts = module.split(".")
+    return ".".join(parts[:2])
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_imports_keep_to_the_rooms(path: Path) -> None:
     name = path.relative_to(ROOT).as_posix()
-    room = name.split("/")[0]
-    imported = _imports(path)
-    assert imported & set(ROOMS) <= ALLOWED[room] | {room}
-    for package, modules in GUARDED.items():
-        assert package not in imported or name in modules, f"{name} imports {package}"
+    house, *inside = name.split("/")
+    order = ORDER.get(house, ())
+    for imported in _imports(path):
+        other, *rest = imported.split(".")
+        if other not in ALLOWED:
+            allowed = GUARDED.get(other)
+            assert allowed is None or name in allowed, f"{name} imports {other}"
+        elif other != house:
+            proof = other == "validation" and name.startswith(PROOF)
+            assert proof or other in ALLOWED[house], f"{name} imports {imported}"
+        elif inside[0] in order and rest and rest[0] in order:
+            assert order.index(rest[0]) <= order.index(inside[0]), f"{name} imports {imported}"
+
+
+@pytest.mark.parametrize("level", ["module", "room"])
+def test_no_circles(level: str) -> None:
+    """Modules, and rooms as a whole, can be put in an order; imports for types count."""
+    graph: dict[str, set[str]] = {}
+    for path in MODULES:
+        mine = _named(path)
+        others = {module for module in _imports(path) if module in NAMES}
+        if level == "room":
+            mine, others = _room(mine), {_room(module) for module in others}
+        graph.setdefault(mine, set()).update(others - {mine})
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(f"circle of {level}s: {' <- '.join(error.args[1])}")
+
+
+def test_the_package_names_all_its_rooms() -> None:
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        said = set(tomllib.load(file)["tool"]["setuptools"]["packages"])
+    there = {f"dogshape.{_named(p)}" for p in MODULES if p.name == "__init__.py"}
+    assert said == {name.replace("dogshape.dogshape", "dogshape") for name in there} | {
+        "dogshape.studies"
+    }
 
 
 @pytest.mark.parametrize("name", TRUTH)
 def test_truth_of_blind_cases_shares_no_code_with_the_diagnosis(name: str) -> None:
-    path = ROOT / "diagnosis" / "blind" / f"{name}.py"
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ROOMS:
-            own = (node.module or "").startswith("diagnosis.blind.")
-            assert own or node.module in APART, f"{name} imports {node.module}"
-
-
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_rooms_stay_small(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+    for module in _imports(ROOT / "validation" / "blind" / f"{name}.py"):
+        if module.split(".")[0] in ALLOWED:
+            assert module.startswith("validation.blind.") or module in APART, module
 
 
 def test_studies_hold_no_code() -> None:
@@ -128,7 +192,7 @@ def test_studies_hold_no_code() -> None:
 
 START = f"""
 import sys
-from pipeline.__main__ import main
+from dogshape.pipeline.__main__ import main
 
 try:
     main()

@@ -25,7 +25,7 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
     work = tmp_path / "work"
     work.mkdir()
     code = (
-        f"import sys; sys.path.insert(0, {str(target)!r}); import pipeline.__main__ as c; "
+        f"import sys; sys.path.insert(0, {str(target)!r}); import dogshape.pipeline.__main__ as c; "
         f"assert c.__file__.startswith({str(target)!r}); c.main()"
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}

@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bank import Plan, blocks_of
-from diagnosis.bench import load_bench
-from diagnosis.diagnosis import diagnose
-from pipeline.diagnosing import Means, bank_of
-from pipeline.journal import append
-from pipeline.keeping import kept_shifts, work_folder
-from pipeline.progress import ShiftProgress
-from sim.blocks import Block
-from sim.effects import load
-from sim.loads import Landing
-from sim.records import Record, content_key, landing_record
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.diagnosis.prediction.bank import Plan, blocks_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+from dogshape.pipeline.store.journal import append
+from dogshape.sim.effects import load
+from dogshape.sim.shift.loads import Landing
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
 from tests.conftest import Said
 from tests.made_up import few_cells, made_up
 from tests.toy import EFFECTS, Toy, bench_of, points_of
@@ -54,7 +54,7 @@ def _whole(given: Record, row: Record) -> Record:
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> Quick:
     shifts = Quick()
-    monkeypatch.setattr("pipeline.executor.run_block", shifts)
+    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", shifts)
     return shifts
 
 
@@ -126,8 +126,8 @@ def test_shifts_that_are_known_say_nothing_of_the_time_left(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seconds = iter([0.0, 1.0, 10.0, 20.0])
-    monkeypatch.setattr("pipeline.progress.LINE_EVERY", 0.0)
-    monkeypatch.setattr("pipeline.progress.time.monotonic", lambda: next(seconds, 20.0))
+    monkeypatch.setattr("dogshape.pipeline.progress.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.pipeline.progress.time.monotonic", lambda: next(seconds, 20.0))
     progress = ShiftProgress(100)
     progress.known(50)
     progress.advance(5)
@@ -162,7 +162,7 @@ def test_the_diagnosis_is_written_before_its_price(
     few = {name: EFFECTS[name] for name in ("actuation_delay", "moving_mass", "drag_torque")}
     bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
     found = diagnose(bench, Toy(points_of()), few, pairs=[])
-    monkeypatch.setattr("pipeline.verbs.gaps.diagnosed", lambda *_: found)
+    monkeypatch.setattr("dogshape.pipeline.cli.verbs.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200", "--out", "g", "--jobs", 1)
     quick.stop = 100
     stopped = dogshape(*asked)

@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.config import find_study, load_study
-from pipeline.folder import StudyFolder
-from pipeline.known import digest_of, known_surrogate, stored_surrogate
-from pipeline.rows import study_mix
-from pipeline.search import open_search
-from pipeline.study import Run, run_study
-from sim.errors import StorageError
-from surrogate.over import Over
-from surrogate.query import in_range
-from surrogate.store import Stored, save
+from dogshape.pipeline.config.study_file import find_study, load_study
+from dogshape.pipeline.search.search import open_search
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.train.found_surrogates import digest_of, known_surrogate, stored_surrogate
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.errors import StorageError
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.query import in_range
+from dogshape.surrogate.store import Stored, save
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -96,7 +96,7 @@ def test_a_search_goes_on_with_the_rows_that_it_began_with(
     StudyFolder(tmp_path).open(study, resume=True)
     began = open_search(study, StudyFolder(tmp_path), None, True, digest_of(brought))
     for words, other in others.items():
-        monkeypatch.setattr("pipeline.study.joining", lambda *_, other=other: other)
+        monkeypatch.setattr("dogshape.pipeline.study.joining", lambda *_, other=other: other)
         with pytest.raises(StorageError, match=words):
             run_study(study, Run(StudyFolder(tmp_path), resume=True))
     judged = replace(brought, validation=replace(brought.validation, shifts=1))

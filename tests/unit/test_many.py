@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config import load_study
-from pipeline.design import design_of
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.simulate.design import design_of
 from tests.conftest import Said
 
 Call = Callable[..., Said]

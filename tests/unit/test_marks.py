@@ -10,15 +10,23 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from diagnosis.flight import fly
-from diagnosis.marks import FORCE_FLOOR, FORCES, SIZE, WAYS, flights_of, mark_of, trace_marks
-from diagnosis.reading import Reading, gather
-from diagnosis.traces import BenchTrace
-from sim.actuation import ForceProfile
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.trace import Trace
+from dogshape.diagnosis.bench.flight_marks import (
+    FORCE_FLOOR,
+    FORCES,
+    SIZE,
+    WAYS,
+    flights_of,
+    mark_of,
+    trace_marks,
+)
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.prediction.flight import fly
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import Trace
 from tests.flying import flying_bench, sampled, settings
 
 GAP = 1e-3

@@ -9,24 +9,24 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.config import Study, bundled_studies, load_study
-from pipeline.design import exact_losses, leading, losses_of, objectives_of
-from pipeline.executor import scratch_executor
-from pipeline.folder import StudyFolder
-from pipeline.precision import FIRST
-from pipeline.reporting.publish import write_report
-from pipeline.rows import dataset_of, study_mix
-from pipeline.sampling.improvement import not_dominated
-from pipeline.schema import QUANTILE
-from pipeline.study import run_study
-from sim.blocks import even_blocks
-from sim.clutch import OperatingPoint
-from sim.errors import DogshapeError
-from sim.expectation import PointExpectation, expect
-from sim.records import clutch_record, content_key, inputs, result_of
-from sim.units import RPM
-from surrogate.query import require_same_physics
-from surrogate.targets import point_coordinates
+from dogshape.pipeline.config.schema import QUANTILE
+from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
+from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.precision import FIRST
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import run_study
+from dogshape.pipeline.train.training_rows import dataset_of, study_mix
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.statistics.blocks import even_blocks
+from dogshape.sim.statistics.expectation import PointExpectation, expect
+from dogshape.sim.statistics.shift_records import clutch_record, content_key, inputs, result_of
+from dogshape.sim.units import RPM
+from dogshape.surrogate.hypervolume import not_dominated
+from dogshape.surrogate.process_targets import point_coordinates
+from dogshape.surrogate.query import require_same_physics
 from tests.conftest import searching
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"

@@ -15,15 +15,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.animation import write_animation
-from pipeline.config import load_study
-from pipeline.folder import StudyFolder
-from pipeline.reporting.publish import write_report
-from pipeline.study import Run, run_study
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, engage
-from sim.plant import ClutchPlant
-from sim.units import DEG, MM, MS
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.shift.animation import write_animation
+from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run, run_study
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, MM, MS
 from tests.browser import PROBE, REPORT_PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
 from tests.conftest import SMALL
 

@@ -12,15 +12,21 @@ import numpy as np
 import optuna
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.folder import StudyFolder
-from pipeline.known import known_surrogate
-from pipeline.plans import blocks_of, is_whole, most_to_confirm, most_to_search, whole_plan
-from pipeline.rows import study_mix
-from pipeline.sampling.dogs import DogGuide
-from pipeline.sampling.plans import first_plan, hard_points, telling_plan
-from pipeline.study import Run, run_study
-from surrogate.over import Over
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.search.dog_guide import DogGuide
+from dogshape.pipeline.search.point_choice import first_plan, hard_points, telling_plan
+from dogshape.pipeline.simulate.point_plans import (
+    blocks_of,
+    is_whole,
+    most_to_confirm,
+    most_to_search,
+    whole_plan,
+)
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.train.found_surrogates import known_surrogate
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.surrogate.expected_time import Over
 from tests.conftest import searching
 
 FEW = [

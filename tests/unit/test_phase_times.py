@@ -9,14 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.along import PHASES, along, durations, entry_depth, overall, resampled
-from diagnosis.bench import load_bench
-from diagnosis.reading import Cell, Reading
-from sim.actuation import ForceProfile
-from sim.blocks import Block
-from sim.clutch import Clutch, OperatingPoint
-from sim.trace import Trace
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.reading import Cell, Reading
+from dogshape.diagnosis.report.phase_times import (
+    PHASES,
+    along,
+    durations,
+    entry_depth,
+    overall,
+    resampled,
+)
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.units import RPM
 from tests.benches import good_set
 
 CLUTCH = load_bench("mq200_adams").clutch

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.blocks import Block
-from sim.clutch import Clutch, OperatingPoint
-from sim.expectation import even_phases
-from sim.numerical import CHECKED, numerical_error, numerical_ratio
-from sim.records import Record
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.expectation import even_phases
+from dogshape.sim.statistics.numerical_error import CHECKED, numerical_error, numerical_ratio
+from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]

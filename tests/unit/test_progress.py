@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from pipeline.config import Study, load_study
-from pipeline.executor import Executor
-from pipeline.journal import ShiftJournal
-from pipeline.plans import most_to_confirm, most_to_search
-from pipeline.progress import ShiftProgress, duration
-from pipeline.tables.studies import study_table
-from sim.blocks import even_blocks
+from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.progress import ShiftProgress, duration
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.statistics.blocks import even_blocks
 from tests.found import FORCE, LENGTH, TIME, Row, found
 
 
@@ -30,7 +30,7 @@ def test_shifts_are_announced_with_all_that_is_planned() -> None:
 def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("pipeline.progress.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.pipeline.progress.LINE_EVERY", 0.0)
     with ShiftProgress(10, most=True) as progress:
         progress.advance(4)
         progress.rest(3)

@@ -11,23 +11,31 @@ import numpy as np
 import optuna
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.design import SIMULATED
-from pipeline.executor import Executor
-from pipeline.folder import comparable
-from pipeline.journal import ShiftJournal
-from pipeline.plans import most_to_replicate
-from pipeline.replication import HIGH, LOW, Replication, replicate, replication_record, telling
-from pipeline.sampling.dogs import DogGuide
-from pipeline.sampling.factory import sampler_factory
-from pipeline.sampling.improvement import not_dominated
-from pipeline.schema import REPLICATE
-from pipeline.search import Search, front, losses, run, value_of
-from pipeline.standing import Drawn, draw, standings
-from pipeline.study import collect
-from sim.blocks import Block
-from sim.loads import OVERLAPS, Landing
-from sim.records import Record, content_key, landing_record
+from dogshape.pipeline.config.schema import REPLICATE
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.search.dog_guide import DogGuide
+from dogshape.pipeline.search.front_uncertainty import Drawn, draw, standings
+from dogshape.pipeline.search.replication import (
+    HIGH,
+    LOW,
+    Replication,
+    replicate,
+    replication_record,
+    telling,
+)
+from dogshape.pipeline.search.rounds import run
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import Search, front, losses, value_of
+from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import most_to_replicate
+from dogshape.pipeline.store.folder import comparable
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.study import collect
+from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
+from dogshape.surrogate.hypervolume import not_dominated
 from tests.conftest import SMALL
 
 LENGTH = "axial_length_mm"
@@ -104,7 +112,7 @@ def ended(
 
     def searched(study: Study, trials: optuna.Study, shifts: Path, most: int | None) -> Opened:
         made_up = MadeUp(most)
-        monkeypatch.setattr("pipeline.executor.run_block", made_up)
+        monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         search = Search(study, trials, guide=DogGuide(study))
         executor = Executor(ShiftJournal(shifts), 1)
         run(search, sampler_factory(study, search.guide), executor, lambda _: None)
@@ -287,7 +295,7 @@ def test_a_design_that_lands_too_hard_at_more_angles_leaves_the_front(
             same = row["chamfer_deg"] == pytest.approx(first.params["chamfer_deg"])
             yield {**row, **(hardest if same else {})}
 
-    monkeypatch.setattr("pipeline.executor.run_block", hard)
+    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", hard)
     done = _replicated(search, executor)
     assert first.number in done.unclear[0]
     assert first.number not in {trial.number for trial in [*search.feasible, *front(search)]}

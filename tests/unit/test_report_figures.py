@@ -9,23 +9,27 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from pipeline.config import Study
-from pipeline.evaluation import FRESH
-from pipeline.reporting.convergence import convergence_figure, course
-from pipeline.reporting.distribution import distribution, distribution_figure, quantile_rows
-from pipeline.reporting.front import front_figure, sure_figure, third_figure
-from pipeline.reporting.goals import MARGIN
-from pipeline.reporting.labels import LINE, MARK, PLOTS, Label, Taken, shifts_of
-from pipeline.reporting.listed import listed_figure
-from pipeline.reporting.operating import (
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.reports.study.convergence import convergence_figure, course
+from dogshape.pipeline.reports.study.design_shifts import Shifts
+from dogshape.pipeline.reports.study.distribution import (
+    distribution,
+    distribution_figure,
+    quantile_rows,
+)
+from dogshape.pipeline.reports.study.front import front_figure, sure_figure, third_figure
+from dogshape.pipeline.reports.study.goals import MARGIN
+from dogshape.pipeline.reports.study.operating_grid import (
     engaged_figure,
     gain_figure,
     gains,
     is_grid,
     points_figure,
 )
-from pipeline.reporting.parallel import APART, parallel_figure, spread
-from pipeline.reporting.shifts import Shifts
+from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
+from dogshape.pipeline.reports.study.point_labels import LINE, MARK, PLOTS, Label, Taken, shifts_of
+from dogshape.pipeline.reports.study.point_list import listed_figure
+from dogshape.pipeline.simulate.evaluation import FRESH
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
 
 

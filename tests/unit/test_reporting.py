@@ -14,21 +14,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.config import Study, load_study
-from pipeline.design import OBJECTIVES
-from pipeline.evaluation import FRESH
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal
-from pipeline.known import known_surrogate
-from pipeline.reporting import replays
-from pipeline.reporting.goals import Goal, goals_of
-from pipeline.reporting.learned import learn_effects, stored_effects
-from pipeline.reporting.names import of_kinds, percent
-from pipeline.reporting.provenance import command_of
-from pipeline.reporting.replays import drawn_variant, replays_of, write_replays
-from pipeline.reporting.replicated import replicated_rows, replicated_words
-from pipeline.reporting.shifts import Shifts, extremes, quantile, weights_of
-from pipeline.reporting.summary import (
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.reports.study import replays
+from dogshape.pipeline.reports.study.design_names import of_kinds, percent
+from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes, quantile, weights_of
+from dogshape.pipeline.reports.study.design_tables import csv_link, designs_frame, in_parts
+from dogshape.pipeline.reports.study.goals import Goal, goals_of
+from dogshape.pipeline.reports.study.learned import learn_effects, stored_effects
+from dogshape.pipeline.reports.study.provenance import command_of
+from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
+from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
+from dogshape.pipeline.reports.study.summary import (
     Gained,
     at_the_ends,
     choice,
@@ -38,9 +34,13 @@ from pipeline.reporting.summary import (
     passed_over,
     points_of,
 )
-from pipeline.reporting.tables import csv_link, designs_frame, in_parts
-from pipeline.sampling.improvement import hypervolume
-from surrogate.store import save
+from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.found_surrogates import known_surrogate
+from dogshape.surrogate.hypervolume import hypervolume
+from dogshape.surrogate.store import save
 from tests.found import TIME, VARIABLES, Row, design, shift
 
 
@@ -404,8 +404,8 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
         calls.append("learned")
         return known
 
-    monkeypatch.setattr("pipeline.reporting.learned.Over", lambda *_: None)
-    monkeypatch.setattr("pipeline.reporting.learned.learned", learned)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.Over", lambda *_: None)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.learned", learned)
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
     assert calls.count("learned") == 1

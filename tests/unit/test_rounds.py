@@ -11,16 +11,16 @@ import optuna
 import pytest
 from optuna.samplers import BaseSampler
 
-from pipeline.config import Study, build_study, load_study
-from pipeline.design import worth_simulating
-from pipeline.folder import StudyFolder
-from pipeline.rounds import ROUND, WORKER, next_round
-from pipeline.sampling.dogs import dataset_of_trials
-from pipeline.sampling.factory import sampler_factory
-from pipeline.schema import VariablesSection
-from pipeline.search import Search, open_search
-from pipeline.standing import standings
-from pipeline.study import Run, run_study
+from dogshape.pipeline.config.schema import VariablesSection
+from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.search.dog_guide import dataset_of_trials
+from dogshape.pipeline.search.front_uncertainty import standings
+from dogshape.pipeline.search.rounds import ROUND, WORKER, next_round
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import Search, open_search
+from dogshape.pipeline.simulate.design import worth_simulating
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run, run_study
 from tests.conftest import SMALL
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")

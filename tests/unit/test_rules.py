@@ -16,13 +16,13 @@ import typer
 from pydantic import BaseModel, ValidationError
 from typer.core import TyperGroup
 
-from diagnosis.stand import _BenchFile
-from pipeline.cli import PLAIN, VERBS
-from pipeline.config import load_study
-from pipeline.schema import StudyFile
-from sim.edge import validate
-from sim.errors import DogshapeError, InputError
-from sim.rules import RULES, broken_rule
+from dogshape.diagnosis.bench.stand_file import _BenchFile
+from dogshape.pipeline.cli.app import PLAIN, VERBS
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.clutch_tables import validate
+from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.rules import RULES, broken_rule
 
 #: One of these breaks any rule that a key may have.
 BAD: tuple[Any, ...] = (
@@ -156,7 +156,7 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
 
 
 def test_a_list_of_mistakes_is_printed_without_a_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "pipeline", "check", "mq200"]
+    command = [sys.executable, "-m", "dogshape.pipeline", "check", "mq200"]
     sets = ["--set", "dog.height_mm=x", "--set", "search.trials=0"]
     done = subprocess.run([*command, *sets], capture_output=True, text=True, check=False)
     assert done.returncode == 2
@@ -181,7 +181,7 @@ def test_a_list_of_mistakes_is_printed_without_a_traceback(tmp_path: Path) -> No
     ],
 )
 def test_options_speak_the_same_language(arguments: tuple[str, ...], words: str) -> None:
-    command = [sys.executable, "-m", "pipeline", *arguments]
+    command = [sys.executable, "-m", "dogshape.pipeline", *arguments]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert words in done.stderr

@@ -18,13 +18,13 @@ from optuna.testing.pytest_samplers import (
 )
 from scipy.special import ndtr
 
-from pipeline.sampling.guide import FreeGuide, Response
-from pipeline.sampling.improvement import added, directions, hypervolume, scales, volume_of
-from pipeline.sampling.pool import WIDE, Pool
-from pipeline.sampling.sampler import Breadth, SurrogateSampler
-from pipeline.sampling.space import STEP, Space
-from sim.errors import InputError
-from surrogate.covariance import Array
+from dogshape.pipeline.search.guide import FreeGuide, Response
+from dogshape.pipeline.search.pool import WIDE, Pool
+from dogshape.pipeline.search.sampler import Breadth, SurrogateSampler
+from dogshape.pipeline.search.unit_cube import STEP, Space
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.hypervolume import added, directions, hypervolume, scales, volume_of
 
 FEW = Breadth(wide=60, near=20, draws=8, ways=32)  #: for what holds however much is weighed
 

@@ -16,20 +16,20 @@ import numpy as np
 import optuna
 import pytest
 
-from pipeline.config import Study, build_study, load_study
-from pipeline.design import design_of
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal, append
-from pipeline.plans import most_to_confirm, most_to_search
-from pipeline.reporting.publish import write_report
-from pipeline.sampling.dogs import DogGuide, search_space
-from pipeline.sampling.factory import sampler_factory
-from pipeline.sampling.sampler import SurrogateSampler
-from pipeline.schema import VariablesSection
-from pipeline.study import run_study
-from sim.errors import DogshapeError, InputError, StorageError
-from sim.units import RPM
-from surrogate.model import MIN_DESIGNS
+from dogshape.pipeline.config.schema import VariablesSection
+from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import DogshapeError, InputError, StorageError
+from dogshape.sim.units import RPM
+from dogshape.surrogate.model import MIN_DESIGNS
 from tests.conftest import SMALL, Said, searching
 
 
@@ -250,9 +250,9 @@ def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
         asked.append(folder)
         raise InputError("enough is known")
 
-    monkeypatch.setattr("pipeline.study.train", train)
+    monkeypatch.setattr("dogshape.pipeline.study.train", train)
     result = {"n_simulated_designs": designs, "trials": []}
-    monkeypatch.setattr("pipeline.study._searched", lambda *_: (result, print))
+    monkeypatch.setattr("dogshape.pipeline.study._searched", lambda *_: (result, print))
     run_study(load_study("mq200", SMALL), searching(tmp_path))
     assert bool(asked) is learned
 

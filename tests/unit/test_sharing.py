@@ -13,13 +13,13 @@ from typing import Any
 
 import pytest
 
-from pipeline.claims import Shared
-from pipeline.config import load_study
-from pipeline.folder import StudyFolder
-from pipeline.reporting.publish import write_report
-from pipeline.storage import _address
-from pipeline.study import run_study
-from sim.errors import StorageError
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.store.claims import Shared
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.trial_storage import _address
+from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import StorageError
 from tests.conftest import SMALL, searching
 from tests.server import ROOT, Server, command_of, free_port, postgres
 
@@ -211,13 +211,15 @@ def test_a_machine_with_other_versions_is_refused(
 ) -> None:
     study = load_study("mq200", [*SMALL, "search.trials=1", "name=versions"])
     run_study(study, searching(tmp_path / "a", 1, server.url))
-    monkeypatch.setattr("pipeline.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"})
+    monkeypatch.setattr(
+        "dogshape.pipeline.search.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"}
+    )
     with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
         run_study(study, searching(tmp_path / "b", 1, server.url, resume=True))
 
 
 def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
-    from pipeline.claims import OneFile
+    from dogshape.pipeline.store.claims import OneFile
 
     study = load_study("mq200", [*SMALL, "search.trials=1"])
     held = OneFile(tmp_path / "search.db")

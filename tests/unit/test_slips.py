@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bench import Bench, load_bench
-from diagnosis.reading import Reading
-from sim.bundled import bundled_root
-from sim.errors import DataError, InputError
-from sim.units import MS, RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.reading import Reading
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.units import MS, RPM
 from tests.benches import good_set, scale, scale_traces, swap
 
 ARM = 3.1914 * 0.80

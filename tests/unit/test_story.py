@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from pipeline import story
-from pipeline.scene import ring_body, solids
-from pipeline.story import facts, why
-from pipeline.tables.shifts import shift_table
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.geometry import Dog
-from sim.mesh import dog_planes, dog_solid
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from dogshape.pipeline.cli.tables.shift_tables import shift_table
+from dogshape.pipeline.reports.shift import story
+from dogshape.pipeline.reports.shift.scene import ring_body, solids
+from dogshape.pipeline.reports.shift.story import facts, why
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import dog_planes, dog_solid
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.config import load_study
-from sim.errors import DogshapeError
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.units import RPM
 
 
 def test_default_study_is_the_prototype_at_the_published_points() -> None:

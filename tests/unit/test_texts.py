@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from diagnosis.bench import load_bench
-from pipeline.config import load_study
-from sim.bundled import bundled_root
-from sim.errors import DataError, DogshapeError, did_you_mean
-from sim.texts import read_table
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import DataError, DogshapeError, did_you_mean
+from dogshape.sim.texts import read_table
 from tests.benches import good_set
 
 Save = Callable[[str], bytes]

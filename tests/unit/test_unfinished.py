@@ -12,29 +12,29 @@ import optuna
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
-from diagnosis.bank_store import BankStore
-from pipeline.config import Study, load_study
-from pipeline.design import design_of
-from pipeline.evaluation import Simulated
-from pipeline.executor import Executor
-from pipeline.folder import StudyFolder
-from pipeline.journal import ShiftJournal
-from pipeline.plans import Plan, is_whole, whole_plan
-from pipeline.reporting.publish import publish
-from pipeline.rounds import next_round
-from pipeline.sampling.dogs import DogGuide
-from pipeline.sampling.factory import sampler_factory
-from pipeline.search import Search
-from pipeline.study import run_study
-from pipeline.trials import finish
-from sim.batch import run_block
-from sim.blocks import Block, even_blocks
-from sim.errors import InputError
-from sim.estimate import Estimate
-from sim.expectation import Expectation, PointExpectation
-from sim.landing import LANDING_RULES
-from sim.loads import OVERLAPS, Landing
-from sim.records import Record, unfinished
+from dogshape.diagnosis.prediction.bank_store import BankStore
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.search.dog_guide import DogGuide
+from dogshape.pipeline.search.rounds import next_round
+from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.trials import finish
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.evaluation import Simulated
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import Plan, is_whole, whole_plan
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import Block, even_blocks
+from dogshape.sim.statistics.estimate import Estimate
+from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.statistics.shift_records import Record, unfinished
+from dogshape.sim.strength.landing import LANDING_RULES
 from tests.conftest import SMALL, searching
 
 FEW = [*SMALL, "search.trials=4", "search.sampler=random"]
@@ -75,7 +75,7 @@ def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
 ) -> None:
     """The run counts such shifts as failed and ends; the next one ends as if nothing had been."""
     study, busy = load_study("mq200", FEW), Busy()
-    monkeypatch.setattr("pipeline.executor.run_block", busy)
+    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", busy)
     first = run_study(study, searching(tmp_path, 1))
     monkeypatch.undo()
     assert busy.ended > 0
@@ -97,7 +97,7 @@ def test_a_result_of_before_that_the_clock_spoilt_is_mended(
     """Earlier versions kept what the clock ended, and told the trials that rest on it."""
     study = load_study("mq200", FEW)
     with pytest.MonkeyPatch.context() as before:
-        before.setattr("pipeline.executor.run_block", Busy())
+        before.setattr("dogshape.pipeline.simulate.executor.run_block", Busy())
         for module in ("journal", "evaluation"):
             before.setattr(f"pipeline.{module}.unfinished", lambda _: False)
         first = run_study(study, searching(tmp_path, 1))
@@ -172,7 +172,7 @@ def _asked(study: Study, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[
         )
         return [one] * len(dogs)
 
-    monkeypatch.setattr("pipeline.trials.evaluate", evaluated)
+    monkeypatch.setattr("dogshape.pipeline.search.trials.evaluate", evaluated)
     return search, ids, plans
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.confirmation import simulated_afresh
-from pipeline.executor import scratch_executor
-from sim.errors import InputError
-from sim.estimate import Estimate, mean_over
+from dogshape.pipeline.search.confirmation import simulated_afresh
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.estimate import Estimate, mean_over
 from tests.unit.test_operating import _run, _tiny
 
 

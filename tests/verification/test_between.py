@@ -7,13 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.bank import settings_of
-from diagnosis.bench import load_bench
-from diagnosis.blind.between import Moved, engines_apart
-from diagnosis.blind.engine import Draw, Engine
-from diagnosis.blind.stand import Point, read_stand
-from diagnosis.second_engine import engine_available
-from sim.bundled import bundled_root
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank import settings_of
+from dogshape.sim.bundled import bundled_root
+from dogshape.validation.blind.engine_gap import Moved, engines_apart
+from dogshape.validation.blind.mujoco_shift import Draw, Engine
+from dogshape.validation.blind.stand import Point, read_stand
+from dogshape.validation.second_engine import engine_available
 from tests.conftest import needed
 from tests.flying import FlightOnly
 from tests.made_up import few_cells

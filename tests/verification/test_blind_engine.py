@@ -10,19 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from diagnosis.bench import load_bench
-from diagnosis.blind.cases import Case, cases_of
-from diagnosis.blind.data import Series, draws, write_case
-from diagnosis.blind.effects import FIELDS, OUTSIDE, RANGES, truth_of
-from diagnosis.blind.engine import Draw, Engine, Shift, signal
-from diagnosis.blind.model import damping_ratio, dog_corners, restitution
-from diagnosis.blind.stand import Point, Stand, Truth, read_points, read_stand
-from diagnosis.second_engine import engine_available
-from sim.bundled import bundled_root
-from sim.effects import load
-from sim.geometry import Dog
-from sim.mesh import dog_solid
-from sim.units import MM, RPM
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effects import load
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import dog_solid
+from dogshape.sim.units import MM, RPM
+from dogshape.validation.blind.cases import Case, cases_of
+from dogshape.validation.blind.data import Series, draws, write_case
+from dogshape.validation.blind.mujoco_model import damping_ratio, dog_corners, restitution
+from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
+from dogshape.validation.blind.stand import Point, Stand, Truth, read_points, read_stand
+from dogshape.validation.blind.true_effects import FIELDS, OUTSIDE, RANGES, truth_of
+from dogshape.validation.second_engine import engine_available
 from tests.conftest import needed
 
 BASE = bundled_root() / "bench" / "mq200_adams"

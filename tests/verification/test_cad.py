@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.cad import cad_available, ring_solid, write_step
-from sim.errors import GeometryError, InputError
-from sim.geometry import Dog
-from sim.part import largest_root_radius, part_volume
-from sim.units import DEG, MM
+from dogshape.pipeline.export.cad import cad_available, ring_solid, write_step
+from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.part.solid import largest_root_radius, part_volume
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.units import DEG, MM
 from tests.conftest import needed
 
 BODY = 5.0 * MM

@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from diagnosis.bank import Bank
-from diagnosis.combination import BLEND, Interactions, Reach, basis, log_mean, together
-from diagnosis.levels import Level
-from sim.effects import load
+from dogshape.diagnosis.prediction.bank import Bank
+from dogshape.diagnosis.prediction.combination import (
+    BLEND,
+    Interactions,
+    Reach,
+    basis,
+    log_mean,
+    together,
+)
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.sim.effects import load
 
 PAIR = ("moving_mass", "sleeve_friction")
 EFFECTS = load()

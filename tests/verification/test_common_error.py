@@ -6,13 +6,18 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from diagnosis.common_error import Slopes, common_errors, log_common, shared_errors
-from diagnosis.late import bulk, late_counts, lateness
-from diagnosis.likelihood import Rules, Said, timed
-from diagnosis.observed import observe
-from diagnosis.spread import Spread
-from diagnosis.terms import Array
-from sim.units import RPM
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, timed
+from dogshape.diagnosis.likelihood.common_error import (
+    Slopes,
+    common_errors,
+    log_common,
+    shared_errors,
+)
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.prediction.outliers import bulk, late_counts, lateness
+from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.units import RPM
 from tests.toy import bench_of, points_of
 
 SLIPS = np.array([5.0, 5.0, 25.0, 249.0]) * RPM

@@ -8,8 +8,8 @@ import pytest
 from benchmarks.common import DESIGNS, angles_of, clutch_of, default_study, measure, point_of
 from benchmarks.convergence import POINTS, error, with_accuracy
 from benchmarks.convergence_designs import Pair, pairs
-from sim.clutch import OperatingPoint
-from sim.plant import ClutchPlant
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.plant import ClutchPlant
 
 
 @pytest.mark.slow

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from benchmarks.crest_hang import DESIGNS, Crests, crests_of, time_on_crests
-from pipeline.story import event_facts
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, engage
-from sim.outcome import Outcome
-from sim.phases import face_overlap
-from sim.plant import ClutchPlant
-from sim.units import DEG
+from dogshape.pipeline.reports.shift.story import event_facts
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.phases import face_overlap
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 
 Point = Callable[[float, float], OperatingPoint]

@@ -11,14 +11,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from pipeline.config import load_study
-from pipeline.story import load_facts
-from sim.clutch import Clutch, OperatingPoint
-from sim.driveline import response, torque_peak, torque_peaks
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.trace import Trace
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.shift.story import load_facts
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.driveline import response, torque_peak, torque_peaks
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.units import RPM
 from tests.conftest import dog_of
 
 STIFFNESS = 320.0  #: N m/rad

@@ -9,16 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint
-from sim.effects import load
-from sim.engagement import engage
-from sim.mechanism import Mechanism, smooth_sign
-from sim.mesh import rigid_dog
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.units import DEG, RPM
+from dogshape.sim.effects import load
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.mechanism import Mechanism, smooth_sign
+from dogshape.sim.shift.mesh import rigid_dog
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from sim.actuation import ForceProfile, LaggedProfile
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.mechanism import DAMPING_RATIO, FORK, Mechanism
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.release import Release
-from sim.trace import Trace
-from sim.units import DEG, RPM
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.release import Release
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
 Flight = Callable[..., Trace]
@@ -81,7 +81,7 @@ def test_the_velocity_that_smooths_friction_does_not_matter(
     """Twice and half of it move a slow shift, dog on dog, by less than 1 %."""
     slow = ClutchPlant(replace(clutch, mechanism=Mechanism(friction=50.0)))
     usual = engage(slow, point(10, 235.2), 0.0).shift_time
-    monkeypatch.setattr("sim.mechanism.SLIP", regularised)
+    monkeypatch.setattr("dogshape.sim.shift.mechanism.SLIP", regularised)
     assert engage(slow, point(10, 235.2), 0.0).shift_time == pytest.approx(usual, rel=0.01)
 
 
@@ -248,7 +248,7 @@ def test_a_held_ring_is_let_go_as_the_whole_motion_says(
     asked = point(50, 315.5)
     apart = engage(ClutchPlant(far), asked, 0.0).trace
     at_once = Release(*np.zeros((3, 1)))
-    monkeypatch.setattr("sim.plant.release", lambda *_: at_once)
+    monkeypatch.setattr("dogshape.sim.shift.plant.release", lambda *_: at_once)
     whole = engage(ClutchPlant(far), asked, 0.0).trace
     assert apart.displacement[-1] == pytest.approx(whole.displacement[-1], rel=5e-3)
     assert apart.actuator_displacement[-1] == pytest.approx(

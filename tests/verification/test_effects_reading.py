@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from scipy.special import ive
 
-from sim.batch import run_block
-from sim.clutch import Clutch, OperatingPoint
-from sim.effects import load
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.units import DEG, RPM
+from dogshape.sim.effects import load
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -7,15 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bank import Plan, collect, settings_of
-from diagnosis.bench import Bench, load_bench
-from diagnosis.curves import fit_curves, jumps_of
-from diagnosis.emulator import BankEmulator
-from diagnosis.levels import Level
-from diagnosis.sampling import binned, engaged_mean, even_variance, mean_covariance, with_dense
-from sim.effects import load
-from sim.errors import InputError
-from sim.expectation import variance_of_mean
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.prediction.angle_means import (
+    binned,
+    engaged_mean,
+    even_variance,
+    mean_covariance,
+    with_dense,
+)
+from dogshape.diagnosis.prediction.bank import Plan, collect, settings_of
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.level_curves import fit_curves, jumps_of
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.expectation import variance_of_mean
 from tests.made_up import FACE, few_cells, made_up, mean_time
 
 EFFECTS = load()

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Context, EventStatus
 
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, Rings
-from sim.engagement import engage
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 
 
 def _flat(clutch: Clutch) -> Clutch:

@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import Engagement, engage
-from sim.loads import energy_lost
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.loads import energy_lost
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 from tests.conftest import dog_of
 
 Point = Callable[[float, float], OperatingPoint]

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from diagnosis.bench import Bench, setting_of
-from diagnosis.common_error import Slopes
-from diagnosis.evidence import Sum, evidence, quadrature, sampled
-from diagnosis.hypotheses import spaces_of
-from diagnosis.likelihood import Rules, Said, log_times, sample_spread
-from diagnosis.nested import nested, nested_evidence
-from diagnosis.next_test import Outcome, told
-from diagnosis.observed import Observed, observe
-from diagnosis.reading import Reading, gather
-from diagnosis.scoring import Predicted, Problem, Rows
-from diagnosis.signature import squared
-from diagnosis.spread import Spread
-from diagnosis.stand import Sensor
-from diagnosis.terms import Array
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sampled
+from dogshape.diagnosis.inference.next_test import Outcome, told
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, log_times, sample_spread
+from dogshape.diagnosis.likelihood.common_error import Slopes
+from dogshape.diagnosis.likelihood.observations import Observed, observe
+from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Rows
+from dogshape.diagnosis.likelihood.signature import squared
+from dogshape.diagnosis.prediction.hypotheses import spaces_of
+from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.terms import Array
+from dogshape.validation.nested_sampling import nested, nested_evidence
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 
 CENTRE, WIDTH = (0.37, 0.8, 0.5, 0.2), (0.01, 0.05, 0.02, 0.1)

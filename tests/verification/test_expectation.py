@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from pipeline.tables.shifts import expectation_table
-from sim.clutch import OperatingPoint
-from sim.expectation import Expectation, ShiftResult, even_phases, expect, expect_point
-from sim.outcome import Outcome
+from dogshape.pipeline.cli.tables.shift_tables import expectation_table
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.expectation import (
+    Expectation,
+    ShiftResult,
+    even_phases,
+    expect,
+    expect_point,
+)
 
 Point = Callable[[float, float], OperatingPoint]
 

@@ -7,15 +7,15 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from diagnosis.flight import fly
-from diagnosis.flight_table import FlightTables
-from diagnosis.levels import Level
-from diagnosis.marks import FORCES, WAYS
-from sim.actuation import ForceProfile, LaggedProfile
-from sim.engagement import engage
-from sim.plant import ClutchPlant
-from sim.setting import Setting
-from sim.trace import crossing
+from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
+from dogshape.diagnosis.prediction.flight import fly
+from dogshape.diagnosis.prediction.flight_table import FlightTables
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import crossing
 from tests.flying import EFFECTS, settings
 
 GAP = 1e-3

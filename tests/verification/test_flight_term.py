@@ -9,19 +9,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from diagnosis.bench import Bench, setting_of
-from diagnosis.evidence import evidence
-from diagnosis.fit import p_value
-from diagnosis.flight_likelihood import log_flights, log_unknown, to_cells
-from diagnosis.hypotheses import NONE, UNKNOWN, Space
-from diagnosis.likelihood import Rules
-from diagnosis.marks import WAYS
-from diagnosis.observed import observe
-from diagnosis.parameters import intervals
-from diagnosis.reading import gather
-from diagnosis.scoring import Problem, Scored
-from diagnosis.terms import Hypothesis
-from diagnosis.unknown import unknown
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.flight_marks import WAYS
+from dogshape.diagnosis.bench.reading import gather
+from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.inference.parameter_intervals import intervals
+from dogshape.diagnosis.inference.predictive_check import p_value
+from dogshape.diagnosis.inference.unknown import unknown
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.likelihood.flight_likelihood import log_flights, log_unknown, to_cells
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space
+from dogshape.diagnosis.terms import Hypothesis
 from tests.flying import EFFECTS, FlightOnly, flying_bench
 from tests.toy import Toy
 

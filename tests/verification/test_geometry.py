@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.errors import GeometryError, InputError
-from sim.geometry import Dog, section
-from sim.mesh import (
+from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.mesh import (
     Mesh,
     compliant_dog,
     dog_planes,
@@ -19,7 +19,7 @@ from sim.mesh import (
     rigid_dog,
     ring_of,
 )
-from sim.units import DEG
+from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from pydrake.systems.framework import Context
 
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, Solver
-from sim.contact import CONTACT_SETS, ContactSet
-from sim.impact import impact, published_impact
-from sim.mesh import rigid_dog
-from sim.plant import ClutchPlant
-from sim.units import DEG
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
+from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
+from dogshape.sim.shift.impact import impact, published_impact
+from dogshape.sim.shift.mesh import rigid_dog
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
 
 
 def _flat(clutch: Clutch, contact: ContactSet) -> Clutch:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, multivariate_normal, norm
 
-from diagnosis.blind.plain import deviance
-from diagnosis.likelihood import Rules, Said, time_score
-from diagnosis.observed import Observed
-from diagnosis.spread import Spread
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, time_score
+from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.validation.blind.baselines import deviance
 
 LATE, BEHIND, WIDE, CELLS = 0.06, 0.1, 0.03, 4000
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from sim.geometry import Dog
-from sim.materials import POISSON, YOUNG
-from sim.root_stress import fem_available
-from sim.units import DEG
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.materials import POISSON, YOUNG
+from dogshape.sim.units import DEG
+from dogshape.validation.finite_elements.root_stress import fem_available
 from tests.conftest import needed
 
 if TYPE_CHECKING:

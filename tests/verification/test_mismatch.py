@@ -14,12 +14,12 @@ from pydrake.systems.framework import Context, EventStatus
 
 from benchmarks.common import default_study
 from benchmarks.mismatch import picture
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, Rings
-from sim.mesh import dog_planes
-from sim.phases import face_overlap
-from sim.plant import ClutchPlant
-from sim.units import MM, RPM
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
+from dogshape.sim.shift.mesh import dog_planes
+from dogshape.sim.shift.phases import face_overlap
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import MM, RPM
 
 
 def _touch(

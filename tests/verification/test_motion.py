@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, solver_for
-from sim.contact import CONTACT_SETS
-from sim.engagement import Engagement, engage
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.units import DEG, RPM
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
 from tests.conftest import RISE, dog_of
 
 Point = Callable[[float, float], OperatingPoint]

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 
-from diagnosis.blind.effects import truth_of
-from diagnosis.blind.engine import Draw, Engine
-from diagnosis.blind.partners import ANGLES, even_means, sizes_of
-from diagnosis.blind.stand import read_points, read_stand
-from diagnosis.second_engine import engine_available
-from sim.bundled import bundled_root
+from dogshape.sim.bundled import bundled_root
+from dogshape.validation.blind.mujoco_shift import Draw, Engine
+from dogshape.validation.blind.pair_visibility import ANGLES, even_means, sizes_of
+from dogshape.validation.blind.stand import read_points, read_stand
+from dogshape.validation.blind.true_effects import truth_of
+from dogshape.validation.second_engine import engine_available
 from tests.conftest import needed
 
 BASE = bundled_root() / "bench" / "mq200_adams"

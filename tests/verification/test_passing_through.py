@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config import load_study
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import FINER, Engagement, engage
-from sim.errors import InputError
-from sim.geometry import Dog
-from sim.mesh import pressure_apex
-from sim.outcome import Outcome
-from sim.passing import passing_through, penetration, require_stiff_enough
-from sim.plant import ClutchPlant
-from sim.units import DEG, MM, RPM
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import FINER, Engagement, engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.passing import passing_through, penetration, require_stiff_enough
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, MM, RPM
 
 _DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3)
 
@@ -85,7 +85,7 @@ def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: 
 def test_a_shift_that_passes_through_again_has_diverged(
     pitches: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim.engagement.FINER", 1.0)
+    monkeypatch.setattr("dogshape.sim.shift.engagement.FINER", 1.0)
     result = _shift(-1000.0, 3000.0, 0.05, pitches)
     assert result.outcome is Outcome.DIVERGED
     assert result.shift_time is None

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.clutch import Clutch, OperatingPoint
-from sim.engagement import engage
-from sim.planar import STEP, planar_times
-from sim.plant import ClutchPlant
-from sim.units import DEG
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.planar import STEP, planar_times
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
 
 Point = Callable[[float, float], OperatingPoint]
 

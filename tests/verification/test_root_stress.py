@@ -12,12 +12,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim import root_stress
-from sim.flank import Flank
-from sim.geometry import Dog
-from sim.notch import Load, root_mises, root_tension
-from sim.root_mesh import RootShape
-from sim.root_stress import BANDS, RootModel, fem_available
+from dogshape.sim.shift.flank import Flank
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.notch import Load, root_mises, root_tension
+from dogshape.validation.finite_elements import root_stress
+from dogshape.validation.finite_elements.root_mesh import RootShape
+from dogshape.validation.finite_elements.root_stress import BANDS, RootModel, fem_available
 from tests.conftest import needed
 
 FORCE = 1000.0

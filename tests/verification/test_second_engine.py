@@ -17,23 +17,18 @@ import pytest
 
 from benchmarks.common import measure
 from benchmarks.second_engine import FLIP, POINTS, Agreement, measure_second, narrow_stiff
-from diagnosis.second_engine import SecondEngine, engine_available, second_shift
-from diagnosis.second_model import (
-    FINE,
-    EngineSettings,
-    damping_ratio,
-    restitution_of,
-)
-from sim.actuation import ForceProfile
-from sim.clutch import Clutch, OperatingPoint, solver_for
-from sim.contact import contact_set
-from sim.engagement import engage
-from sim.errors import InputError
-from sim.expectation import even_phases
-from sim.outcome import Outcome
-from sim.plant import ClutchPlant
-from sim.trace import Trace
-from sim.units import DEG, RPM
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
+from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.statistics.expectation import even_phases
+from dogshape.sim.units import DEG, RPM
+from dogshape.validation.second_engine import SecondEngine, engine_available, second_shift
+from dogshape.validation.second_model import FINE, EngineSettings, damping_ratio, restitution_of
 from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 

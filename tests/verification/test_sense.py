@@ -8,25 +8,45 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.bank import Plan, blocks_of, collect
-from diagnosis.bench import Bench, load_bench, setting_of
-from diagnosis.classes import Confusion
-from diagnosis.diagnosis import Diagnosis, diagnose
-from diagnosis.emulator import BankEmulator
-from diagnosis.hypotheses import NONE, UNKNOWN, pairs_of, priors_of, spaces_of, with_third
-from diagnosis.reading import gather
-from diagnosis.sense import REVERSED, SHARES, Sense, both_senses, forward, predictable, turned
-from diagnosis.sense_bank import SenseEmulator, forward_plan, reversed_bench, reversed_plan
-from diagnosis.spread import Spread
-from diagnosis.terms import Array, Hypothesis
-from diagnosis.verdict import decide
-from sim.blocks import Block
-from sim.effect import BenchTest, Effect, Values
-from sim.effects import load
-from sim.errors import InputError
-from sim.records import Record
-from sim.setting import Setting
-from sim.units import RPM
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
+from dogshape.diagnosis.bench.reading import gather
+from dogshape.diagnosis.bench.sense import (
+    REVERSED,
+    SHARES,
+    Sense,
+    both_senses,
+    forward,
+    predictable,
+    turned,
+)
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.classes import Confusion
+from dogshape.diagnosis.inference.verdict import decide
+from dogshape.diagnosis.prediction.bank import Plan, blocks_of, collect
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.hypotheses import (
+    NONE,
+    UNKNOWN,
+    pairs_of,
+    priors_of,
+    spaces_of,
+    with_third,
+)
+from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.sense_bank import (
+    SenseEmulator,
+    forward_plan,
+    reversed_bench,
+    reversed_plan,
+)
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import BenchTest, Effect, Values
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError
+from dogshape.sim.setting import Setting
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.units import RPM
 from tests.made_up import few_cells, made_up, mean_time
 from tests.toy import Toy, bench_of, points_of
 

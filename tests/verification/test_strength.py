@@ -8,19 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.config import load_study
-from sim.checks import Check, Rule
-from sim.errors import GeometryError
-from sim.flank import FLANKS, LAND, Flank, flank_contact, root_radius_room
-from sim.geometry import Dog
-from sim.landing import landing_checks
-from sim.loadcase import LoadCase
-from sim.loads import Landing
-from sim.locking import axial_force, blocking_force
-from sim.materials import MATERIALS, Material, material_of
-from sim.notch import Load, notch_factor, outside_fit, root_nominal, root_tension
-from sim.profile import dog_corners, largest_root_radius
-from sim.strength import (
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import GeometryError
+from dogshape.sim.part.profile import dog_corners, largest_root_radius
+from dogshape.sim.shift.flank import FLANKS, LAND, Flank, flank_contact, root_radius_room
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.loads import Landing
+from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.strength.dog_strength import (
     Limits,
     core_stress,
     flank_pressure,
@@ -30,7 +25,12 @@ from sim.strength import (
     shear_stress,
     strength_checks,
 )
-from sim.units import DEG, MPA
+from dogshape.sim.strength.landing import landing_checks
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.locking import axial_force, blocking_force
+from dogshape.sim.strength.materials import MATERIALS, Material, material_of
+from dogshape.sim.strength.notch import Load, notch_factor, outside_fit, root_nominal, root_tension
+from dogshape.sim.units import DEG, MPA
 from tests.conftest import dog_of
 
 

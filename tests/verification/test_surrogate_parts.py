@@ -10,16 +10,16 @@ from scipy.special import jv
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from pipeline.sampling.guide import TERMS
-from surrogate.acquisition import Question, choose, one_shift_noise
-from surrogate.comparison import compare
-from surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
-from surrogate.learning import fit
-from surrogate.model import ALTERNATIVES, POINT, ROUGH, SMOOTH, STEPS, Surrogate
-from surrogate.over import Over
-from surrogate.process import Process
-from surrogate.share import Share, fit_share
-from surrogate.targets import known_noise
+from dogshape.pipeline.search.guide import TERMS
+from dogshape.surrogate.acquisition import Question, choose, one_shift_noise
+from dogshape.surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
+from dogshape.surrogate.engaged_share import Share, fit_share
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.form_choice import compare
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.model import ALTERNATIVES, POINT, ROUGH, SMOOTH, STEPS, Surrogate
+from dogshape.surrogate.process import Process
+from dogshape.surrogate.process_targets import known_noise
 from tests.unit.test_surrogate import GRID, HIGH, LOW, MIX, QUICK, exact, made
 
 WHOLE = (POINT, SMOOTH, STEPS, ROUGH)

@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from sim.flank import flank_contact
-from sim.geometry import Dog
-from sim.strength import Limits, margin_losses, strength_checks
-from sim.tolerance import (
+from dogshape.sim.shift.flank import flank_contact
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
+from dogshape.sim.strength.tolerance import (
     Spread,
     Tolerances,
     clearance_check,
@@ -18,7 +18,7 @@ from sim.tolerance import (
     losses,
     moved,
 )
-from sim.units import DEG
+from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 
 DESIGNS = [(8, 12, 22, 3.7, 15), (14, 9, 20, 2.6, 26), (10, 18, 12, 4.5, 10)]

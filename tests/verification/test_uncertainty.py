@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.config import Study, load_study
-from sim.clutch import OperatingPoint
-from sim.distribution import NEEDS, Distribution, sobol_shares
-from sim.estimate import mean_over, time_quantile
-from sim.expectation import ShiftResult, even_phases, variance_of_mean
-from sim.outcome import Outcome
-from sim.planar import planar_times
-from sim.uncertainty import Uncertainty, Variant, draw_order
-from sim.units import RPM
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.planar import planar_times
+from dogshape.sim.statistics.distribution import NEEDS, Distribution, sobol_shares
+from dogshape.sim.statistics.estimate import mean_over, time_quantile
+from dogshape.sim.statistics.expectation import ShiftResult, even_phases, variance_of_mean
+from dogshape.sim.statistics.uncertainty import Uncertainty, Variant, draw_order
+from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]
 TIMEOUT, RETRACTION = 1.0, 0.2

@@ -8,12 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.errors import GeometryError
-from sim.geometry import Dog, section
-from sim.mesh import Mesh, to_stl
-from sim.part import chamfer_volume, corner_volume, largest_root_radius, part_volume, ring_part
-from sim.profile import LAND, dog_corners, lands
-from sim.units import DEG, MM
+from dogshape.sim.errors import GeometryError
+from dogshape.sim.part.profile import LAND, dog_corners, lands
+from dogshape.sim.part.solid import (
+    chamfer_volume,
+    corner_volume,
+    largest_root_radius,
+    part_volume,
+    ring_part,
+)
+from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.mesh import Mesh, to_stl
+from dogshape.sim.units import DEG, MM
 
 BODY = 5.0 * MM
 

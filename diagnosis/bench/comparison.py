@@ -1,0 +1,125 @@
+"""Simulation against a bench data set, operating point by operating point.
+
+Where the data set says its relative angles, the simulation uses the same; then
+``standard_error`` is that of a mean of so many random angles and tells what weight
+a difference deserves. Otherwise the angles are evenly spaced, and the error is that
+of the bench's mean (spread from the simulation) and of the simulated mean.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.reading import Cell
+from dogshape.sim.statistics.blocks import Block, even_blocks
+from dogshape.sim.statistics.expectation import PointExpectation, expect_point
+from dogshape.sim.statistics.numerical_error import Runner, numerical_error
+from dogshape.sim.statistics.shift_records import Record, result_of
+
+ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One operating point: bench and simulated mean in s, None where there is none."""
+
+    cell: Cell
+    simulated: PointExpectation
+    standard_error: float
+
+    @property
+    def gap(self) -> float | None:
+        """Bench less simulation, s."""
+        if self.cell.time is None or self.simulated.mean_engaged is None:
+            return None
+        return self.cell.time - self.simulated.mean_engaged
+
+    @property
+    def z(self) -> float | None:
+        """Gap in standard errors."""
+        return None if self.gap is None else self.gap / self.standard_error
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All operating points of a data set.
+
+    ``numerical_error`` in s is that of the mean over all of them, None if not asked for.
+    """
+
+    bench: Bench
+    differences: tuple[Difference, ...]
+    numerical_error: float | None = None
+
+    @property
+    def rmse(self) -> float | None:
+        """Root-mean-square gap over the cells that have a bench time, s; None without any."""
+        return _rms([d.gap for d in self.differences if d.gap is not None])
+
+    @property
+    def relative_rms(self) -> float | None:
+        """Root-mean-square of simulation over bench less one; None without a gap."""
+        ratios = [
+            -d.gap / d.cell.time
+            for d in self.differences
+            if d.gap is not None and d.cell.time is not None
+        ]
+        return _rms(ratios)
+
+    @property
+    def engaged(self) -> tuple[int, int, float]:
+        """Bench shifts that engaged, of how many tried, and the simulated share at their points."""
+        cells = [(d.cell, d.simulated) for d in self.differences if d.cell.tried]
+        tried = sum(cell.tried for cell, _ in cells)
+        expected = sum(cell.tried * simulated.engaged for cell, simulated in cells)
+        return sum(cell.engaged for cell, _ in cells), tried, expected / max(1, tried)
+
+
+def _rms(values: list[float]) -> float | None:
+    return math.sqrt(sum(v * v for v in values) / len(values)) if values else None
+
+
+def compare(
+    bench: Bench,
+    run: Runner,
+    angles: int | tuple[float, ...] | None = None,
+    seed: int = 1,
+    *,
+    checked: bool = False,
+) -> Comparison:
+    """Simulate every operating point of a data set.
+
+    Parameters
+    ----------
+    run : simulates blocks of shifts.
+    angles : relative angles in rad, or how many evenly spaced ones, at least three;
+        by default those of the data set, or sixteen.
+    seed : of where the angles begin.
+    checked : whether to repeat an eighth of the shifts for the numerical error.
+    """
+    given = angles if isinstance(angles, tuple) else None
+    if angles is None:
+        given = bench.relative_angles
+    count = angles if isinstance(angles, int) else ANGLES
+    points = [cell.point for cell in bench.cells]
+    if given is None:
+        blocks = even_blocks(bench.clutch, points, count, seed)
+    else:
+        blocks = [Block(bench.clutch, point, given) for point in points]
+    rows = run(blocks)
+    pairs = zip(bench.cells, rows, strict=True)
+    differences = tuple(_difference(bench, c, r, given is None) for c, r in pairs)
+    error = numerical_error(blocks, rows, run) if checked else None
+    return Comparison(bench, differences, error)
+
+
+def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Difference:
+    results = [result_of(row) for row in rows]
+    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
+    error = simulated.sd / math.sqrt(max(1, simulated.n))
+    if even:
+        sampled = simulated.sd / math.sqrt(max(1, cell.n))
+        error = math.hypot(simulated.standard_error, sampled)
+    return Difference(cell, simulated, max(error, 1e-6))

@@ -1,0 +1,136 @@
+"""Corrections of units and axes that a user confirms; none is made without being asked for.
+
+A correction is written ``QUANTITY=WAY``, for instance ``time=ms``: the column is in
+milliseconds. ``QUANTITY=given`` says that it is right as it stands, however odd it looks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.bench.table import Row, Sheet
+from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.sim.units import MM, MS, RPM
+
+GIVEN = "given"
+
+Change = Callable[[Row, Sensor], Row]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """One quantity and how it is to be taken."""
+
+    quantity: str
+    way: str
+
+    def __str__(self) -> str:
+        """Return it as it is written."""
+        return f"{self.quantity}={self.way}"
+
+
+def _scaled(field: str, factor: float) -> Change:
+    """Return a change that multiplies a field of a row, where it has a value."""
+
+    def change(row: Row, _: Sensor) -> Row:
+        value = getattr(row, field)
+        return row if value is None else replace(row, **{field: value * factor})
+
+    return change
+
+
+def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Change:
+    """Return a change that multiplies series of a row's trace, where it has one."""
+
+    def change(row: Row, sensor: Sensor) -> Row:
+        trace = row.trace
+        if trace is None:
+            return row
+        by = factor(sensor)
+        return replace(row, trace=replace(trace, **{f: getattr(trace, f) * by for f in fields}))
+
+    return change
+
+
+def _swapped(row: Row, _: Sensor) -> Row:
+    return replace(row, mismatch=row.force, force=row.mismatch)
+
+
+def _same(row: Row, _: Sensor) -> Row:
+    return row
+
+
+def _at_sleeve(sensor: Sensor) -> float:
+    if sensor.force_factor is None:
+        raise _needs("force", "linkage_ratio and linkage_efficiency")
+    return sensor.force_factor
+
+
+def _ratio(sensor: Sensor) -> float:
+    if sensor.linkage_ratio is None:
+        raise _needs("displacement", "linkage_ratio")
+    return sensor.linkage_ratio
+
+
+def _needs(quantity: str, keys: str) -> InputError:
+    return InputError(
+        f"{quantity}=arm refers it from the robot arm to the sleeve, but bench.toml does not say "
+        f"by how much; give {keys} in its table [sensor]"
+    )
+
+
+def _arm_force(row: Row, sensor: Sensor) -> Row:
+    return replace(row, force=row.force * _at_sleeve(sensor))
+
+
+SPEEDS = ("sliding_speed", "output_speed")
+
+#: What can be taken otherwise, in the order in which it is changed.
+WAYS: dict[str, dict[str, Change]] = {
+    "axes": {"swapped": _swapped},
+    "time": {"ms": _scaled("time", MS)},
+    "rise": {"ms": _scaled("rise", MS)},
+    "force": {"kN": _scaled("force", 1e3), "arm": _arm_force},
+    "mismatch": {"rad_s": _scaled("mismatch", 1.0 / RPM), "reversed": _scaled("mismatch", -1.0)},
+    "displacement": {
+        "m": _in_trace(("displacement",), lambda _: 1.0 / MM),
+        "arm": _in_trace(("displacement",), lambda sensor: 1.0 / _ratio(sensor)),
+    },
+    "trace_time": {"ms": _in_trace(("time",), lambda _: MS)},
+    "trace_force": {
+        "kN": _in_trace(("force",), lambda _: 1e3),
+        "arm": _in_trace(("force",), _at_sleeve),
+    },
+    "speeds": {"rad_s": _in_trace(SPEEDS, lambda _: 1.0 / RPM)},
+}
+
+
+def parse(texts: Iterable[str]) -> tuple[Correction, ...]:
+    """Read corrections such as ``time=ms``; a wrong or a doubled one raises InputError."""
+    found: dict[str, Correction] = {}
+    for text in texts:
+        one = _parse(text)
+        if found.setdefault(one.quantity, one) != one:
+            raise InputError(
+                f"the corrections {found[one.quantity]} and {one} contradict each other; give one"
+            )
+    return tuple(found[quantity] for quantity in WAYS if quantity in found)
+
+
+def _parse(text: str) -> Correction:
+    quantity, _, way = text.partition("=")
+    if quantity not in WAYS:
+        hint = did_you_mean(quantity, WAYS)
+        raise InputError(f"the correction '{text}' is of no known quantity; {hint}")
+    if way != GIVEN and way not in WAYS[quantity]:
+        valid = ", ".join(f"{quantity}={known}" for known in (*WAYS[quantity], GIVEN))
+        raise InputError(f"the correction '{text}' is not known; valid are {valid}")
+    return Correction(quantity, way)
+
+
+def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
+    """Return the sheet with one correction made in all rows."""
+    change = WAYS[correction.quantity].get(correction.way, _same)
+    return sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))

@@ -1,0 +1,42 @@
+"""What looks like a slip of units or axes in bench data, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dogshape.diagnosis.bench.corrections import GIVEN
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One suspicion.
+
+    ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
+    it. ``way`` is the correction of ``quantity`` that would make it right, None where there is
+    none. A ``certain`` one cannot be true as it stands and is refused; ``arguable`` tells
+    whether a user may say that it is right nevertheless.
+    """
+
+    quantity: str
+    found: str
+    looks_like: str
+    way: str | None = None
+    certain: bool = False
+    arguable: bool = True
+
+    @property
+    def correction(self) -> str | None:
+        """The correction as it is written, such as ``time=ms``."""
+        return None if self.way is None else f"{self.quantity}={self.way}"
+
+    @property
+    def sentence(self) -> str:
+        """What was found, what it looks like and what to do."""
+        return f"{self.found}; this looks like {self.looks_like}; {self._remedy}"
+
+    @property
+    def _remedy(self) -> str:
+        ways = [f"--correct {self.correction} takes it as that"] if self.way else []
+        if self.arguable:
+            ways.append(f"--correct {self.quantity}={GIVEN} takes it as it stands")
+        return ", or ".join(["correct the data set", *ways])

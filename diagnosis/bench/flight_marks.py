@@ -1,0 +1,238 @@
+r"""Marks of the flight in bench traces: when displacement and force pass given values.
+
+Until the first touch the motion of the ring depends on no relative angle, so all traces of one
+force profile show the same flight. Its marks are the times at which the displacement passes shares
+of the nominal axial gap, and the force shares of its nominal final value.
+
+A mark is the root of a parabola through the samples around it (from a part of the value to somewhat
+above, none from after the gap is closed). With the scatter :math:`\sigma` of the samples, from
+their third differences or from what the parabola leaves, its standard error is
+:math:`\sigma_{fit}/|\dot x|`. Values below four scatters have no mark, nor has a force that the
+trace does not pass. Traces whose mark lies far from the others' (a first touch before its time)
+are left out, the rest averaged.
+
+All marks of a profile err together: by the start of each trace within its sampling step, by the
+gain of the sensor (:math:`\delta t = g x/\dot x`), and by what the rigid flight leaves out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.shift.actuation import ForceProfile
+
+WAYS = (0.02, 0.1, 0.3, 0.6, 0.9)  #: shares of the axial gap
+FORCES = (0.1, 0.25, 0.5, 0.75)  #: shares of the final force
+SIZE = len(WAYS) + len(FORCES)  #: marks of a flight, those of the displacement first
+AROUND = {"way": (0.5, 1.7), "force": (0.75, 1.3)}  #: samples that a mark is fitted to
+SAMPLES = 6  #: the least number of them
+CLEAR = 4.0  #: scatters above which a value is told from nothing
+APART = 5.0  #: scatters of marks beyond which a trace is left out
+FLOOR = 2e-4  #: s, model error of each mark, and again of all together
+SHARE = 0.005  #: of its time, error of the flight that all marks have in common
+GAIN = {"way": 0.01, "force": 0.02}  #: error of the sensors' gain
+FORCE_FLOOR = 5e-4  #: s, error of a mark of the force beside its gain
+
+
+@dataclass(frozen=True)
+class Mark:
+    """When a trace passes a value, s, its standard error, and value over slope there, s."""
+
+    time: float
+    error: float
+    reach: float
+
+
+@dataclass(frozen=True)
+class SeenFlight:
+    """What a bench shows of the flight under one force profile.
+
+    Parameters
+    ----------
+    cells : places of the operating points that have traces of it.
+    places : which of the ``SIZE`` marks it has, (k,).
+    times : s, (k,).
+    covariance : s^2, (k, k).
+    traces : how many traces are behind it.
+    """
+
+    profile: ForceProfile
+    cells: tuple[int, ...]
+    places: np.ndarray = field(repr=False)
+    times: Array = field(repr=False)
+    covariance: Array = field(repr=False)
+    traces: int = 0
+
+
+def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
+    """Return what the traces of a data set show of the flight, one for each force profile."""
+    found: dict[ForceProfile, list[int]] = {}
+    for place, cell in enumerate(bench.cells):
+        if cell.traces:
+            found.setdefault(cell.point.profile, []).append(place)
+    flights = [_flight(bench, profile, cells) for profile, cells in found.items()]
+    return tuple(flight for flight in flights if flight.places.size)
+
+
+def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFlight:
+    traces = [trace for place in cells for trace in bench.cells[place].traces]
+    gap = bench.clutch.dog.axial_gap
+    table = [trace_marks(trace, profile, gap) for trace in traces]
+    joined = [_joined([row[k] for row in table]) for k in range(SIZE)]
+    places = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
+    known = [one for one in joined if one is not None]
+    times = np.array([one.time for one in known])
+    step = float(np.median([trace.step for trace in traces]))
+    covariance = np.diag([one.error**2 for one in known]) + model_covariance(
+        places, times, np.array([one.reach for one in known])
+    )
+    covariance = covariance + step**2 / 12.0 / len(traces)
+    return SeenFlight(profile, tuple(cells), places, times, covariance, len(traces))
+
+
+def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
+    """Return what flight and sensors err beside scatter, s^2, (k, k)."""
+    way = places < len(WAYS)
+    own = np.where(way, FLOOR, FORCE_FLOOR)
+    parts = [
+        np.where(way, GAIN["way"] * reach, 0.0),
+        np.where(way, 0.0, GAIN["force"] * reach),
+        np.where(way, SHARE * times, 0.0),
+        np.where(way, FLOOR, 0.0),
+    ]
+    whole: Array = np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
+    return whole
+
+
+def _joined(marks: Sequence[Mark | None]) -> Mark | None:
+    """Return the mean of the marks of several traces, without those far from the others."""
+    known = [mark for mark in marks if mark is not None]
+    if 2 * len(known) < len(marks) or not known:
+        return None
+    times, errors = (np.array([getattr(m, name) for m in known]) for name in ("time", "error"))
+    apart = abs(times - np.median(times))
+    kept = apart <= APART * max(1.48 * float(np.median(apart)), float(np.median(errors)))
+    if len(known) < 3 or not kept.any():
+        kept = np.ones(len(known), dtype=bool)
+    count = int(kept.sum())
+    variance = float((errors[kept] ** 2).mean())
+    if count > 1:
+        variance = max(variance, float(times[kept].var(ddof=1)))
+    reach = float(np.median([mark.reach for mark in known]))
+    return Mark(float(times[kept].mean()), float(np.sqrt(variance / count)), reach)
+
+
+def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Mark | None]:
+    """Return all marks of one trace; None where there is none."""
+    top = crossing_before(trace.displacement, gap, len(trace.time))[1]
+    ways = [
+        mark_of(trace.time[:top], trace.displacement[:top], share * gap, AROUND["way"])
+        for share in WAYS
+    ]
+    forces = [
+        mark_of(trace.time, trace.force, share * profile.force, AROUND["force"]) for share in FORCES
+    ]
+    return [*ways, *forces]
+
+
+def smoothed(values: Array) -> Array:
+    """Return the median of three neighbours, (n,)."""
+    padded = np.concatenate([values[:1], values, values[-1:]])
+    smooth: Array = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
+    return smooth
+
+
+def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:
+    """Return the last sample below a level before it is passed for good or at ``end``, and the
+    first sample at or above it, both as places; (end, end) where it is not passed.
+    """
+    smooth = smoothed(values[:end]) if end else values[:0]
+    above = smooth >= level
+    if not above.any():
+        return end, end
+    first = int(np.argmax(above))
+    return first - 1, first
+
+
+def scatter(values: Array) -> float:
+    """Return the standard deviation of the noise of samples from their third differences."""
+    if values.size < 8:
+        return 0.0
+    rough = float(np.median(abs(np.diff(values, 3))))
+    return 1.48 * rough / float(np.sqrt(20.0))
+
+
+def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:
+    """Return when rising samples pass a level.
+
+    Parameters
+    ----------
+    time, values : samples (n,), all of which may count.
+    around : parts of the level between which samples are fitted.
+    """
+    noise = scatter(values)
+    smooth = smoothed(values) if values.size else values
+    above = smooth >= level
+    if level < CLEAR * noise or not above.any() or above[0] or values.size < 3:
+        return None
+    # Noise passes a level too early and too late alike: the middle is between first and last.
+    first = int(np.argmax(above))
+    last = first
+    near = np.flatnonzero(~above[first:] & (smooth[first:] > level - CLEAR * noise))
+    if near.size and near[0] < SAMPLES:
+        last = first + int(near[near < 2 * SAMPLES][-1]) + 1
+    low, high = _window(smooth, first, last, level, around)
+    return _fitted(time[low:high], values[low:high], level, noise)
+
+
+def _window(
+    smooth: Array, first: int, last: int, level: float, around: tuple[float, float]
+) -> tuple[int, int]:
+    """Return the samples to fit, from one place up to another."""
+    below = np.flatnonzero(smooth[:first] < around[0] * level)
+    low = int(below[-1]) if below.size else 0
+    over = np.flatnonzero(smooth[last:] > around[1] * level)
+    high = last + int(over[0]) + 1 if over.size else smooth.size
+    while high - low < SAMPLES and (low > 0 or high < smooth.size):
+        low, high = max(0, low - 1), min(smooth.size, high + 1)
+    return low, high
+
+
+def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | None:
+    """Return where a parabola through samples passes a level upwards."""
+    degree = 2 if time.size >= 4 else 1
+    centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
+    matrix = np.vander((time - centre) / scale, degree + 1)
+    found = np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0], dtype=np.float64)
+    left = values - matrix @ found
+    spare = max(1, time.size - degree - 1)
+    sigma = max(noise, float(np.sqrt((left**2).sum() / spare)))
+    place = _root(found, level, (time - centre) / scale)
+    if place is None:
+        return None
+    row = place ** np.arange(degree, -1, -1.0)
+    error = sigma * float(np.sqrt(row @ np.linalg.inv(matrix.T @ matrix) @ row))
+    slope = float(np.polyval(np.polyder(found), place)) / scale
+    return Mark(centre + scale * place, error / slope, level / slope)
+
+
+def _root(found: Array, level: float, inside: Array) -> float | None:
+    """Return where a polynomial passes a level upwards within samples, None if nowhere."""
+    shifted = found.copy()
+    shifted[-1] -= level
+    slope = np.polyder(found)
+    edge = 0.5 / max(1, inside.size - 1)
+    roots = [
+        float(r.real)
+        for r in np.roots(shifted)
+        if abs(r.imag) < 1e-9
+        and inside[0] - edge <= r.real <= inside[-1] + edge
+        and np.polyval(slope, r.real) > 0.0
+    ]
+    return min(roots, key=abs) if roots else None

@@ -1,0 +1,69 @@
+"""Flaws of a table of shifts that are told and not refused: rows twice, traces that end early."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+from dogshape.diagnosis.bench.finding import Finding
+from dogshape.diagnosis.bench.stand_file import Stand
+from dogshape.diagnosis.bench.table import Row, Sheet
+from dogshape.sim.units import MS
+
+LOOKS = "a table that was copied below itself: copies make the data seem surer than they are"
+
+
+def repeated_rows(_: Stand, sheet: Sheet) -> list[Finding]:
+    """Return rows with a time that repeat earlier ones.
+
+    Times of single shifts are rounded and may be equal by chance, so that of these half must be
+    repeats; of means and of traces one is enough.
+    """
+    timed = [row for row in sheet.rows if row.time is not None]
+    single = [row for row in timed if row.n == 1 and row.trace is None]
+    means = _repeats([row for row in timed if row.n > 1])
+    traced = _repeats([row for row in timed if row.trace is not None])
+    singles = _repeats(single)
+    found = means + traced + (singles if 2 * len(singles) >= max(4, len(single)) else [])
+    if not found:
+        return []
+    row, first = found[0]
+    many = f"{len(found)} rows repeat earlier ones" if len(found) > 1 else "a row is there twice"
+    return [Finding("rows", f"{many}: row {row} is row {first} again", LOOKS, arguable=False)]
+
+
+def _repeats(rows: Sequence[Row]) -> list[tuple[int, int]]:
+    """Return the numbers of rows that repeat an earlier one, each with that one's."""
+    first: dict[Hashable, int] = {}
+    found = []
+    for row in rows:
+        numbers = (row.mismatch, row.force, row.rise, row.n, row.time)
+        what = numbers if row.trace is None else row.trace.path
+        if what in first:
+            found.append((row.row, first[what]))
+        first.setdefault(what, row.row)
+    return found
+
+
+def ends_early(row: Row) -> bool:
+    """Tell whether the trace of a row ends before its shift does."""
+    trace = row.trace
+    if trace is None or row.time is None:
+        return False
+    return bool(trace.time[-1] < row.time - 2.0 * trace.step)
+
+
+def short_traces(_: Stand, sheet: Sheet) -> list[Finding]:
+    """Find traces that end before their shift, which are used as far as they go."""
+    short = [row for row in sheet.rows if ends_early(row)]
+    if not short:
+        return []
+    row = short[0]
+    assert row.trace is not None
+    assert row.time is not None
+    least = (row.time - row.trace.time[-1]) / MS
+    many = f"{len(short)} traces end" if len(short) > 1 else "a trace ends"
+    found = (
+        f"{many} before the shift is over: that of row {row.row} by {least:.3g} ms, so that it is "
+        "used up to there"
+    )
+    return [Finding("traces", found, "a recording that was stopped early", arguable=False)]

@@ -1,0 +1,58 @@
+"""Which way the rings turned past each other: a setting of the stand that nobody may have noted.
+
+Whoever writes a table of mismatches says by their sign which flanks meet (``docs/mismatch.md``).
+Where ``bench.toml`` calls that sense *known*, only a slip can have reversed it; where it says
+*unknown*, either sense is as probable as the other, and every hypothesis stands for both.
+
+With the other sense all effects act otherwise, so nothing that both signs of an effect make is
+combined: a hypothesis with ``reversed_mismatch`` is that of its other effects, foretold by
+simulations at the negated operating points (``diagnosis.prediction.sense_bank``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Literal
+
+from dogshape.diagnosis.terms import Hypothesis
+
+Sense = Literal["known", "unknown"]
+
+REVERSED = "reversed_mismatch"  #: name of the effect
+DELAY = "actuation_delay"  #: needs no shift, and so no bank of its own
+
+#: Prior probability of the reversed sense. A sign that was noted is wrong about once in fifty:
+#: one entry in some hundred is in a table that is checked, more where no custom says which is +.
+SHARES: dict[Sense, float] = {"known": 0.02, "unknown": 0.5}
+
+
+def forward(hypothesis: Hypothesis) -> Hypothesis:
+    """Return a hypothesis without the sense: its effects."""
+    return tuple(name for name in hypothesis if name != REVERSED)
+
+
+def turned(hypothesis: Hypothesis) -> Hypothesis:
+    """Return a hypothesis with the reversed sense, in alphabetical order."""
+    return tuple(sorted((*forward(hypothesis), REVERSED)))
+
+
+def predictable(hypothesis: Hypothesis, sense: Sense) -> bool:
+    """Check that the banks of a sense predict a hypothesis.
+
+    Where the sense is known, the reversed one has no more than its baseline and a delay.
+    """
+    alone = set(forward(hypothesis)) <= {DELAY}
+    return REVERSED not in hypothesis or sense == "unknown" or alone
+
+
+def both_senses(
+    hypotheses: Iterable[Hypothesis], effects: Collection[str], sense: Sense
+) -> list[Hypothesis]:
+    """Return hypotheses, and behind them those with the reversed sense that can be predicted.
+
+    Without the effect ``reversed_mismatch`` there are none of these.
+    """
+    plain = list(dict.fromkeys(forward(h) for h in hypotheses))
+    if REVERSED not in effects:
+        return plain
+    return [*plain, *(turned(h) for h in plain if predictable(turned(h), sense))]

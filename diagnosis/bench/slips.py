@@ -1,0 +1,104 @@
+"""Slips of units and axes in bench data: recognised and asked about, never silently fitted.
+
+A data set is held against what physics allows: no shift ends before the sliding ring has flown
+its way freely under the force, and none with a time lasts longer than the time-out. And it is
+held against itself: calibration, rise times and traces say the same things again. Where most
+rows cannot be true and one correction makes them so, that is the finding. A correction that
+was asked for is made first, and the rest examined after it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from dogshape.diagnosis.bench.corrections import GIVEN, Correction, corrected
+from dogshape.diagnosis.bench.finding import Finding
+from dogshape.diagnosis.bench.repeats import repeated_rows, short_traces
+from dogshape.diagnosis.bench.stand_file import Stand
+from dogshape.diagnosis.bench.table import Row, Sheet
+from dogshape.diagnosis.bench.table_slips import (
+    axes_by_calibration,
+    axes_by_rise,
+    bounds,
+    early_times,
+    force_by_calibration,
+    free_flight,
+    linkage,
+    too_early,
+    weak_force,
+)
+from dogshape.diagnosis.bench.trace_slips import (
+    axes_by_speed,
+    displacement,
+    speeds,
+    trace_force,
+    trace_start,
+    trace_time,
+)
+from dogshape.sim.errors import DataError, number
+
+__all__ = ["Finding", "examine", "impossible", "require_no_slip"]
+
+Check = Callable[[Stand, Sheet], Sequence[Finding]]
+
+#: In this order: a check may rely on those before it.
+CHECKS: tuple[Check, ...] = (
+    axes_by_rise,
+    axes_by_calibration,
+    axes_by_speed,
+    bounds,
+    weak_force,
+    force_by_calibration,
+    linkage,
+    early_times,
+    trace_time,
+    displacement,
+    trace_start,
+    speeds,
+    trace_force,
+    repeated_rows,
+    short_traces,
+)
+
+
+def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
+    """Return what looks like a slip in a sheet whose corrections have been made.
+
+    ``asked`` are these corrections; quantities that are to be taken as given, or that have
+    been swapped already, are not questioned.
+    """
+    settled = {one.quantity for one in asked if one.way == GIVEN or one.quantity == "axes"}
+    found: list[Finding] = []
+    for check in CHECKS:
+        for finding in check(stand, sheet):
+            if finding.quantity in settled:
+                continue
+            found.append(finding)
+            if finding.certain:
+                settled.add(finding.quantity)
+            if finding.certain and finding.way is not None:
+                taken = Correction(finding.quantity, finding.way)
+                sheet = corrected(sheet, taken, stand.sensor)
+    return tuple(found)
+
+
+def require_no_slip(where: str, findings: Sequence[Finding]) -> None:
+    """Raise DataError with all findings that are certain; ``where`` is the file."""
+    certain = [finding.sentence for finding in findings if finding.certain]
+    if certain:
+        raise DataError(f"{where}: " + ". Also: ".join(certain))
+
+
+def impossible(stand: Stand, row: Row, asked: Sequence[Correction] = ()) -> str | None:
+    """Return the rule that the time of a row breaks, None where it may be true."""
+    given = any(one.quantity == "time" and one.way == GIVEN for one in asked)
+    limit = stand.clutch.timeout
+    if row.time is None or (0.0 < row.time <= limit and (given or not too_early(stand, row))):
+        return None
+    if not 0.0 < row.time <= limit:
+        return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
+    free = free_flight(stand, row)
+    return (
+        f"a time in s not far below {number(free)} s, which the free flight alone takes under this "
+        "force (--correct time=given takes it as it stands)"
+    )

@@ -1,0 +1,178 @@
+"""What ``bench.toml`` says: the clutch as the bench knows it, its sensors and its actuator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from dogshape.diagnosis.bench.sense import Sense
+from dogshape.sim.clutch_tables import (
+    DogSection,
+    OutputSection,
+    Section,
+    SlidingSection,
+    rings,
+    si_fields,
+    validate,
+)
+from dogshape.sim.errors import DataError, refusal, require_between
+from dogshape.sim.shift.clutch import Clutch, solver_for
+from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.texts import read_toml
+from dogshape.sim.units import DEG, MM
+
+
+class _Contact(Section):
+    # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
+    # published set; the friction velocity is read and not used.
+    static_friction: float
+    dynamic_friction: float
+    stiction_velocity_m_s: float
+    friction_velocity_m_s: float
+
+
+class _Sensor(Section):
+    displacement_at: Literal["sleeve", "actuator"] = "sleeve"
+    linkage_ratio: float | None = None
+    linkage_efficiency: float | None = None
+
+
+class _Calibration(Section):
+    pressure_mbar: float | None = None
+    arm_displacement_mm: float | None = None
+    arm_force_N: float | None = None
+    sleeve_force_N: float | None = None
+    max_force_time_s: float | None = None
+
+
+class _BenchFile(Section):
+    name: str
+    source: str
+    timeout_s: float
+    shift_travel_mm: float
+    relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
+    corrections: list[str] = Field(default_factory=list)
+    mismatch_sense: Sense = "known"
+    dog: DogSection
+    sliding: SlidingSection
+    output: OutputSection
+    contact: _Contact
+    sensor: _Sensor | None = None
+    actuator_calibration: list[_Calibration] = Field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Where the stand measures.
+
+    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
+    of its force that arrives; None where the data set does not say.
+    """
+
+    displacement_at: str = "sleeve"
+    linkage_ratio: float | None = None
+    linkage_efficiency: float | None = None
+
+    @property
+    def force_factor(self) -> float | None:
+        """Force at the sleeve over force at the robot arm, None where that is not known."""
+        if self.linkage_ratio is None or self.linkage_efficiency is None:
+            return None
+        return self.linkage_ratio * self.linkage_efficiency
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A static reading of the actuator: mbar, m, N, N and s; None where it has none."""
+
+    pressure_mbar: float | None
+    arm_displacement: float | None
+    arm_force: float | None
+    sleeve_force: float | None
+    max_force_time: float | None
+
+
+@dataclass(frozen=True)
+class Stand:
+    """A data set without its shifts; ``relative_angles`` in rad, where it says them.
+
+    ``corrections`` are those that the data set itself asks for, such as ``time=ms``.
+    """
+
+    name: str
+    source: str
+    clutch: Clutch
+    relative_angles: tuple[float, ...] | None
+    sensor: Sensor = Sensor()
+    calibration: tuple[Calibration, ...] = ()
+    corrections: tuple[str, ...] = ()
+    mismatch_sense: Sense = "known"
+
+
+def load_stand(path: Path) -> Stand:
+    """Read ``bench.toml``; every mistake raises DataError or InputError with file and key."""
+    file = _settings(path)
+    angles = file.relative_angles_deg
+    return Stand(
+        name=file.name,
+        source=file.source,
+        clutch=_clutch(file),
+        relative_angles=tuple(a * DEG for a in angles) if angles else None,
+        sensor=_sensor(path, file.sensor or _Sensor()),
+        calibration=tuple(_calibration(one) for one in file.actuator_calibration),
+        corrections=tuple(file.corrections),
+        mismatch_sense=file.mismatch_sense,
+    )
+
+
+def _settings(path: Path) -> _BenchFile:
+    try:
+        data = read_toml(path)
+    except FileNotFoundError as error:
+        raise DataError(f"there is no {path}; a data set needs bench.toml") from error
+    except OSError as error:
+        raise DataError(
+            f"{path} cannot be read: {error.strerror}; check path and rights"
+        ) from error
+    return validate(_BenchFile, data, str(path))
+
+
+def _clutch(file: _BenchFile) -> Clutch:
+    dog = file.dog.dog()
+    contact = replace(
+        contact_set("adams2019"),
+        name="bench",
+        static_friction=file.contact.static_friction,
+        dynamic_friction=file.contact.dynamic_friction,
+        stiction_velocity=file.contact.stiction_velocity_m_s,
+    )
+    left = dog.travel - file.shift_travel_mm * MM
+    if not 0.0 < left < dog.height:
+        rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
+        remedy = "give the travel at which a shift counts as finished"
+        raise DataError(refusal("shift_travel_mm", file.shift_travel_mm, "mm", rule, remedy))
+    require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
+    both = rings(file.sliding, file.output)
+    return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
+
+
+def _sensor(path: Path, given: _Sensor) -> Sensor:
+    limits = {"linkage_ratio": (0.01, 100.0), "linkage_efficiency": (0.01, 1.0)}
+    for name, (low, high) in limits.items():
+        value = getattr(given, name)
+        if value is not None and not low <= value <= high:
+            rule = f"it must lie between {low:g} and {high:g}"
+            remedy = "correct it; the ratio is actuator travel over sleeve travel"
+            raise DataError(f"{path}: " + refusal(f"sensor.{name}", value, "", rule, remedy))
+    return Sensor(given.displacement_at, given.linkage_ratio, given.linkage_efficiency)
+
+
+def _calibration(given: _Calibration) -> Calibration:
+    known = {key: value for key, value in given.model_dump().items() if value is not None}
+    pressure = known.pop("pressure_mbar", None)
+    names = ("arm_displacement", "arm_force", "sleeve_force", "max_force_time")
+    values = si_fields(known)
+    return Calibration(pressure, *(values.get(name) for name in names))

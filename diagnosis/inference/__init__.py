@@ -1,0 +1,1 @@
+"""Weigh hypotheses: evidence, predictive check, verdict, next test."""

@@ -1,0 +1,130 @@
+"""Which hypotheses a data set cannot tell apart, and what it cannot see at all.
+
+A imitates B as well as its best values do. Where half the squared distance of their signatures
+(``diagnosis.likelihood.signature``) stays below a limit both ways, no data of this kind and number
+would part them, and they are one class. What the error of emulation alone adds to the distance is
+taken off: by it no data part them. A dead time and a shifted time zero of the record are one class
+in any case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.diagnosis.inference.posterior import Probabilities
+from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
+from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
+PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at
+DRAWN = 2000  #: values drawn from each posterior
+
+
+@dataclass(frozen=True)
+class Confusion:
+    """Expected log Bayes factors between plausible hypotheses, and their classes.
+
+    ``apart[i, j]`` is for data that hypothesis *i* makes, judged against the best of *j*.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    apart: Array
+    classes: tuple[tuple[Hypothesis, ...], ...]
+
+    def class_of(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
+        """Return the hypotheses that cannot be told from one, itself among them."""
+        for group in self.classes:
+            if hypothesis in group:
+                return group
+        return (hypothesis,)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """Signatures (m, k), and the squared distance that errors of emulation make, (m,)."""
+
+    points: Array
+    noise: Array
+
+    def rows(self, which: np.ndarray) -> _Placed:
+        return _Placed(self.points[which], self.noise[which])
+
+
+def _placed(predicted: Predicted, metric: Metric, baseline: Predicted) -> _Placed:
+    # What the errors have in common with the baseline's is common to all hypotheses, and the error
+    # of the model is none of the emulation's.
+    own = _emulated(predicted) - _emulated(baseline)
+    noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.core**2).sum(axis=1)
+    return _Placed(metric.of(predicted), noise)
+
+
+def _emulated(predicted: Predicted) -> Array:
+    """Return the variance of emulated means (m, cells), without that of the model."""
+    variance: Array = predicted.error**2 - predicted.model**2
+    return variance
+
+
+def _nearest(mine: _Placed, theirs: _Placed) -> Array:
+    """Return the squared distance of each of mine from the nearest of theirs, (m,)."""
+    whole = squared(mine.points, theirs.points)
+    # Chosen with the noise in: values of large error would else be the nearest to anything.
+    place = whole.argmin(axis=1)
+    left: Array = whole[np.arange(len(place)), place] - mine.noise - theirs.noise[place]
+    return np.maximum(0.0, left)
+
+
+def confusion(
+    scored: Sequence[Scored],
+    metric: Metric,
+    belief: Probabilities,
+    baseline: Predicted,
+) -> Confusion:
+    """Return classes among the plausible hypotheses; unknown is in none."""
+    those = [one for one in scored if belief.get(one.hypothesis, 0.0) > PLAUSIBLE]
+    generator = np.random.default_rng(1)
+    every = [_placed(one.rows.predicted, metric, baseline) for one in those]
+    drawn = [
+        placed.rows(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
+    ]
+    apart = np.array(
+        [[0.5 * _nearest(mine, theirs).mean() for theirs in every] for mine in drawn]
+    ).reshape(len(those), len(those))
+    names = tuple(one.hypothesis for one in those)
+    return Confusion(names, apart, _groups(names, np.maximum(apart, apart.T) < APART))
+
+
+def _groups(names: tuple[Hypothesis, ...], near: np.ndarray) -> tuple[tuple[Hypothesis, ...], ...]:
+    """Return groups in which each is near all others, from the most probable on."""
+    groups: list[list[int]] = []
+    for place in range(len(names)):
+        for group in groups:
+            if all(near[place, other] for other in group):
+                group.append(place)
+                break
+        else:
+            groups.append([place])
+    return tuple(tuple(names[k] for k in group) for group in groups)
+
+
+def invisible(scored: Sequence[Scored], metric: Metric) -> dict[str, float]:
+    """Return for each effect the share of its prior that the data could not tell from none."""
+    baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
+    nothing = metric.of(baseline)
+    found = {}
+    for one in scored:
+        if len(one.hypothesis) == 1:
+            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < VISIBLE
+            found[one.hypothesis[0]] = float(np.exp(one.log_prior)[weak].sum())
+    return found
+
+
+def confusable(found: Confusion, aliases: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Return classes of more than one as names, and effects with what is never told from them."""
+    groups = [[" + ".join(h) or "none" for h in g] for g in found.classes if len(g) > 1]
+    named = {name for hypothesis in found.hypotheses for name in hypothesis}
+    return groups + [[name, *aliases[name]] for name in sorted(named) if aliases.get(name)]

@@ -1,0 +1,278 @@
+r"""Evidence :math:`Z = \int L(\theta) \pi(\theta) d\theta` over the shares of the priors.
+
+One or two parameters: boxes of the unit cube with three Gauss points a side are halved until
+none changes the sum any more; what the last halving changed is the error. More parameters, and
+pairs of effects: importance sampling from a mixture of Student-t round what was found so far and
+the prior itself, all rounds weighted as one mixture, with the effective sample size giving the
+error. ``validation.nested_sampling`` has nested sampling as a second computation.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import gammaln
+from scipy.stats import qmc
+
+from dogshape.diagnosis.likelihood.cell_likelihood import log_sum
+from dogshape.diagnosis.likelihood.scores import IMPOSSIBLE, Problem, Rows, Scored, score
+from dogshape.diagnosis.prediction.hypotheses import Space
+from dogshape.diagnosis.terms import Array
+
+FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
+TOLERANCE = 0.003  #: share of the evidence that a halving may still change
+ROUNDS = 9
+POINTS = {1: 600, 2: 2600}
+FIRST_DRAWS = 128  #: values of the first round of importance sampling, even over the prior
+DRAWS = 192  #: values in a round of importance sampling
+SAMPLINGS = 7
+ENOUGH = 150.0  #: effective draws with which the sampling ends
+#: How far below the best log evidence the best value of a hypothesis lies where more rounds are
+#: not worth while, round by round: the first values may all miss a narrow peak.
+HOPELESS = (100.0, 50.0, 25.0, 12.0)
+DOF = 5.0  #: of the Student-t
+PRIOR_SHARE = 0.15  #: of the draws that come from the prior
+OUTSIDE = 48  #: values at the ends of the prior
+
+_GAUSS, _GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(3)
+
+Score = Callable[[Array], Rows]
+
+
+@dataclass(frozen=True)
+class Sum:
+    """Rows of a quadrature with the logarithm of the prior's share of each, (m,)."""
+
+    rows: Rows
+    log_prior: Array
+    log_evidence: float
+    error: float
+
+
+def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
+    """Return a hypothesis with its evidence.
+
+    ``best`` is the largest log evidence of others: what lies far below it is left early.
+    """
+
+    def at(shares: Array) -> Rows:
+        return score(problem, space, shares)
+
+    size = len(space.parameters)
+    if size == 0:
+        rows = at(np.zeros((1, 0)))
+        total = float(rows.whole[0])
+        return Scored(space, rows, np.zeros(1), total, 0.0)
+    if sum(bool(effect.parameters) for effect in space.effects) == 1 and size in FIRST:
+        found = normalised(quadrature(at, size, best))
+    else:
+        found = normalised(sampled(at, size, best))
+    parts = found.rows, found.log_prior, found.log_evidence, found.error
+    return Scored(space, *parts, ends=at(outside(size)))
+
+
+def normalised(found: Sum) -> Sum:
+    """Return the sum with the prior's weight on benches that there can be."""
+    possible = found.rows.log_likelihood[:, 0] > IMPOSSIBLE
+    if possible.all():
+        return found
+    whole = log_sum(found.log_prior[possible], axis=0) - log_sum(found.log_prior, axis=0)
+    return Sum(
+        found.rows.only(possible),
+        found.log_prior[possible] - whole,
+        found.log_evidence - float(whole),
+        found.error,
+    )
+
+
+def hopeless(rows: Rows, best: float, finished: int) -> bool:
+    """Tell whether a hypothesis lies so far below the best that more rounds change nothing."""
+    limit = HOPELESS[min(finished, len(HOPELESS) - 1)]
+    return float(rows.whole.max()) < best - limit
+
+
+def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
+    """Integrate over the unit cube of ``size`` 1 or 2 by halving boxes."""
+    boxes = _first_boxes(size)
+    rows = at(_points(boxes))
+    log = _log_weights(boxes)
+    live = np.ones(len(boxes), dtype=bool)
+    each = 3**size
+    error = np.inf
+    for finished in range(ROUNDS):
+        parts = _box_sums(rows, log, each)
+        whole = log_sum(parts, axis=0)
+        share = np.exp(parts - whole)
+        split = live & (share > TOLERANCE / 10.0)
+        if not split.any() or len(boxes) * each > POINTS[size] or hopeless(rows, best, finished):
+            break
+        children = _halved(boxes[split])
+        fresh, fresh_log = at(_points(children)), _log_weights(children)
+        sums = _box_sums(fresh, fresh_log, each).reshape(-1, 2**size)
+        change = np.abs(np.exp(log_sum(sums, axis=1) - whole) - share[split])
+        error = float(change.sum()) / np.sqrt(max(1, split.sum()))
+        again = np.repeat(change > TOLERANCE / np.sqrt(split.sum()), 2**size)
+        keep = np.repeat(~split, each)
+        rows = rows.only(keep).joined(fresh)
+        log = np.concatenate([log[keep], fresh_log])
+        boxes = np.concatenate([boxes[~split], children])
+        live = np.concatenate([live[~split], again])
+    return Sum(rows, log, float(log_sum(_box_sums(rows, log, each), axis=0)), error)
+
+
+def _first_boxes(size: int) -> Array:
+    """Return boxes as low corners and widths, (boxes, 2, size)."""
+    count = FIRST[size]
+    corners = np.array(list(itertools.product(np.arange(count) / count, repeat=size)))
+    return np.stack([corners, np.full_like(corners, 1.0 / count)], axis=1)
+
+
+def _halved(boxes: Array) -> Array:
+    size = boxes.shape[2]
+    offsets = np.array(list(itertools.product((0.0, 0.5), repeat=size)))
+    corners = boxes[:, None, 0] + offsets * boxes[:, None, 1]
+    widths = np.broadcast_to(0.5 * boxes[:, None, 1], corners.shape)
+    children: Array = np.stack([corners, widths], axis=2).reshape(-1, 2, size)
+    return children
+
+
+def _points(boxes: Array) -> Array:
+    size = boxes.shape[2]
+    inside = 0.5 + 0.5 * np.array(list(itertools.product(_GAUSS, repeat=size)))
+    points: Array = (boxes[:, None, 0] + inside * boxes[:, None, 1]).reshape(-1, size)
+    return points
+
+
+def _log_weights(boxes: Array) -> Array:
+    size = boxes.shape[2]
+    product = np.array([np.prod(w) for w in itertools.product(_GAUSS_WEIGHTS / 2.0, repeat=size)])
+    volumes = boxes[:, 1].prod(axis=1)
+    logs: Array = np.log(volumes[:, None] * product).ravel()
+    return logs
+
+
+def _box_sums(rows: Rows, log: Array, each: int) -> Array:
+    total: Array = log_sum((log + rows.whole).reshape(-1, each), axis=1)
+    return total
+
+
+def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
+    """Integrate over the unit cube by importance sampling that adapts itself."""
+    generator = np.random.default_rng(seed)
+    points = qmc.Sobol(size, seed=generator).random(FIRST_DRAWS)
+    rows = at(points)
+    proposals: list[_Proposal] = []
+    counts = [len(points)]
+    for finished in range(SAMPLINGS):
+        likely = rows.whole
+        log = -_log_mixture(rows.shares, proposals, counts)
+        if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
+            break
+        proposal = _fitted(rows.shares, log, likely)
+        fresh = proposal.draw(DRAWS, generator)
+        fresh = fresh[((fresh > 0.0) & (fresh < 1.0)).all(axis=1)]
+        proposals.append(proposal)
+        counts.append(DRAWS)
+        if len(fresh):
+            rows = rows.joined(at(fresh))
+    likely = rows.whole
+    log = -_log_mixture(rows.shares, proposals, counts)
+    error = 1.0 / np.sqrt(_effective(log + likely))
+    # Draws outside the cube have no likelihood but count in the mixture, which has them.
+    return Sum(rows, log, float(log_sum(log + likely, axis=0)), float(error))
+
+
+def _effective(log: Array) -> float:
+    """Return the effective number of draws with these logarithms of weights."""
+    return float(np.exp(2.0 * log_sum(log, axis=0) - log_sum(2.0 * log, axis=0)))
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """A Student-t, with a share of the uniform on the cube."""
+
+    centre: Array
+    root: Array  #: Cholesky factor of its matrix, lower
+
+    def draw(self, count: int, generator: np.random.Generator) -> Array:
+        size = self.centre.size
+        flat = generator.random(count) < PRIOR_SHARE
+        normal = generator.standard_normal((count, size)) @ self.root.T
+        student = self.centre + normal / np.sqrt(generator.chisquare(DOF, (count, 1)) / DOF)
+        return np.where(flat[:, None], generator.random((count, size)), student)
+
+    def log_density(self, points: Array) -> Array:
+        size = self.centre.size
+        scaled = np.linalg.solve(self.root, (points - self.centre).T)
+        constant = gammaln((DOF + size) / 2.0) - gammaln(DOF / 2.0) - size / 2 * np.log(DOF * np.pi)
+        log = constant - np.log(np.diag(self.root)).sum()
+        log = log - (DOF + size) / 2.0 * np.log1p((scaled**2).sum(axis=0) / DOF)
+        result: Array = np.logaddexp(np.log(PRIOR_SHARE), np.log1p(-PRIOR_SHARE) + log)
+        return result
+
+
+def _log_mixture(points: Array, proposals: list[_Proposal], counts: list[int]) -> Array:
+    """Return the logarithm of the number of draws expected per volume at points, (m,)."""
+    logs = [np.full(len(points), np.log(counts[0]))]
+    pairs = zip(proposals, counts[1:], strict=True)
+    logs += [np.log(count) + one.log_density(points) for one, count in pairs]
+    result: Array = log_sum(np.stack(logs), axis=0)
+    return result
+
+
+def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
+    """Fit a Student-t to weights that are flattened until enough draws share them."""
+    power, size = 1.0, points.shape[1]
+    while _effective(log + power * likely) < 8.0 * size and power > 1e-3:
+        power *= 0.7
+    weights = np.exp(log + power * likely - log_sum(log + power * likely, axis=0))
+    centre = weights @ points
+    apart = points - centre
+    matrix: Array = 1.2 * (weights[:, None] * apart).T @ apart + 1e-7 * np.eye(size)
+    root: Array = np.asarray(np.linalg.cholesky(matrix), dtype=float)
+    return _Proposal(centre, root)
+
+
+def outside(size: int) -> Array:
+    """Return shares of a prior of twice the width that lie outside, moved to its ends, (m, p)."""
+    if size == 1:
+        return np.array([[0.0], [1.0]])
+    wide = 2.0 * qmc.Halton(size, seed=1).random(8 * OUTSIDE) - 0.5
+    beyond = wide[((wide < 0.0) | (wide > 1.0)).any(axis=1)][:OUTSIDE]
+    ends: Array = np.clip(beyond, 0.0, 1.0)
+    return ends
+
+
+def with_width(found: Scored, factor: float) -> Scored:
+    """Return a hypothesis with priors half (0.5) or twice (2) as wide in each parameter.
+
+    Half as wide is round what the data favour. Beyond the ends of a prior the likelihood is taken
+    as at its ends.
+    """
+    size = len(found.space.parameters)
+    if size == 0:
+        return found
+    if factor > 1.0:
+        return _doubled(found, size)
+    centre = np.clip(found.weights() @ found.rows.shares, 0.25, 0.75)
+    inside = np.all(np.abs(found.rows.shares - centre) <= 0.25, axis=1)
+    if not inside.any():
+        return found
+    log = found.log_prior[inside]
+    log = log - log_sum(log, axis=0)
+    rows = found.rows.only(inside)
+    total = float(log_sum(log + rows.whole, axis=0))
+    return replace(found, rows=rows, log_prior=log, log_evidence=total)
+
+
+def _doubled(found: Scored, size: int) -> Scored:
+    within = 0.5**size
+    total = np.log(within) + found.log_evidence
+    if found.ends is not None:
+        ends = found.ends.whole
+        beyond = np.log1p(-within) + log_sum(ends, axis=0) - np.log(len(ends))
+        total = np.logaddexp(total, beyond)
+    return replace(found, log_evidence=float(total))

@@ -1,0 +1,369 @@
+r"""The next bench test: which would tell most about the cause for what it costs.
+
+A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. What it
+is expected to tell is the mutual information of cause and outcome,
+
+.. math:: I = H(p) - E_y H(p | y),
+
+with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture; where the data
+allow no parting of hypotheses, a direct test still does. What counts where nothing has 0.8 is the
+chance that the true hypothesis has it afterwards, less a little for each hour of work: by nats an
+hour a cheap test that settles nothing would lead. Direct tests come from the effects:
+their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
+share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
+shifts at an operating point. One is chosen even where a hypothesis has 0.8: the one with the most
+nats an hour, and where nothing is to be learnt the direct test of what was named. Where no known
+effect fits, nobody can say what a test would tell; then it is traces at the operating point that
+misses most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.inference.posterior import Probabilities
+from dogshape.diagnosis.inference.unknown import Unknown
+from dogshape.diagnosis.inference.verdict import NAMED
+from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import number
+from dogshape.sim.setting import Setting
+from dogshape.sim.units import RPM
+
+EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
+DRAWN = 400  #: outcomes drawn
+HOUR = 0.04  #: chance to settle that an hour of work has to earn
+LEAST = 1e-3  #: probability from which a hypothesis takes part
+WORTH = 0.02  #: nats below which nothing is to be learnt
+SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
+TRACING, TRACED = 1.5, 10  #: hours to set up the recording of traces, and shifts recorded
+DIRECT = 3.0  #: hours of a direct test that is not in the table
+#: Hours of direct tests, by name: what a stand has at hand costs less than taking it apart.
+HOURS = {
+    "force at the sleeve over time": 2.0,
+    "static force at the sleeve": 2.0,
+    "slow push of the free ring": 1.0,
+    "hand test of the play": 0.5,
+    "gap by feeler or travel": 0.5,
+    "static stiffness of the linkage": 1.0,
+    "run-down of the sliding ring": 1.0,
+    "both speeds at the first touch": 2.0,
+    "angle of each shift": 2.0,
+    "chamfer by profile": 4.0,
+    "sense of rotation at the rig": 0.25,
+    "free flight at the sleeve": 4.0,
+    "free flight at two forces": 4.0,
+    "drop test of the ring": 6.0,
+    "tilt test of the dogs": 4.0,
+}
+MORE = (10, 40)  #: shifts that may be added at an operating point
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What hypotheses say of a test: mean and variance of each outcome, (hypotheses, d)."""
+
+    mean: Array
+    variance: Array
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What a test measures.
+
+    Parameters
+    ----------
+    kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
+        ``traces`` where nobody can say what comes out.
+    parameters : that a direct test measures, in the order of its outcome.
+    point : mismatch in rad/s and force in N of shifts or traces.
+    shifts : that are made.
+    """
+
+    kind: Literal["direct", "shifts", "traces"]
+    parameters: tuple[str, ...] = ()
+    point: tuple[float, float] | None = None
+    shifts: int = 0
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what it has, in the edge's units."""
+        record: dict[str, Any] = {"kind": self.kind}
+        if self.kind == "direct":
+            record["parameters"] = list(self.parameters)
+        if self.point is not None:
+            record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
+            record["shifts"] = self.shifts
+        return record
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """A test with what it is expected to tell, nats, and its cost in hours.
+
+    ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
+    where nobody can foretell it, and so is ``outcome``; else that has a row for each of
+    ``hypotheses``: shares of the priors for a direct test, s for more shifts.
+    """
+
+    name: str
+    how: str
+    information: float | None
+    hours: float
+    asked: Asked
+    shows: tuple[str, ...] = ()
+    hypotheses: tuple[Hypothesis, ...] = ()
+    outcome: Outcome | None = None
+    settles: float = 0.0
+
+    @property
+    def value(self) -> float:
+        """Chance to settle, less what the work has to earn."""
+        return self.settles - HOUR * self.hours
+
+    @property
+    def rate(self) -> float:
+        """Information an hour, nats."""
+        return (self.information or 0.0) / self.hours
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what it measures and what each hypothesis foretells of it."""
+        record = {"name": self.name, **self.asked.as_dict()}
+        if self.outcome is not None:
+            rows = zip(self.hypotheses, self.outcome.mean, self.outcome.variance, strict=True)
+            record["foretold"] = [
+                {"effects": list(h), "mean": _short(mean), "sd": _short(np.sqrt(variance))}
+                for h, mean, variance in rows
+            ]
+        return record
+
+
+def _short(values: Array) -> list[float]:
+    """Return values to six digits, which records need no more of."""
+    return [float(f"{value:.6g}") for value in values]
+
+
+def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, float]:
+    """Return the mutual information of hypothesis and outcome, nats, and the chance to settle."""
+    generator = np.random.default_rng(seed)
+    width = np.sqrt(outcome.variance)
+    # As many draws of each hypothesis as its probability: less noise than drawing which.
+    counts = np.maximum(1, np.round(DRAWN * probabilities)).astype(int)
+    gain = settled = 0.0
+    log_prior = np.log(probabilities)
+    for place, count in enumerate(counts):
+        drawn = outcome.mean[place] + width[place] * generator.standard_normal(
+            (count, width.shape[1])
+        )
+        score = (drawn[:, None] - outcome.mean) / width
+        log = (-0.5 * score**2 - np.log(width)).sum(axis=2)
+        own = log[:, place] - logsumexp(log + log_prior, axis=1)
+        gain += probabilities[place] * float(own.mean())
+        after = own + log_prior[place]
+        settled += probabilities[place] * float((after > np.log(NAMED)).mean())
+    return max(0.0, gain), settled
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What is known when the next test is chosen."""
+
+    bench: Bench
+    seen: Observed
+    scored: Mapping[Hypothesis, Scored]
+    unknown: Unknown
+    belief: Probabilities
+    effects: Mapping[str, Effect]
+    leading: Hypothesis
+
+    @property
+    def plausible(self) -> tuple[Hypothesis, ...]:
+        """Hypotheses that take part."""
+        return tuple(h for h, p in self.belief.items() if p > LEAST)
+
+    @property
+    def setting(self) -> Setting:
+        """A setting of the bench without effects."""
+        return setting_of(self.bench)
+
+
+def choose(standing: Standing) -> tuple[NextTest, ...]:
+    """Return the tests, the best first."""
+    names = standing.plausible
+    shares = np.array([standing.belief[h] for h in names])
+    shares = shares / shares.sum()
+    tests = []
+    for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]:
+        nats, settles = told(shares, said)
+        tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
+    # Where nothing is in doubt the test that shows the cause directly confirms it.
+    named = set(names[int(np.argmax(shares))])
+    # So does the one that shows the sense, on which all sizes rest where nobody noted it.
+    named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
+    tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
+    if shares.max() <= NAMED:
+        tests.sort(key=lambda t: -t.value)
+    first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
+    return (*first, *tests)
+
+
+def _look(standing: Standing) -> list[NextTest]:
+    """Return the test that shows where along the shift an unknown gap arises, if there is any."""
+    said, seen = foretold(standing, standing.leading), standing.seen
+    left = seen.time - said.mean
+    score = abs(left) / np.sqrt(said.variance + said.single / np.maximum(1.0, seen.shifts))
+    if not np.isfinite(score).any():
+        return []
+    place = int(np.nanargmax(score))
+    cell, where = standing.bench.cells[place], _where(standing.bench, place)
+    before = " more" if cell.traces else ""
+    name = f"traces of {TRACED}{before} shifts at {where}"
+    how = (
+        f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
+        f"{where}, where the nearest hypothesis misses the mean by {1e3 * left[place]:+.0f} ms."
+    )
+    asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
+    return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED, asked)]
+
+
+def _point(bench: Bench, place: int) -> tuple[float, float]:
+    point = bench.cells[place].point
+    return point.mismatch, point.profile.force
+
+
+def _where(bench: Bench, place: int) -> str:
+    mismatch, force = _point(bench, place)
+    return f"{number(mismatch / RPM)} 1/min and {number(force)} N"
+
+
+Offer = tuple[str, str, float, Asked, tuple[str, ...], Outcome]
+
+
+def _direct(standing: Standing) -> list[Offer]:
+    grouped: dict[str, list[Effect]] = {}
+    for effect in standing.effects.values():
+        grouped.setdefault(effect.test.name, []).append(effect)
+    return [
+        (
+            name,
+            those[0].test.how,
+            HOURS.get(name, DIRECT),
+            Asked("direct", tuple(name for effect in those for name in _read(effect))),
+            tuple(effect.name for effect in those),
+            _parameters(standing, those),
+        )
+        for name, those in grouped.items()
+    ]
+
+
+def _read(effect: Effect) -> tuple[str, ...]:
+    """Return what a direct test reads of an effect: its parameters, or whether it is there."""
+    return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
+
+
+def _absent(effect: Effect, setting: Setting) -> list[float]:
+    return [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
+
+
+def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
+    """Return what hypotheses say of the parameters of some effects, as shares of their priors.
+
+    An effect without parameters is there (1) or not (0).
+    """
+    setting = standing.setting
+    absent = np.array([share for effect in effects for share in _absent(effect, setting)])
+    means, variances = [], []
+    for hypothesis in standing.plausible:
+        mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
+        start = 0
+        for effect in effects:
+            place = slice(start, start + len(_read(effect)))
+            start = place.stop
+            if effect.name in hypothesis and not effect.parameters:
+                mean[place] = 1.0
+            elif effect.name in hypothesis:
+                found = standing.scored[hypothesis]
+                shares = found.rows.shares[:, found.space.columns(effect.name)]
+                weights = found.weights()
+                mean[place] = weights @ shares
+                variance[place] += weights @ (shares - mean[place]) ** 2
+        means.append(mean)
+        variances.append(variance)
+    return Outcome(np.array(means), np.array(variances))
+
+
+def _more(standing: Standing) -> list[Offer]:
+    """Return more shifts at each operating point of the data set."""
+    found: list[Offer] = []
+    said = [foretold(standing, hypothesis) for hypothesis in standing.plausible]
+    for place in range(len(standing.bench.cells)):
+        where = _where(standing.bench, place)
+        for count in MORE:
+            mean = np.array([[one.mean[place]] for one in said])
+            variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
+            name = f"{count} more shifts at {where}"
+            how = f"Record {count} more shifts at {where}, each with its own time."
+            if np.isfinite(mean).all() and np.isfinite(variance).all():
+                asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
+                outcome = Outcome(mean, variance)
+                found.append((name, how, SETUP + SHIFT * count, asked, (), outcome))
+    return found
+
+
+@dataclass(frozen=True)
+class Foretold:
+    """What a hypothesis says of the data set's cells given all data, (cells,) each; s, s^2.
+
+    ``variance`` is that of the mean (parameters, simulation), ``single`` that of single shifts.
+    """
+
+    mean: Array
+    variance: Array
+    single: Array
+
+
+def foretold(standing: Standing, hypothesis: Hypothesis) -> Foretold:
+    """Return what a hypothesis says of each cell."""
+    if hypothesis == UNKNOWN:
+        baseline = standing.scored[()].rows.predicted
+        mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
+        return Foretold(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
+    found = standing.scored[hypothesis]
+    whole = found.weights()
+    # Values with which nothing engages have no mean; where they matter the cell is left out.
+    counting = whole > 1e-6 * whole.max()
+    predicted: Predicted = found.rows.predicted.rows(counting)
+    weights = whole[counting] / whole[counting].sum()
+    mean = weights @ predicted.mean
+    # Errors of the simulation are common to all hypotheses and part none of them, but they limit
+    # what any outcome can say.
+    variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
+    return Foretold(mean, variance, weights @ predicted.sd**2)
+
+
+def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) -> str:
+    """Return in a sentence or two why a test is the next."""
+    open_to = [h for h, p in belief.items() if p > 0.05][:4]
+    common = in_common(open_to)
+    doubt = [plain(without(h, common), effects) for h in open_to]
+    cost = f"about {number(test.hours)} h of work"
+    if test.information is None:
+        return f"{test.how} They show where along the shift the rest arises ({cost})."
+    if test.information < WORTH or len(doubt) < 2:
+        return f"{test.how} It would confirm the finding from outside ({cost})."
+    those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
+    if max(belief.values()) > NAMED:
+        return f"{test.how} It tells most for its cost, open are {those} ({cost})."
+    return (
+        f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "
+        f"open are {those}."
+    )

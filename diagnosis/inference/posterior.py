@@ -1,0 +1,158 @@
+"""Probabilities of hypotheses, where an effect too weak to be seen counts as none.
+
+An effect whose strength the data cannot show predicts what none predicts, and a pair with one
+such partner what the other predicts. That share of a hypothesis' posterior goes to the simpler
+one, so that effects which the data cannot see neither gain nor lose.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.bench.sense import Sense
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Scored
+from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space, priors_of
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+DRAWN = 2000  #: values drawn from the posterior of several effects
+NEGLIGIBLE = 1e-4  #: probability below which several effects are not looked into
+
+Probabilities = dict[Hypothesis, float]
+
+
+def probabilities(
+    logs: Mapping[Hypothesis, float],
+    like: Mapping[Hypothesis, Hypothesis] | None = None,
+    sense: Sense = "known",
+) -> Probabilities:
+    """Return posterior probabilities from the logarithms of evidences.
+
+    ``like`` says which hypotheses are, before the data, as probable as which others; ``sense``
+    whether the sign of the mismatch is known.
+    """
+    as_others = like or {}
+    priors = priors_of([h for h in logs if h not in as_others], sense)
+    log = np.array([logs[h] + np.log(priors[as_others.get(h, h)]) for h in logs])
+    values = np.exp(log - logsumexp(log))
+    return dict(zip(logs, values.tolist(), strict=True))
+
+
+@dataclass(frozen=True)
+class Folding:
+    """For each hypothesis, the shares of its posterior that belong to simpler ones, and itself."""
+
+    shares: Mapping[Hypothesis, Mapping[Hypothesis, float]]
+
+    def fold(self, raw: Probabilities) -> Probabilities:
+        """Return probabilities in which what cannot be seen counts as absent."""
+        folded = dict.fromkeys(raw, 0.0)
+        for hypothesis, probability in raw.items():
+            for target, share in self.shares.get(hypothesis, {hypothesis: 1.0}).items():
+                folded[target] += probability * share
+        return dict(sorted(folded.items(), key=lambda item: -item[1]))
+
+
+def folding(
+    problem: Problem, scored: Sequence[Scored], metric: Metric, raw: Probabilities
+) -> Folding:
+    """Return which share of each hypothesis the data cannot tell from a simpler one."""
+    spaces = {one.hypothesis: one.space for one in scored}
+    baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
+    nothing = metric.of(baseline)
+    found: dict[Hypothesis, Mapping[Hypothesis, float]] = {}
+    for one in scored:
+        if len(one.hypothesis) == 1:
+            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < VISIBLE
+            share = float(one.weights()[weak].sum())
+            found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
+        elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
+            found[one.hypothesis] = _several(problem, one, spaces, metric, nothing)
+    return Folding(found)
+
+
+def _several(
+    problem: Problem,
+    whole: Scored,
+    spaces: Mapping[Hypothesis, Space],
+    metric: Metric,
+    nothing: Array,
+) -> Mapping[Hypothesis, float]:
+    """Return the shares of a posterior that are none, all effects but one, or all."""
+    which, counts = np.unique(whole.draw(DRAWN, np.random.default_rng(1)), return_counts=True)
+    drawn, weights = whole.rows.only(which), counts / DRAWN
+    places = metric.of(drawn.predicted)
+    targets: list[Hypothesis] = [NONE]
+    apart = [squared(places, nothing)[:, 0]]
+    for part in itertools.combinations(whole.hypothesis, len(whole.hypothesis) - 1):
+        if part in spaces:
+            alone = _alone(problem, whole.space, spaces[part], drawn.shares)
+            apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
+            targets.append(part)
+    table = np.stack(apart)
+    # The nearer part has it where either alone would do; none before either.
+    table[0] = np.where(table[0] < VISIBLE, -1.0, table[0])
+    nearest = np.argmin(table, axis=0)
+    hidden = table.min(axis=0) < VISIBLE
+    shares = {
+        target: float(weights[hidden & (nearest == place)].sum())
+        for place, target in enumerate(targets)
+    }
+    return {**shares, whole.hypothesis: float(weights[~hidden].sum())}
+
+
+def _alone(problem: Problem, whole: Space, part: Space, shares: Array) -> Predicted:
+    columns = [shares[:, whole.columns(effect.name)] for effect in part.effects]
+    return problem.predicted(part.hypothesis, part.values(np.hstack(columns)))
+
+
+def noise(
+    top: Hypothesis,
+    raw: Probabilities,
+    folding: Folding,
+    scored: Mapping[Hypothesis, Scored],
+) -> float:
+    """Return the Monte Carlo standard error of a hypothesis' probability.
+
+    Errors of the evidences count, and that the shares which fold into simpler hypotheses are those
+    of finitely many values.
+    """
+    parts = {h: folding.shares.get(h, {h: 1.0}).get(top, 0.0) for h in raw}
+    whole = sum(raw[h] * share for h, share in parts.items())
+    variance = 0.0
+    for hypothesis, one in scored.items():
+        error = one.error if np.isfinite(one.error) else 0.0
+        share = parts.get(hypothesis, 0.0)
+        probability = raw.get(hypothesis, 0.0)
+        variance += (probability * (share - whole) * error) ** 2
+        several = len(hypothesis) > 1
+        count = 1.0 / float((one.weights() ** 2).sum()) if 0.0 < share < 1.0 else np.inf
+        count = min(count, float(DRAWN)) if several else count
+        variance += probability**2 * share * (1.0 - share) / count
+    return float(np.sqrt(variance))
+
+
+def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabilities:
+    """Return probabilities in which what cannot have made the data counts as unknown.
+
+    Evidence only ranks what was thought of; the best of them may still miss the data. A hypothesis
+    keeps the share that its predictive p-value has of the limit below which it fails.
+    """
+    kept = {h: p * min(1.0, fits.get(h, ADEQUATE) / ADEQUATE) for h, p in folded.items()}
+    kept[UNKNOWN] = kept.get(UNKNOWN, 0.0) + sum(folded.values()) - sum(kept.values())
+    return dict(sorted(kept.items(), key=lambda item: -item[1]))
+
+
+def inclusion(folded: Probabilities) -> dict[str, float]:
+    """Return for each effect the probability that it is part of the cause."""
+    found: dict[str, float] = {}
+    for hypothesis, probability in folded.items():
+        for name in () if hypothesis == UNKNOWN else hypothesis:
+            found[name] = found.get(name, 0.0) + probability
+    return dict(sorted(found.items(), key=lambda item: -item[1]))

@@ -1,0 +1,121 @@
+"""Whether a hypothesis can have made the data at all: its posterior predictive p-value.
+
+Of values drawn from the posterior, each cell gives normal scores for its mean, for the spread of
+its single shifts, for the number of late ones and for its share engaged, and each force profile
+one for the marks of its flight. Their squares are added up, and the p-value is the posterior mean
+of the probability of a larger sum (Gelman, Meng and Stern 1996, realised discrepancies). Means,
+spreads and marks give chi-square; what counts give is few numbers, so that replicates of the counts
+say how large their part is where the hypothesis holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+from scipy.stats import betabinom, chi2
+
+from dogshape.diagnosis.likelihood.cell_likelihood import (
+    Said,
+    beta_of,
+    late_counts,
+    spread_score,
+    time_score,
+)
+from dogshape.diagnosis.likelihood.common_error import Slopes, explained, shared_errors
+from dogshape.diagnosis.likelihood.flight_likelihood import flight_scores
+from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.terms import Array
+
+DRAWN = 2000  #: values drawn from the posterior
+REPLICATES = 20_000  #: of the counts, over all values
+FEW = 100  #: shifts up to which counts are replicated; of more their scores are normal
+ADEQUATE = 0.01  #: p-value below which a hypothesis fails
+MOST = 1e-12  #: least probability that is told from none
+
+
+def p_value(problem: Problem, found: Scored) -> float:
+    """Return the posterior predictive p-value of a hypothesis."""
+    generator = np.random.default_rng(1)
+    rows, weights = np.unique(found.draw(DRAWN, generator), return_counts=True)
+    values = found.space.values(found.rows.shares[rows])
+    said = problem.said(found.hypothesis, values)
+    seen = problem.seen
+    late = np.array([times.size for times in seen.late], dtype=float)
+    few = seen.tried <= FEW
+    telling = (seen.tried > 0) & ((seen.failed > 0) | (said.engaged.min(axis=1) < 0.98))
+    timely = time_score(seen, said)[seen.shifts > 0]
+    scores = np.vstack(
+        [
+            timely,
+            spread_score(seen, said)[seen.freedom > 0],
+            _count_score(*(a[telling & ~few] for a in (seen.tried, seen.engaged, *beta_of(said)))),
+            _count_score(*(a[seen.single > FEW] for a in (seen.single, late, *late_counts(said)))),
+            flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
+        ]
+    )
+    alone = (seen.single > 0) & (seen.single <= FEW)
+    counts = [
+        _counted(*(a[telling & few] for a in (seen.tried, seen.engaged, *beta_of(said)))),
+        _counted(*(a[alone] for a in (seen.single, late, *late_counts(said)))),
+    ]
+    if not len(scores) and not any(len(one.seen) for one in counts):
+        return 1.0
+    taken = explained(*_in_common(seen, said, timely, problem.common))
+    squares = (scores**2).sum(axis=0) - taken
+    left: Array = np.reshape(squares, (-1, 1))
+    for one in counts:
+        mine: Array = (one.seen**2).sum(axis=0)
+        left = left + mine.reshape(-1, 1) - one.squares(generator)
+    tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
+    return float(np.average(tails.mean(axis=1), weights=weights))
+
+
+@dataclass(frozen=True)
+class _Counted:
+    """Normal scores of counts: of those seen, and of all that could be, (cells, m, counts)."""
+
+    seen: Array
+    every: Array
+    chances: Array
+
+    def squares(self, generator: np.random.Generator) -> Array:
+        """Draw sums of squared scores where the hypothesis holds, (m, replicates)."""
+        total = np.zeros((self.seen.shape[1], -(-REPLICATES // self.seen.shape[1])))
+        for scores, chances in zip(self.every, self.chances, strict=True):
+            edges = np.cumsum(chances, axis=1)
+            drawn: Array = np.asarray(generator.random(total.shape))
+            place = (np.expand_dims(drawn, 2) > edges[:, None, :-1]).sum(axis=2)
+            total += np.take_along_axis(scores, place, axis=1) ** 2
+        return total
+
+
+def _count_score(tried: Array, seen: Array, a: Array, b: Array) -> Array:
+    """Score counts (cells,) at the middle of their probability, (cells, m)."""
+    law = betabinom(tried[:, None], a, b)
+    middle = law.cdf(seen[:, None]) - 0.5 * law.pmf(seen[:, None])
+    scores: Array = ndtri(np.clip(middle, MOST, 1.0 - MOST))
+    return scores
+
+
+def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:
+    """Score counts (cells,) that are beta-binomial, at the middle of their probability."""
+    numbers = np.arange(int(tried.max(initial=0.0)) + 1.0)
+    law = betabinom(tried[:, None, None], a[..., None], b[..., None])
+    chances = np.where(numbers <= tried[:, None, None], law.pmf(numbers), 0.0)
+    middle = np.cumsum(chances, axis=2) - 0.5 * chances
+    every = ndtri(np.clip(middle, MOST, 1.0 - MOST))
+    place = np.broadcast_to(seen.astype(int)[:, None, None], (*every.shape[:2], 1))
+    return _Counted(np.take_along_axis(every, place, axis=2)[..., 0], every, chances)
+
+
+def _in_common(seen: Observed, said: Said, scores: Array, common: Array) -> tuple[Slopes, Array]:
+    """Return what scores of cells with times (cells, m) are as slopes, and errors in common."""
+    having = seen.shifts > 0
+    squares = said.sd[having] ** 2 / seen.shifts[having, None] + said.error[having] ** 2
+    # What says nothing of a cell's times errs there with nothing in common.
+    precision = np.nan_to_num(1.0 / squares.T)
+    slopes = Slopes(scores.T * np.sqrt(precision), precision)
+    return slopes, shared_errors(common[having], np.nan_to_num(said.common[having].T))

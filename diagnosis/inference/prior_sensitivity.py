@@ -1,0 +1,84 @@
+"""The answer under other readings: given what is known at rest, other priors, other counts.
+
+Where a reading at rest shows an effect, it is there whatever else is: the plausible hypotheses are
+then tried with it too, as probable before the data as they are without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.sense import predictable
+from dogshape.diagnosis.inference.evidence import evidence, with_width
+from dogshape.diagnosis.inference.posterior import Probabilities, judged, probabilities
+from dogshape.diagnosis.inference.ranking import Ranking, plausible_fits
+from dogshape.diagnosis.inference.static_readings import Fact, facts_of, given, log_neutral
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, spaces_for
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effect import Effect
+
+SHOWN = 8.0  #: log odds of a reading at rest against no such effect, from which the effect is there
+
+
+def readings(
+    problem: Problem, bench: Bench, ranking: Ranking, effects: Mapping[str, Effect]
+) -> dict[str, Probabilities]:
+    """Return the probabilities given each fact, under other priors, and with unknown as failed."""
+    found, free = {}, ranking.free.log_evidence
+    for fact in facts_of(bench):
+        more = _with_effect(problem, bench, ranking, fact, effects)
+        every = {**ranking.scored, **{h: one for h, (one, _) in more.items()}}
+        agreed = {h: given(one, fact) for h, one in every.items()}
+        like = {h: bare for h, (_, bare) in more.items()}
+        key = f"given_{fact.parameter}"
+        found[key] = _read(problem, ranking, agreed, free + log_neutral(fact), like)
+    for key, factor in (("priors_halved", 0.5), ("priors_doubled", 2.0)):
+        changed = {h: with_width(one, factor) for h, one in ranking.scored.items()}
+        found[key] = _read(problem, ranking, changed, free)
+    if problem.seen.unknown.any():
+        failed = {h: one.read_as_failed() for h, one in ranking.scored.items()}
+        log = ranking.free.log_evidence_as_failed
+        found["unknown_as_failed"] = _read(_as_failed(problem), ranking, failed, log)
+    return found
+
+
+def _with_effect(
+    problem: Problem,
+    bench: Bench,
+    ranking: Ranking,
+    fact: Fact,
+    effects: Mapping[str, Effect],
+) -> dict[Hypothesis, tuple[Scored, Hypothesis]]:
+    """Return plausible hypotheses with the effect that a fact shows, and what each is without."""
+    known = float(fact.log_density(np.array([fact.value]))[0])
+    if fact.effect not in effects or known - log_neutral(fact) < SHOWN or problem.flights:
+        return {}
+    bare = [h for h in ranking.fits if fact.effect not in h]
+    names: dict[Hypothesis, Hypothesis] = {tuple(sorted((*h, fact.effect))): h for h in bare}
+    names = {more: h for more, h in names.items() if predictable(more, problem.sense)}
+    spaces = spaces_for(list(names), effects, setting_of(bench))
+    found = {space.hypothesis: evidence(problem, space) for space in spaces}
+    return {h: (one, names[h]) for h, one in found.items()}
+
+
+def _as_failed(problem: Problem) -> Problem:
+    seen = problem.seen
+    counted = replace(seen, failed=seen.failed + seen.unknown, unknown=0.0 * seen.unknown)
+    return replace(problem, seen=counted)
+
+
+def _read(
+    problem: Problem,
+    ranking: Ranking,
+    scored: Mapping[Hypothesis, Scored],
+    free: float,
+    like: Mapping[Hypothesis, Hypothesis] | None = None,
+) -> Probabilities:
+    logs = {h: one.log_evidence for h, one in scored.items()}
+    folded = ranking.fold.fold(probabilities({**logs, UNKNOWN: free}, like, problem.sense))
+    return judged(folded, plausible_fits(problem, scored, folded))

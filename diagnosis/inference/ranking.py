@@ -1,0 +1,172 @@
+"""Hypotheses ranked by a data set: evidence, what cannot be seen, and what fits at all.
+
+None, each effect and the plausible pairs are scored. Where none of them can have made the data and
+a pair leads, that pair and its nearest rivals are tried with each further effect. Where the sense
+of rotation is unknown, this goes for each sense by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.sense import REVERSED, SHARES, forward
+from dogshape.diagnosis.inference.classes import PLAUSIBLE
+from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.inference.posterior import (
+    Folding,
+    Probabilities,
+    folding,
+    judged,
+    probabilities,
+)
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE, p_value
+from dogshape.diagnosis.inference.unknown import Unknown, unknown
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.likelihood.signature import Metric, metric_of
+from dogshape.diagnosis.prediction.hypotheses import (
+    NONE,
+    UNKNOWN,
+    Space,
+    spaces_for,
+    spaces_of,
+    with_third,
+)
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effect import Effect
+
+NEAR = 0.03  #: probability of a pair beside that of all pairs, from which it is tried with a third
+MOST = 5  #: such pairs
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """What the data say of each hypothesis.
+
+    Parameters
+    ----------
+    scored : every hypothesis but unknown with its evidence.
+    free : the hypothesis unknown.
+    raw : probabilities by evidence.
+    fold : which share of each belongs to simpler ones.
+    folded : probabilities with weak effects counted as none, the largest first.
+    fits : predictive p-values of plausible hypotheses.
+    """
+
+    scored: Mapping[Hypothesis, Scored]
+    free: Unknown
+    metric: Metric
+    raw: Probabilities
+    fold: Folding
+    folded: Probabilities
+    fits: Mapping[Hypothesis, float]
+
+    @property
+    def belief(self) -> Probabilities:
+        """Probabilities in which what cannot have made the data counts as unknown."""
+        return judged(self.folded, self.fits)
+
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable hypothesis of those that say what is different."""
+        return next(h for h in self.folded if h != UNKNOWN)
+
+    @property
+    def fails(self) -> bool:
+        """Whether nothing that is plausible can have made the data."""
+        return not any(p >= ADEQUATE for p in self.fits.values())
+
+
+def rank(
+    problem: Problem,
+    bench: Bench,
+    effects: Mapping[str, Effect],
+    pairs: Sequence[Hypothesis] | None = None,
+) -> Ranking:
+    """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
+    setting, free = setting_of(bench), unknown(problem, bench)
+    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense))
+    first = _ranked(problem, scored, free)
+    near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
+    # The flight with three effects at once is not tabulated.
+    if not near or problem.flights:
+        return first
+    threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
+    best = max(one.log_evidence for one in scored.values())
+    return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free)
+
+
+def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
+    """Return the pairs to try with a third effect, for each sense that may be the true one.
+
+    Either sense is looked into as deeply as if it were known.
+    """
+    open_to = problem.sense == "unknown" and any(REVERSED in h for h in first.raw)
+    views = [within_sense(problem, first, s) for s in (False, True)] if open_to else [first]
+    those = [view for view in views if view.fails and len(forward(view.leading)) == 2]
+    return [pair for view in those for pair in _near(view)]
+
+
+def sense_chances(raw: Probabilities) -> dict[bool, float]:
+    """Return the probability of the reversed sense (True) and of the other one, if unknown.
+
+    What no known effect explains says nothing of the sense.
+    """
+    other = sum(p for h, p in raw.items() if REVERSED in h)
+    other += SHARES["unknown"] * raw.get(UNKNOWN, 0.0)
+    return {False: 1.0 - other, True: other}
+
+
+def within_sense(problem: Problem, ranking: Ranking, other: bool) -> Ranking:
+    """Return the ranking given that the unknown sense is reversed (``other``) or not."""
+    share = SHARES["unknown"] if other else 1.0 - SHARES["unknown"]
+    mine = {h: share if h == UNKNOWN else float((REVERSED in h) == other) for h in ranking.raw}
+    whole = sum(p * mine[h] for h, p in ranking.raw.items())
+    raw = {h: p * mine[h] / whole for h, p in ranking.raw.items()}
+    fold = folding(problem, list(ranking.scored.values()), ranking.metric, raw)
+    folded = fold.fold(raw)
+    fits = plausible_fits(problem, ranking.scored, folded)
+    return replace(ranking, raw=raw, fold=fold, folded=folded, fits=fits)
+
+
+def _near(first: Ranking) -> list[Hypothesis]:
+    """Return the pairs of which a third effect may make the cause, the likeliest first.
+
+    By evidence: which of them is nearest to the data by itself says little where none can be.
+    """
+    pairs = {h: p for h, p in first.raw.items() if len(forward(h)) == 2}
+    least = NEAR * sum(pairs.values())
+    found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
+    return list(dict.fromkeys([first.leading, *found]))[:MOST]
+
+
+def plausible_fits(
+    problem: Problem, scored: Mapping[Hypothesis, Scored], folded: Probabilities
+) -> dict[Hypothesis, float]:
+    """Return predictive p-values of the hypotheses that are plausible."""
+    those = [h for h, p in folded.items() if h != UNKNOWN and p > PLAUSIBLE]
+    return {h: p_value(problem, scored[h]) for h in those}
+
+
+def _scored(
+    problem: Problem, spaces: Sequence[Space], best: float = -np.inf
+) -> dict[Hypothesis, Scored]:
+    """Return evidences in turn, so that what is hopeless beside the best is left early."""
+    found: dict[Hypothesis, Scored] = {}
+    for space in spaces:
+        found[space.hypothesis] = evidence(problem, space, best)
+        best = max(best, found[space.hypothesis].log_evidence)
+    return found
+
+
+def _ranked(problem: Problem, scored: Mapping[Hypothesis, Scored], free: Unknown) -> Ranking:
+    logs = {h: one.log_evidence for h, one in scored.items()}
+    raw = probabilities({**logs, UNKNOWN: free.log_evidence}, sense=problem.sense)
+    metric = metric_of(problem.seen, scored[NONE].rows.predicted)
+    fold = folding(problem, list(scored.values()), metric, raw)
+    folded = fold.fold(raw)
+    fits = plausible_fits(problem, scored, folded)
+    return Ranking(scored, free, metric, raw, fold, folded, fits)

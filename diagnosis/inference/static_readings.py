@@ -1,0 +1,132 @@
+r"""What is known of an effect besides the shifts: readings of the stand at rest.
+
+Static readings of the actuator after engagement, displacement *x* over force *F* at the arm, lie on
+a line :math:`x = x_0 + F/k` where the linkage is elastic. With the linkage's ratio *i* and
+efficiency :math:`\eta` a compliance at the arm is :math:`c = (1/k)/(i^2 \eta)` at the sleeve, where
+forces are :math:`i \eta` times those at the arm; :math:`\eta` is at most one. The travel without
+force gives the ratio again, :math:`i = x_0/\text{travel}`, and so by how much the nominal forces
+at the sleeve are off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.inference.parameter_intervals import intervals
+from dogshape.diagnosis.likelihood.scores import Scored
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.units import MM
+
+LEAST = 3  #: readings that a line needs
+SURE = 1.645  #: standard errors to the ends of 90 %
+SPREAD = 0.05  #: share of a value by which a fact is uncertain at least
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A parameter of an effect measured without shifts: value and standard error, in its unit.
+
+    ``neutral`` is what it is without the effect.
+    """
+
+    effect: str
+    parameter: str
+    neutral: float
+    value: float
+    error: float
+    sentence: str
+
+    @property
+    def low(self) -> float:
+        """Lower end of 90 %."""
+        return self.value - SURE * self.error
+
+    @property
+    def high(self) -> float:
+        """Upper end of 90 %."""
+        return self.value + SURE * self.error
+
+    def log_density(self, values: Array) -> Array:
+        """Return the logarithm of the density of the reading at values (m,) of the parameter."""
+        score = (values - self.value) / self.error
+        result: Array = -0.5 * score**2 - np.log(self.error)
+        return result
+
+
+def facts_of(bench: Bench) -> tuple[Fact, ...]:
+    """Return what the static readings of a data set tell."""
+    ratio, efficiency = bench.sensor.linkage_ratio, bench.sensor.linkage_efficiency
+    pairs = [(c.arm_force, c.arm_displacement) for c in bench.calibration]
+    known = [(f, x) for f, x in pairs if f is not None and x is not None]
+    if ratio is None or len(known) < LEAST:
+        return ()
+    force, way = np.array(known).T
+    if np.ptp(force) <= 0.0:
+        return ()
+    line, matrix = np.polyfit(force, way, 1, cov="unscaled")
+    slope, start = map(float, line)
+    scatter = float(np.sqrt(((way - start - slope * force) ** 2).sum() / (len(known) - 2)))
+    errors = (scatter * np.sqrt(np.diag(matrix))).tolist()
+    given = 1.0 if efficiency is None else efficiency
+    found = [_compliance(slope, errors[0], ratio, given)] if slope > 0.0 else []
+    return (*found, _scale(start, errors[1], ratio, bench.clutch.dog.travel))
+
+
+def _compliance(slope: float, error: float, ratio: float, efficiency: float) -> Fact:
+    """Return the compliance at the sleeve, between the given efficiency and none lost."""
+    ends = np.array([slope / ratio**2, slope / (ratio**2 * efficiency)]) * 1e6
+    value = float(ends.mean())
+    spread = float(np.hypot(np.ptp(ends) / 12.0**0.5, value * error / slope))
+    sentence = (
+        f"static readings of the actuator give {slope * 1e6:.3g} mm/kN at the arm, which is "
+        f"{ends[0]:.3g} to {ends[1]:.3g} mm/kN at the sleeve (without loss, or with an efficiency "
+        f"of {efficiency:.3g})"
+    )
+    error = max(spread, SPREAD * value)
+    return Fact("linkage_compliance", "compliance_mm_kN", 0.0, value, error, sentence)
+
+
+def _scale(start: float, error: float, ratio: float, travel: float) -> Fact:
+    """Return the force over the nominal one, if the ratio is that of travels without force."""
+    value = start / travel / ratio
+    sentence = (
+        f"without force the actuator moves {start / MM:.3g} mm for {travel / MM:.3g} mm of the "
+        f"sleeve, a ratio of {start / travel:.3g} instead of {ratio:.3g}, so that forces at the "
+        f"sleeve would be {value:.3g} of the nominal ones"
+    )
+    spread = max(error / travel / ratio, SPREAD * value)
+    return Fact("force_scale", "force_factor", 1.0, value, spread, sentence)
+
+
+def given(found: Scored, fact: Fact) -> Scored:
+    """Return a hypothesis with its evidence where a fact is known beside the shifts.
+
+    Without the effect the parameter has its neutral value.
+    """
+    if fact.effect not in found.hypothesis:
+        return replace(found, log_evidence=found.log_evidence + log_neutral(fact))
+    values = found.space.values(found.rows.shares)[:, found.space.columns(fact.effect)][:, 0]
+    log = found.log_prior + fact.log_density(values)
+    return replace(found, log_prior=log).with_table(found.rows.log_likelihood)
+
+
+def log_neutral(fact: Fact) -> float:
+    """Return the logarithm of the density of a fact where its effect is absent."""
+    return float(fact.log_density(np.array([fact.neutral]))[0])
+
+
+def against(fact: Fact, scored: Mapping[Hypothesis, Scored]) -> str:
+    """Return in words whether what the effect alone would need agrees with a fact."""
+    alone = scored.get((fact.effect,))
+    if alone is None:
+        return fact.sentence
+    needed = intervals(alone)[fact.parameter]
+    ends = f"{needed.low:.3g} to {needed.high:.3g}"
+    agrees = needed.low <= fact.high and fact.low <= needed.high
+    how = "which agrees with" if agrees else "which contradicts"
+    name = fact.effect.replace("_", " ")
+    return f"{fact.sentence}; {how} the {ends} that {name} alone would need"

@@ -1,0 +1,208 @@
+r"""The hypothesis *unknown*: a structured gap that no known effect explains.
+
+Every cell's times are those of the baseline, moved by an offset :math:`b_c` of their own and
+stretched by a common factor, or in each cell by another. The offsets are a Gaussian process over
+the logarithms of force and mismatch,
+
+.. math:: K_{ij} = A^2 w_i w_j (\rho e^{-d_{ij}^2 / 2 \ell^2} + (1 - \rho) \delta_{ij}),
+
+with *w* one, or the baseline's mean time over its average. The likelihood of a cell as a function
+of its offset is put into the form :math:`S_c N(b_c; m_c, v_c)`, exact for means, so that the
+evidence is :math:`\prod S_c \cdot N(m; 0, V + K)`, summed over a grid of *A*, :math:`\ell`, *w*
+and stretch. A cell's share engaged is the baseline's or anything, half and half. The marks of the
+flight have offsets of their own (``diagnosis.likelihood.flight_likelihood``).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.likelihood.cell_likelihood import Said, log_engaged, log_sum, log_times
+from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
+from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.units import RPM
+
+SCALES = np.geomspace(0.005, 0.4, 12)  #: A, s
+LENGTHS = (0.5, 1.5, 5.0)  #: in units of the natural logarithm
+SMOOTH = 0.8  #: share of the variance that neighbours have in common
+#: Stretches of the spread, each with an error of its logarithm (None: the simulation's own), and
+#: their prior probabilities.
+STRETCHES = {(0.5, None): 0.2, (1.0, None): 0.4, (2.0, None): 0.2, (2.0, 1.5): 0.2}
+OFFSETS = np.sinh(np.linspace(-6.0, 6.0, 121)) / 4.0  #: in standard errors, to 50 either side
+
+
+@dataclass(frozen=True)
+class Offset:
+    """A cell's likelihood over its offset, as log S, mean and variance; None without times."""
+
+    log_size: float
+    mean: float
+    variance: float
+
+
+@dataclass(frozen=True)
+class Model:
+    """One member of the grid: what its offsets and its cells say.
+
+    ``kernel`` is (cells, cells), s^2; ``mean`` and ``variance`` those of the cells' likelihoods.
+    """
+
+    kernel: Array
+    offsets: tuple[Offset | None, ...]
+    log_prior: float
+
+    def log_evidence(self, cells: np.ndarray) -> float:
+        """Return the logarithm of the density of the times of some cells."""
+        places = self._having(cells)
+        if not places:
+            return 0.0
+        mean, variance, size = self._parts(places)
+        matrix = self.kernel[np.ix_(places, places)] + np.diag(variance)
+        root = np.linalg.cholesky(matrix)
+        scaled = np.linalg.solve(root, mean)
+        log = -0.5 * scaled @ scaled - np.log(np.diag(root)).sum()
+        return float(size + log - 0.5 * len(places) * np.log(2.0 * np.pi))
+
+    def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
+        """Return mean and variance of every cell's offset given some cells, (cells,) each."""
+        places = self._having(cells)
+        mean, variance, _ = self._parts(places)
+        matrix = self.kernel[np.ix_(places, places)] + np.diag(variance)
+        across = self.kernel[:, places]
+        gain = np.linalg.solve(matrix, across.T).T
+        return gain @ mean, np.diag(self.kernel) - (gain * across).sum(axis=1)
+
+    def _having(self, cells: np.ndarray) -> list[int]:
+        return [k for k in np.flatnonzero(cells).tolist() if self.offsets[k] is not None]
+
+    def _parts(self, places: Sequence[int]) -> tuple[Array, Array, float]:
+        those = [o for k in places if (o := self.offsets[k]) is not None]
+        sizes = sum(o.log_size for o in those)
+        return np.array([o.mean for o in those]), np.array([o.variance for o in those]), sizes
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """The hypothesis with its evidence.
+
+    ``engaged`` and ``as_failed`` are the logarithms of what is said of the shares, (cells,), the
+    latter with the unknown shifts read as failed; ``flight`` that of the marks of flights.
+    """
+
+    models: tuple[Model, ...]
+    baseline: Array
+    engaged: Array
+    as_failed: Array
+    flight: float = 0.0
+
+    @property
+    def log_evidence(self) -> float:
+        """Logarithm of the evidence of all cells."""
+        return self._total() + float(self.engaged.sum()) + self.flight
+
+    @property
+    def log_evidence_as_failed(self) -> float:
+        """The same with the unknown shifts read as failed."""
+        return self._total() + float(self.as_failed.sum()) + self.flight
+
+    def _total(self) -> float:
+        cells = np.ones(self.baseline.size, dtype=bool)
+        return float(log_sum(self._logs(cells), axis=0))
+
+    def _logs(self, cells: np.ndarray) -> Array:
+        return np.array([m.log_prior + m.log_evidence(cells) for m in self.models])
+
+    def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
+        """Return mean time and variance of the offset of every cell given the data of some."""
+        log = self._logs(cells)
+        weights = np.exp(log - log_sum(log, axis=0))
+        kept = [
+            (w, m.predict(cells)) for w, m in zip(weights, self.models, strict=True) if w > 1e-4
+        ]
+        share = np.array([w for w, _ in kept])[:, None] / sum(w for w, _ in kept)
+        means, variances = (np.array([one[k] for _, one in kept]) for k in (0, 1))
+        mean = (share * means).sum(axis=0)
+        spread = (share * (variances + (means - mean) ** 2)).sum(axis=0)
+        return self.baseline + mean, spread
+
+
+def unknown(problem: Problem, bench: Bench) -> Unknown:
+    """Return the hypothesis for a data set."""
+    seen, said = problem.seen, problem.said((), np.zeros((1, 0)))
+    means = said.whole[0][:, 0]
+    places = np.array(
+        [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
+    )
+    models = []
+    for (stretch, shape), weight in STRETCHES.items():
+        offsets = _offsets(seen, _stretched(said, stretch, shape))
+        models += _grid(places, means, offsets, np.log(weight), problem.common)
+    plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
+    flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
+    return Unknown(tuple(models), means, plain, failed, flight)
+
+
+def _grid(
+    places: Array,
+    means: Array,
+    offsets: tuple[Offset | None, ...],
+    log_prior: float,
+    common: Array,
+) -> list[Model]:
+    square = ((places[:, None] - places[None]) ** 2).sum(axis=2)
+    known = means[np.isfinite(means)]
+    relative = np.nan_to_num(means / known.mean(), nan=1.0) if known.size else np.ones(len(means))
+    found = []
+    number = len(SCALES) * len(LENGTHS) * 2
+    for scale, length, weight in itertools.product(SCALES, LENGTHS, (1.0, relative)):
+        shape = SMOOTH * np.exp(-0.5 * square / length**2) + (1.0 - SMOOTH) * np.eye(len(places))
+        sizes = scale * weight * np.ones(len(places))
+        kernel = np.outer(sizes, sizes) * shape + common @ common.T
+        found.append(Model(kernel, offsets, log_prior - float(np.log(number))))
+    return found
+
+
+def _stretched(said: Said, factor: float, shape: float | None) -> Said:
+    times = said.mean[..., None] + factor * (said.times - said.mean[..., None])
+    error = said.shape if shape is None else np.full_like(said.shape, shape)
+    return replace(said, times=times, sd=factor * said.sd, shape=error)
+
+
+def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
+    """Return each cell's likelihood over its offset in the form of a normal density."""
+    # A cell's own offset is no jump that the emulator missed.
+    plain = replace(said, missed=np.zeros_like(said.missed))
+    step = np.hypot(plain.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), plain.error[:, 0])
+    offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
+    log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
+    known = (seen.n > 0) & np.isfinite(plain.mean[:, 0])
+    return tuple(
+        _offset(row, line) if there else None
+        for row, line, there in zip(offsets, log, known, strict=True)
+    )
+
+
+def _offset(offsets: Array, log: Array) -> Offset:
+    weights = np.exp(log - log.max())
+    whole = weights.sum()
+    mean = float(weights @ offsets / whole)
+    variance = float(weights @ (offsets - mean) ** 2 / whole)
+    return Offset(float(log.max() + np.log(whole)), mean, max(variance, 1e-10))
+
+
+def _free_share(seen: Observed, said: Said, extra: float) -> Array:
+    """Return the log probability of numbers engaged by the baseline's share, or by any, (cells,).
+
+    ``extra`` is the share of unknown shifts that count as failed.
+    """
+    failed = seen.failed + extra * seen.unknown
+    by_baseline = log_engaged(seen, said, failed)[:, 0]
+    log: Array = np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)
+    return log

@@ -1,0 +1,96 @@
+"""The decision: a named effect, none, unknown, or ambiguous with what is left.
+
+- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data, and
+  each of its effects is part of the cause with more than 0.95, whatever else is; the sense of
+  rotation (``diagnosis.bench.sense``) is a setting beside these effects, and has to be as sure;
+- *none*: effects that the data could show have less than 0.2 together, and none can have made
+  the data; what each effect is at most stands beside it;
+- *unknown*: a gap of no known effect has more than 0.8; it has also what plausible hypotheses lose
+  that can hardly have made the data (``diagnosis.inference.posterior.judged``);
+- *ambiguous* otherwise, also where a class has more than 0.8 but none of its members: data of
+  this kind cannot part them. What is part of the cause in any case is still named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from dogshape.diagnosis.bench.sense import REVERSED, forward
+from dogshape.diagnosis.inference.classes import Confusion
+from dogshape.diagnosis.inference.posterior import Probabilities, inclusion
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.terms import Hypothesis
+
+NAMED = 0.8  #: probability from which a hypothesis is named
+MOST = 2  #: effects that are named at once; of more, each that is part of the cause in any case
+PART = 0.95  #: probability from which an effect is part of the cause, whatever else is
+CREDIBLE = 0.9  #: probability of the set that is given where nothing is named
+
+Kind = Literal["effect", "none", "unknown", "ambiguous"]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What is decided.
+
+    Parameters
+    ----------
+    kind : one of four.
+    causes : effects that are named.
+    credible : hypotheses that have 0.9 together, most probable first.
+    group : class of the most probable hypothesis, and its probability.
+    """
+
+    kind: Kind
+    causes: tuple[str, ...]
+    credible: tuple[Hypothesis, ...]
+    group: tuple[Hypothesis, ...]
+    group_probability: float
+
+
+def decide(
+    belief: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
+) -> Verdict:
+    """Return the verdict from probabilities, classes and predictive p-values.
+
+    ``fits`` has the plausible hypotheses, unknown left out.
+    """
+    ordered = sorted(belief, key=lambda h: -belief[h])
+    top = ordered[0]
+    group = confusion.class_of(top)
+    kind = _kind(belief, top, fits)
+    causes: tuple[str, ...] = top if kind == "effect" else ()
+    if kind == "ambiguous":
+        causes = tuple(name for name, p in inclusion(belief).items() if p > PART)
+    return Verdict(kind, causes, _credible(belief), group, sum(belief[h] for h in group))
+
+
+def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
+    if belief.get(UNKNOWN, 0.0) > NAMED:
+        return "unknown"
+    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
+        return "ambiguous"
+    # Another hypothesis may share no cause with the most probable one: then that is not certain.
+    part = inclusion(belief)
+    if any(part[name] <= PART for name in top):
+        return "ambiguous"
+    if top == NONE:
+        return "none"
+    # Sizes of effects are those of one sense.
+    doubted = REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - PART
+    return "ambiguous" if doubted else "effect"
+
+
+def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:
+    """Return the most probable hypotheses that have 0.9 together."""
+    found: list[Hypothesis] = []
+    whole = 0.0
+    for hypothesis in sorted(belief, key=lambda h: -belief[h]):
+        if whole >= CREDIBLE:
+            break
+        found.append(hypothesis)
+        whole += belief[hypothesis]
+    return tuple(found)

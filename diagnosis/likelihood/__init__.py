@@ -1,0 +1,1 @@
+"""Score predictions against bench data, cell by cell and trace by trace."""

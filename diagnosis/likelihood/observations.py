@@ -1,0 +1,120 @@
+"""What a bench shows at its operating points, as the likelihood reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
+from dogshape.diagnosis.bench.reading import Cell
+from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.shift.clutch import Clutch
+
+LEAST = 0.5e-3  #: s, the least spread of single shifts
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What a bench has at its operating points, each (cells,); times in s.
+
+    Parameters
+    ----------
+    singles : times of single shifts, cell by cell, (k,) each.
+    late : those of them that are late (``diagnosis.prediction.outliers``), likewise.
+    mean, n : grand mean of all other shifts with a time, alone or within means, and their number;
+        late ones may hide within means and among few single shifts.
+    log_sd, freedom : logarithm of the standard deviation of the single shifts that are not late,
+        and its degrees of freedom; 0 for both where there are fewer than two.
+    engaged, failed, unknown : shifts counted.
+    wait : from slot to slot, s.
+    mismatch : rad/s.
+    timeout : s.
+    flights : marks of the traces, one for each force profile that has any.
+    """
+
+    singles: tuple[Array, ...]
+    late: tuple[Array, ...]
+    mean: Array
+    n: Array
+    log_sd: Array
+    freedom: Array
+    engaged: Array
+    failed: Array
+    unknown: Array
+    wait: Array
+    mismatch: Array
+    timeout: float
+    flights: tuple[SeenFlight, ...] = ()
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return len(self.singles)
+
+    @property
+    def single(self) -> Array:
+        """Number of single shifts with a time, (cells,)."""
+        return np.array([times.size for times in self.singles], dtype=float)
+
+    @property
+    def shifts(self) -> Array:
+        """Number of shifts with a time, alone or within a mean, (cells,)."""
+        whole: Array = self.n + np.array([times.size for times in self.late])
+        return whole
+
+    @property
+    def tried(self) -> Array:
+        """Number of shifts known to have been tried, (cells,)."""
+        return self.engaged + self.failed
+
+    @property
+    def time(self) -> Array:
+        """Mean time of all shifts that have one, s, (cells,); NaN for none."""
+        whole = np.array([times.sum() for times in self.late]) + self.n * self.mean
+        return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
+
+
+def observe(bench: Bench) -> Observed:
+    """Return what a data set has."""
+    told = [_told(cell) for cell in bench.cells]
+    waits = [_wait(cell, bench.clutch) for cell in bench.cells]
+    counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
+    mean, n, log_sd, freedom = np.array([one for _, one in told]).reshape(-1, 4).T
+    engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
+    return Observed(
+        singles=tuple(cell.times for cell in bench.cells),
+        late=tuple(late for late, _ in told),
+        mean=mean,
+        n=n,
+        log_sd=log_sd,
+        freedom=freedom,
+        engaged=engaged,
+        failed=failed,
+        unknown=unknown,
+        wait=np.array(waits),
+        mismatch=np.array([cell.point.mismatch for cell in bench.cells]),
+        timeout=bench.clutch.timeout,
+        flights=flights_of(bench),
+    )
+
+
+def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
+    """Return late shifts of a cell, and mean, number, log sd and freedom of the others."""
+    means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
+    hidden = sum(n for _, n in means)
+    times = cell.times
+    soon = bulk(times) if times.size else times
+    timely = times[np.isfinite(soon)]
+    n = hidden + timely.size
+    mean = (sum(t * k for t, k in means) + float(timely.sum())) / max(1, n)
+    freedom = max(0, timely.size - 1)
+    spread = max(LEAST, float(timely.std(ddof=1))) if freedom else 1.0
+    return times[np.isnan(soon)], (mean, n, float(np.log(spread)), freedom)
+
+
+def _wait(cell: Cell, clutch: Clutch) -> float:
+    slip = abs(cell.point.mismatch)
+    return min(clutch.timeout, clutch.dog.pitch_angle / slip) if slip else clutch.timeout

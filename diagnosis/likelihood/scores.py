@@ -1,0 +1,255 @@
+"""Scores of one hypothesis at many values of its parameters, cell by cell.
+
+Everything that follows (evidence, refits on some of the cells, other priors, what a test would
+show) is a weighted sum over these rows, so the emulator is asked once for each value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from dogshape.diagnosis.bench.flight_marks import SeenFlight
+from dogshape.diagnosis.bench.sense import Sense
+from dogshape.diagnosis.likelihood.cell_likelihood import (
+    Rules,
+    Said,
+    log_as_failed,
+    log_engaged,
+    log_sum,
+    timed,
+)
+from dogshape.diagnosis.likelihood.common_error import (
+    Slopes,
+    common_errors,
+    log_common,
+    shared_errors,
+)
+from dogshape.diagnosis.likelihood.flight_likelihood import (
+    SaidFlight,
+    log_flights,
+    said_flight,
+    to_cells,
+)
+from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.prediction.hypotheses import NONE, Space
+from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What is said of each cell, each (m, cells); times in s.
+
+    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
+    ``log_sd`` is the logarithm of ``core_sd`` and ``shape`` its error, ``error`` the standard error
+    of the mean, of which ``model`` is that of any simulation.
+    ``flight`` are the marks of all force profiles, (m, K), None without traces.
+    """
+
+    mean: Array
+    sd: Array
+    error: Array
+    log_sd: Array
+    engaged: Array
+    engaged_error: Array
+    core: Array
+    core_sd: Array
+    model: Array
+    shape: Array
+    flight: Array | None = None
+
+    def rows(self, which: np.ndarray) -> Predicted:
+        """Return some of the values."""
+        parts = {name: part[which] for name, part in self._parts.items()}
+        return replace(self, **parts)
+
+    def joined(self, other: Predicted) -> Predicted:
+        """Return these values and others below them."""
+        both = {name: np.vstack([part, other._parts[name]]) for name, part in self._parts.items()}
+        return replace(self, **both)
+
+    @property
+    def _parts(self) -> dict[str, Array]:
+        """What there is, by name."""
+        every = {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {name: part for name, part in every.items() if part is not None}
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells).
+
+    ``slopes`` are those of the log likelihood over offsets of cells; ``common`` the errors that
+    cells have in common for any value, s, (cells, r), and ``joint`` such for each, s, (m, cells).
+    """
+
+    shares: Array
+    log_likelihood: Array
+    as_failed: Array
+    predicted: Predicted
+    slopes: Slopes
+    common: Array
+    joint: Array
+
+    @cached_property
+    def whole(self) -> Array:
+        """Log likelihood of all cells together, (m,)."""
+        return self.total(np.ones(self.log_likelihood.shape[1], dtype=bool))
+
+    def total(self, cells: np.ndarray) -> Array:
+        """Return the log likelihood of some cells together, (m,)."""
+        slopes = Slopes(self.slopes.first[:, cells], self.slopes.second[:, cells])
+        added: Array = self.log_likelihood[:, cells].sum(axis=1)
+        return added + log_common(slopes, shared_errors(self.common[cells], self.joint[:, cells]))
+
+    def joined(self, other: Rows) -> Rows:
+        """Return these rows and others below them."""
+        return Rows(
+            np.vstack([self.shares, other.shares]),
+            np.vstack([self.log_likelihood, other.log_likelihood]),
+            np.vstack([self.as_failed, other.as_failed]),
+            self.predicted.joined(other.predicted),
+            self.slopes.joined(other.slopes),
+            self.common,
+            np.vstack([self.joint, other.joint]),
+        )
+
+    def only(self, which: np.ndarray) -> Rows:
+        """Return some of the rows."""
+        return Rows(
+            self.shares[which],
+            self.log_likelihood[which],
+            self.as_failed[which],
+            self.predicted.rows(which),
+            self.slopes.rows(which),
+            self.common,
+            self.joint[which],
+        )
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What the bench shows and what says how hypotheses would have it.
+
+    ``sense`` says whether the sign of the mismatch is known.
+    """
+
+    seen: Observed
+    emulator: Emulator
+    rules: Rules
+    sense: Sense = "known"
+
+    @cached_property
+    def common(self) -> Array:
+        """Errors that cells have in common, s, (cells, r)."""
+        said = self.said(NONE, np.zeros((1, 0)))
+        return common_errors(self.seen.mismatch, said.mean[:, 0], self.rules.common_error)
+
+    def said(self, hypothesis: Hypothesis, values: Array) -> Said:
+        """Return what a hypothesis with values (m, p) says of all cells."""
+        cells = range(self.seen.cells)
+        return Said.of([self.emulator.at(hypothesis, values, k) for k in cells], self.rules)
+
+    @cached_property
+    def flights(self) -> tuple[SeenFlight, ...]:
+        """Marks of traces, none where the emulator knows no flight."""
+        return self.seen.flights if isinstance(self.emulator, FlightEmulator) else ()
+
+    def flown(self, hypothesis: Hypothesis, values: Array) -> list[SaidFlight]:
+        """Return what a hypothesis with values (m, p) says of the marks of each profile."""
+        return [
+            said_flight(seen, self._marks(hypothesis, values, seen), plain)
+            for seen, plain in zip(self.flights, self._plain, strict=True)
+        ]
+
+    @cached_property
+    def _plain(self) -> list[Marks]:
+        return [self._marks(NONE, np.zeros((1, 0)), seen) for seen in self.flights]
+
+    def _marks(self, hypothesis: Hypothesis, values: Array, seen: SeenFlight) -> Marks:
+        assert isinstance(self.emulator, FlightEmulator)
+        return self.emulator.flight(hypothesis, values, seen.profile)
+
+    def predicted(self, hypothesis: Hypothesis, values: Array) -> Predicted:
+        """Return what a hypothesis with values (m, p) says in short."""
+        return predict(self.said(hypothesis, values), self.flown(hypothesis, values))
+
+
+def score(problem: Problem, space: Space, shares: Array) -> Rows:
+    """Score a hypothesis at shares (m, p) of its priors."""
+    values = space.values(shares)
+    said = problem.said(space.hypothesis, values)
+    flown = problem.flown(space.hypothesis, values)
+    times = timed(problem.seen, said)
+    table = (times.log + log_engaged(problem.seen, said, problem.seen.failed)).T.copy()
+    if flown:
+        logs = log_flights(problem.flights, flown)
+        table += to_cells(problem.flights, logs, problem.seen.cells)
+    table[~space.possible(values)] = IMPOSSIBLE
+    as_failed = log_as_failed(problem.seen, said).T
+    errors = times.slopes, problem.common, np.nan_to_num(said.common.T)
+    return Rows(shares, table, as_failed, predict(said, flown), *errors)
+
+
+def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
+    """Return what is said of all cells and of the marks of flights in short."""
+    flight = np.hstack([one.times for one in flown]) if flown else None
+    mean, sd = said.whole
+    whole = mean.T, sd.T, said.error.T, np.log(said.sd).T
+    core = said.mean.T, said.sd.T, said.model.T, said.shape.T
+    return Predicted(*whole, said.engaged.T, said.engaged_error.T, *core, flight)
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A hypothesis with its evidence.
+
+    Parameters
+    ----------
+    log_prior : logarithm of the share of the prior that each row stands for, (m,).
+    log_evidence, error : logarithm of the evidence, and its standard error.
+    ends : likelihood rows at the ends of the prior, for wider ones.
+    """
+
+    space: Space
+    rows: Rows
+    log_prior: Array
+    log_evidence: float
+    error: float
+    ends: Rows | None = None
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Names of its effects."""
+        return self.space.hypothesis
+
+    def weights(self, cells: np.ndarray | None = None) -> Array:
+        """Return posterior weights of the rows, (m,), given the data of some cells, or all."""
+        log = self.log_prior + self.log_table(cells)
+        result: Array = np.exp(log - log_sum(log, axis=0))
+        return result
+
+    def log_table(self, cells: np.ndarray | None = None) -> Array:
+        """Return the log likelihood of some cells, or all, (m,)."""
+        return self.rows.whole if cells is None else self.rows.total(cells)
+
+    def read_as_failed(self) -> Scored:
+        """Return the same with the unknown shifts read as failed."""
+        table = self.rows.log_likelihood + self.rows.as_failed
+        return self.with_table(table)
+
+    def with_table(self, table: Array) -> Scored:
+        """Return the same with another log likelihood (m, cells) of its rows."""
+        rows = replace(self.rows, log_likelihood=table)
+        total = float(log_sum(self.log_prior + rows.whole, axis=0))
+        return replace(self, rows=rows, log_evidence=total)
+
+    def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:
+        """Return places of rows, drawn by their posterior weights, (count,)."""
+        return generator.choice(len(self.log_prior), size=count, p=self.weights())

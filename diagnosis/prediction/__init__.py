@@ -1,0 +1,1 @@
+"""Predict bench times under each hypothesis, from a bank of simulated shifts."""

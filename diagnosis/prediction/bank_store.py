@@ -1,0 +1,161 @@
+"""The times of a bank's shifts as one small file, kept by what was simulated.
+
+A journal holds every shift of a bank that is under way. The file holds the times alone, series by
+series (a bench at one operating point and its angles), each under a key of all inputs of its first
+shift and of the programs' versions. So a bank of some of the operating points, of more effects, or
+of a bench that reads elsewhere takes what is there and simulates the rest.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, settings_of
+from dogshape.sim.errors import StorageError
+from dogshape.sim.files import write_whole
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.shift_records import Record, content_key, unfinished
+from dogshape.sim.versions import engine
+
+Ticks = list[int | None]
+
+TICK = 1e-7  #: s, in which times are kept
+LATE = -1  #: stands for a shift that did not engage
+FORMAT = 1
+
+
+@dataclass
+class BankStore:
+    """Files of series, the last of which is written.
+
+    ``paths`` are read in turn; one that does not exist is empty.
+    """
+
+    paths: Sequence[Path]
+    _fresh: dict[str, Record] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def series(self) -> dict[str, Record]:
+        """All series of the files, by key; StorageError where a file is none."""
+        found: dict[str, Record] = {}
+        for path in self.paths:
+            found.update(_read(path) if path.exists() else {})
+        return found
+
+    def missing(self, blocks: Iterable[Block]) -> list[Block]:
+        """Return the blocks that no file has."""
+        return [block for block in blocks if series_key(block) not in self.series]
+
+    def bank(
+        self, plan: Plan, bench: Bench, run: Runner, like: tuple[float, float] | None = None
+    ) -> Bank:
+        """Return the bank of a bench; what no file has is simulated by ``run`` and written.
+
+        ``like`` is the numerical error of a bank of the same clutch, where no file has this one's.
+        Raises StorageError where a file cannot be read or written.
+        """
+
+        def through(blocks: Sequence[Block]) -> list[list[Record]]:
+            return self._answered(blocks, run)
+
+        cells = len(settings_of(bench))
+        first = [block for block, _ in zip(blocks_of(plan, bench), range(cells), strict=False)]
+        numerics = [self.series.get(series_key(block), {}).get("numerics") for block in first]
+        known = _mean_of([both for both in numerics if both is not None])
+        bank = collect(plan, bench, through, run, like if None in numerics else known)
+        if self._fresh:
+            for block in first:
+                self.series[series_key(block)].setdefault("numerics", list(bank.numerics))
+            self._write()
+        return bank
+
+    def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
+        """Return the shifts of blocks; a series that the clock cut short is simulated again."""
+        keys = [series_key(block) for block in blocks]
+        left = [(k, b) for k, b in zip(keys, blocks, strict=True) if k not in self.series]
+        done = run([block for _, block in left]) if left else []
+        for (key, _), rows in zip(left, done, strict=True):
+            self.series[key] = _kept(rows)
+            if not any(unfinished(row) for row in rows):
+                self._fresh[key] = self.series[key]
+        return [_rows(self.series[key]) for key in keys]
+
+    def _write(self) -> None:
+        """Write the last file as a whole or not at all, a power cut included."""
+        path = self.paths[-1]
+        self._put(path, {**(_read(path) if path.exists() else {}), **self._fresh})
+
+    def save(self, path: Path, keys: Iterable[str]) -> None:
+        """Write the series of some keys to a file of their own; KeyError where one is missing."""
+        self._put(path, {key: self.series[key] for key in keys})
+
+    def _put(self, path: Path, mine: dict[str, Record]) -> None:
+        lines = [
+            f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
+        ]
+        text = f'{{"bank":{FORMAT},"series":{{\n' + ",\n".join(lines) + "\n}}\n"
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_whole(path, text)
+        except OSError as error:
+            raise StorageError(
+                f"{path} cannot be written ({error.strerror}); make room or give another folder"
+            ) from error
+
+
+def series_key(block: Block) -> str:
+    """Return the key of a block: its angles are even, so the first and their number are enough."""
+    return content_key({"first": block.only([0]).keys[0], "n": len(block.angles), **engine()})
+
+
+def _mean_of(numerics: Sequence[Sequence[float]]) -> tuple[float, float]:
+    count = max(1, len(numerics))
+    return sum(m for m, _ in numerics) / count, sum(s for _, s in numerics) / count
+
+
+def _kept(rows: Sequence[Record]) -> Record:
+    """Return the times of a series; None failed to integrate, ``LATE`` did not engage."""
+    kept: Record = {"t": [_ticks(row, row["shift_time_s"]) for row in rows]}
+    there = [_ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
+    return kept if there == kept["t"] else {**kept, "actuator": there}
+
+
+def _ticks(row: Record, time: float | None) -> int | None:
+    if row["outcome"] == Outcome.DIVERGED.value:
+        return None
+    return LATE if time is None else round(time / TICK)
+
+
+def _rows(kept: Record) -> list[Record]:
+    times: Ticks = kept["t"]
+    there: Ticks = kept.get("actuator", times)
+    return [_row(*both) for both in zip(times, there, strict=True)]
+
+
+def _row(time: int | None, there: int | None) -> Record:
+    if time is None:
+        return {"outcome": Outcome.DIVERGED.value, "shift_time_s": None}
+    found = [None if t is None or t == LATE else t * TICK for t in (time, there)]
+    outcome = Outcome.TIMED_OUT if found[0] is None else Outcome.ENGAGED
+    return {"outcome": outcome.value, "shift_time_s": found[0], "actuator_time_s": found[1]}
+
+
+def _read(path: Path) -> dict[str, Record]:
+    broken = f"{path} is not a bank of shifts; remove it to make it again"
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(f"{broken} ({type(error).__name__})") from error
+    series = found.get("series") if isinstance(found, dict) else None
+    if not isinstance(series, dict) or found.get("bank") != FORMAT:
+        raise StorageError(broken)
+    if not all(isinstance(one, dict) and isinstance(one.get("t"), list) for one in series.values()):
+        raise StorageError(broken)
+    return series

@@ -1,0 +1,215 @@
+r"""Effects together, from what each of them makes alone.
+
+With :math:`r_e = T_e/T_0` the ratio of mean times with an effect and without any, two effects that
+act one after the other add their changes, :math:`r = r_1 + r_2 - 1`, and two of which one stretches
+what the other makes multiply them, :math:`r = r_1 r_2`. Pairs that were simulated say where between
+(or beyond) both they lie:
+
+.. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2},
+
+*w* being fitted to a pair's operating points by the errors of the simulated means, with all pairs
+as a prior, and moved at each of them as far as its own means say. What is unknown of *w* at other
+strengths is an error that all operating points have in common, and one of their own. All times of
+a spread take the same factor on top of their product, and the odds of engaging multiply.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import expit
+
+from dogshape.diagnosis.prediction.angle_means import engaged_mean, even_variance, residuals
+from dogshape.diagnosis.prediction.bank import Bank
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+BLEND = (0.7, 1.0)  #: mean and standard deviation of w, where no pair was simulated
+BEYOND = (-2.0, 3.0)  #: w is kept between
+UNSEEN = 0.3  #: standard error of w at other strengths than those simulated
+OWN = 0.15  #: the same that each operating point has for itself, at least
+KEPT = 0.5  #: share of the scatter of w between operating points that may be another elsewhere
+LEAST_SUM = 0.5  #: of the smaller ratio, the least that two changes leave
+LEAST = 1e-3  #: the least error of a mean's logarithm
+FEW = 0.25  #: of the smaller change, what two effects miss where no pair was simulated
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
+
+    ``times`` are those that are not late, ``variance`` that of the logarithm of their mean;
+    ``late`` is the share of late ones, (m,).
+    """
+
+    times: Array
+    engaged: Array
+    variance: Array
+    engaged_variance: Array
+    late: Array
+
+
+def log_mean(reach: Reach) -> Array:
+    """Return the logarithm of the mean time, (m,)."""
+    mean: Array = np.log(reach.times.mean(axis=1))
+    return mean
+
+
+def together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
+    """Return effects together: changes of times and odds multiply; none leaves the baseline."""
+    times, odds, late = np.log(base.times), _logit(base.engaged), _logit(base.late)
+    doubt, variance = base.engaged_variance, base.variance
+    for one, own in zip(reaches, variances, strict=True):
+        times = times + np.log(one.times) - np.log(base.times)
+        odds = odds + _logit(one.engaged) - _logit(base.engaged)
+        late = late + _logit(one.late) - _logit(base.late)
+        doubt, variance = doubt + one.engaged_variance, variance + own
+    found = np.sort(np.exp(times), axis=1)
+    return Reach(found, expit(odds), variance, doubt, expit(late))
+
+
+def _logit(share: Array) -> Array:
+    inside = np.clip(share, 1e-3, 1.0 - 1e-3)
+    odds: Array = np.log(inside / (1.0 - inside))
+    return odds
+
+
+def basis(first: Array, second: Array) -> Array:
+    """Return *d* from changes of the logarithms of two means."""
+    one, two = np.exp(first), np.exp(second)
+    added = np.maximum(one + two - 1.0, LEAST_SUM * np.minimum(one, two))
+    found: Array = np.log(added) - first - second
+    return found
+
+
+@dataclass(frozen=True)
+class Blend:
+    """How a pair combines.
+
+    Parameters
+    ----------
+    share : *w* at each operating point, (C,), or (1,) for all.
+    error, own : its standard errors, in common to all operating points and of each.
+    left : what else two effects miss, over the smaller change.
+    """
+
+    share: Array
+    error: float
+    own: float
+    left: float = 0.0
+
+
+@dataclass(frozen=True)
+class Missed:
+    """What combining adds to the logarithm of the mean, (m,): correction and standard errors.
+
+    ``common`` is that of *w*, of one sign at operating points whose *d* is, ``own`` the rest.
+    """
+
+    moved: Array
+    common: Array
+    own: Array
+
+
+@dataclass(frozen=True)
+class Interactions:
+    """How effects combine, by pair; ``any`` of those that were not simulated."""
+
+    pairs: Mapping[Hypothesis, Blend]
+    any: Blend
+
+    @classmethod
+    def of(cls, bank: Bank) -> Interactions:
+        """Return what the pairs of a bank show."""
+        those = dict.fromkeys(k.hypothesis for k in bank.levels if len(k.hypothesis) == 2)
+        shown = {pair: _shown(bank, pair) for pair in those}
+        if not shown:
+            return cls({}, Blend(np.array([BLEND[0]]), BLEND[1], OWN, FEW))
+        means = np.array([one.mean(*BLEND) for one in shown.values()])
+        centre, spread = float(means.mean()), max(UNSEEN, float(means.std()))
+        pairs: dict[Hypothesis, Blend] = {
+            pair: one.blend(centre, spread) for pair, one in shown.items()
+        }
+        own = float(np.sqrt(np.mean([one.own**2 for one in pairs.values()])))
+        return cls(pairs, Blend(np.array([centre]), spread, own, FEW))
+
+    def missed(self, base: Reach, reaches: Mapping[str, Reach], cell: int) -> Missed:
+        """Return what the product of effects, each alone by name, leaves out."""
+        start = log_mean(base)
+        changes = {name: log_mean(one) - start for name, one in reaches.items()}
+        moved, common, own = np.zeros((3, 1))
+        for one, two in combinations(sorted(changes), 2):
+            blend = self.pairs.get((one, two), self.any)
+            d = basis(changes[one], changes[two])
+            least = np.minimum(abs(changes[one]), abs(changes[two]))
+            moved = moved + blend.share[min(cell, blend.share.size - 1)] * d
+            common = common + blend.error * d
+            own = own + (blend.own * d) ** 2 + (blend.left * least) ** 2
+        return Missed(moved, common, np.sqrt(own))
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """What a simulated pair leaves beside the product, (levels, C) each; NaN if not known."""
+
+    left: Array
+    noise: Array
+    basis: Array
+
+    @property
+    def _known(self) -> np.ndarray:
+        found: np.ndarray = np.isfinite(self.left + self.noise + self.basis)
+        return found
+
+    def mean(self, centre: float, spread: float) -> float:
+        """Return *w* of all operating points, ``centre`` give or take ``spread`` before."""
+        return self._fitted(centre, spread)[0]
+
+    def _fitted(self, centre: float, spread: float) -> tuple[float, float]:
+        left, noise, basis = (part[self._known] for part in (self.left, self.noise, self.basis))
+        weight = basis / noise**2
+        precision = float((weight * basis).sum()) + spread**-2
+        share = (float((weight * left).sum()) + centre * spread**-2) / precision
+        return float(np.clip(share, *BEYOND)), precision**-0.5
+
+    def blend(self, centre: float, spread: float) -> Blend:
+        """Return how the pair combines."""
+        share, error = self._fitted(centre, spread)
+        left, basis = (
+            np.where(self._known, part, 0.0)
+            for part in (self.left - share * self.basis, self.basis)
+        )
+        noise = np.where(self._known, self.noise, 1.0)
+        whole = float((basis**2).sum())
+        squares = max(0.0, float(((left**2 - noise**2) * self._known).sum()))
+        scatter = max(1e-6, squares / whole if whole > 0.0 else 0.0)
+        precision = (basis**2 / noise**2).sum(axis=0) + 1.0 / scatter
+        each = share + (left * basis / noise**2).sum(axis=0) / precision
+        own = float(np.hypot(OWN, KEPT * np.sqrt(scatter)))
+        return Blend(np.clip(each, *BEYOND), float(np.hypot(error, UNSEEN)), own)
+
+
+def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
+    """Return what the levels of a pair show."""
+    rows = []
+    for k in bank.of(pair):
+        alone = [_same(bank, bank.levels[k], place) for place in range(2)]
+        four = bulk(np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)]))
+        mean, series = np.log(engaged_mean(four)), residuals(four)
+        changes = mean[2:] - mean[0]
+        left = mean[1] - mean[0] - changes.sum(axis=0)
+        noise = even_variance(series[1] - series[0] - (series[2:] - series[0]).sum(axis=0))
+        rows.append((left, np.sqrt(noise) + LEAST, basis(*changes)))
+    return _Shown(*np.array(rows).transpose(1, 0, 2))
+
+
+def _same(bank: Bank, level: Level, place: int) -> int:
+    """Return the place of the level that has one effect of a pair alone."""
+    counts = [len(e.parameters) for n in level.hypothesis for e in bank.effects if e.name == n]
+    start = sum(counts[:place])
+    values = level.values[start : start + counts[place]]
+    return bank.levels.index(Level((level.hypothesis[place],), values))

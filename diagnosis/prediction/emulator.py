@@ -1,0 +1,361 @@
+r"""The emulator: from a bank's levels to the spread of times at any values of a hypothesis.
+
+One effect alone: the mean :math:`M(x)` is that of the baseline with the change that the curve of
+``diagnosis.prediction.level_curves`` makes from there, :math:`\ln M = \sum_l w_l \ln M_l`, so that
+an effect of no strength is the baseline itself; and the shape, times over their mean at equal
+shares, by the same weights. Late shifts (``diagnosis.prediction.outliers``) are no part of either:
+their share has the weights of the share engaged, which are its own since its errors are binomial,
+and how late they are is that of all levels of the operating point.
+
+Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
+those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise; times are
+then corrected by what simulated pairs show (``diagnosis.prediction.combination``). Delays add to
+all times, exactly. Angles that are not uniform are weights on the baseline's angles.
+
+The error of a mean has three parts: the curve's own (angles and interpolation), numerics, and the
+combination.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.diagnosis.prediction.angle_means import (
+    binned,
+    engaged_count,
+    engaged_mean,
+    even_variance,
+    mean_covariance,
+    residuals,
+    with_dense,
+)
+from dogshape.diagnosis.prediction.bank import Bank
+from dogshape.diagnosis.prediction.combination import Interactions, Reach, together
+from dogshape.diagnosis.prediction.flight_store import FlightStore
+from dogshape.diagnosis.prediction.flight_table import FlightTables
+from dogshape.diagnosis.prediction.level_curves import Curves, fit_curves, jumps_of
+from dogshape.diagnosis.prediction.levels import Axes, Level
+from dogshape.diagnosis.prediction.outliers import PRIOR, Lateness, bulk, late_shares, lateness
+from dogshape.diagnosis.prediction.prediction import Marks, Spread
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.sim.setting import angle_weights
+from dogshape.sim.shift.actuation import ForceProfile
+
+Array = NDArray[np.float64]
+
+SHARES = 24  #: at which times are given
+LEAST = 0.02  #: relative to its mean, the least time of a shape
+SUDDEN = 0.3  #: length at most of curves of the share engaged
+ANGLES = "angles"  #: stands for effects that only weight the baseline's angles
+NONE = 10.0  #: relative error of a mean that no shift tells
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One effect at C operating points through N levels, the first of which is the baseline.
+
+    ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
+    engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
+    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``late``
+    (C, N) are shares of late shifts, which means and shapes leave out. ``missed`` is the share of
+    levels that, left out, lie behind a jump, and ``jump`` its size in the logarithm.
+    """
+
+    effect: Effect
+    axes: tuple[Axes, ...]
+    curves: Curves
+    share_curves: Curves
+    means: Array
+    shapes: Array
+    shares: Array
+    least: Array
+    late: Array
+    missed: float
+    jump: float
+
+    def at(self, values: Array, cell: int) -> Reach:
+        """Return what this effect alone makes at values (m, p)."""
+        places = self.axes[cell].at(values)
+        weights, variance = self.curves.from_first(cell, places)
+        mean = np.exp(weights @ self.means[cell])
+        shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
+        shape *= (mean / shape.mean(axis=1))[:, None]
+        part, uncertain = self.share_curves.from_first(cell, places)
+        engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
+        uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
+        late = np.clip(part @ self.late[cell], 1e-3, 1.0 - 1e-3)
+        return Reach(shape, engaged, variance, uncertain, late)
+
+    def _step(self, weights: Array, engaged: Array, cell: int) -> Array:
+        """Return the variance of a share that may fall anywhere between levels that differ."""
+        part = abs(weights) / abs(weights).sum(axis=1, keepdims=True)
+        variance: Array = (part * (self.shares[cell] - engaged[:, None]) ** 2).sum(axis=1)
+        return variance
+
+    def change_variance(self, values: Array, cell: int) -> Array:
+        """Return the variance of the change of the mean's logarithm from the baseline, (m,)."""
+        axes = self.axes[cell]
+        return self.curves.change_variance(cell, axes.at(values), axes.neutral)
+
+
+def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
+    """Fit what an effect alone does at all operating points; ``dense`` is the baseline's bulk."""
+    places = bank.of((effect.name,))
+    axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
+    values = np.array([bank.levels[k].values for k in places])
+    times = np.concatenate([bank.base[None], bank.times[places]]).transpose(1, 0, 2)
+    sites = np.array([[a.neutral, a.neutral, *a.at(values)] for a in axes])
+    soon = bulk(times)
+    means, errors = _means(bank, dense, soon, _speeds(bank, places))
+    curves = fit_curves(sites, means, errors, slice(2, None))
+    shapes = np.array([[_shape(t) for t in mine] for mine in _with_first(dense, soon)])
+    shares, doubts = _shares(_with_first(bank.baseline, times))
+    likely = _share_curves(curves, shares, doubts)
+    first = late_shares(bank.baseline[:, None], dense[:, None], late.share)
+    rare = np.concatenate([first, late_shares(times, soon, late.share)], axis=1)
+    # Nothing lies between an effect without parameters and none.
+    jumps = jumps_of(curves, means, slice(2, None)) if effect.parameters else (0.0, 0.0)
+    least = doubts.min(axis=1)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare, *jumps)
+
+
+def _with_first(first: Array, times: Array) -> list[list[Array]]:
+    """Return times of levels (C, N, n) after those of the baseline at more angles, (C, dense n)."""
+    return [[dense, *levels] for dense, levels in zip(first, times, strict=True)]
+
+
+def _speeds(bank: Bank, places: list[int]) -> Array:
+    """Return at which speeds the rings pass at the baseline and at levels, pitches a second."""
+    named = {effect.name: effect for effect in bank.effects}
+    rows = []
+    for setting in bank.settings:
+        settings = [setting, *(bank.levels[k].setting(named, setting) for k in places)]
+        rows.append([abs(s.point.mismatch) / s.clutch.dog.pitch_angle for s in settings])
+    return np.array(rows)
+
+
+def _means(bank: Bank, dense: Array, times: Array, speeds: Array) -> tuple[Array, Array]:
+    """Return logarithms of means (C, N) and their covariance, baseline at all angles first."""
+    share = bank.common.shape[1] / bank.baseline.shape[1]
+    errors = with_dense(mean_covariance(times, speeds), even_variance(residuals(dense)), share)
+    found = np.concatenate([engaged_mean(dense)[:, None], engaged_mean(times)], axis=1)
+    late = np.array([[setting.clutch.timeout] for setting in bank.settings])
+    unknown = np.isnan(found)
+    errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
+    return np.log(np.where(unknown, late, found)), errors
+
+
+def _shape(times: Array) -> Array:
+    """Return the times that engaged over their mean at ``SHARES`` shares; 1 where none did."""
+    shape = binned(times, SHARES)[0]
+    return np.ones(SHARES) if np.isnan(shape).any() else shape / shape.mean()
+
+
+def _shares(every: list[list[Array]]) -> tuple[Array, Array]:
+    """Return shares engaged (C, N) and their variances by Jeffreys' rule."""
+    counted = np.array([[engaged_count(one) for one in mine] for mine in every])
+    engaged, asked = counted[..., 0], counted[..., 1]
+    likely = (engaged + 0.5) / (asked + 1.0)
+    return engaged / np.maximum(asked, 1.0), likely * (1.0 - likely) / (asked + 2.0)
+
+
+def _share_curves(curves: Curves, shares: Array, doubts: Array) -> Curves:
+    """Return curves of the share engaged, which may fall from level to level at once.
+
+    The baseline's second row is part of its first and hardly counts.
+    """
+    once = np.where(np.arange(shares.shape[1]) == 1, 100.0, 1.0)
+    noise = np.eye(shares.shape[1]) * (once * doubts)[:, None, :]
+    size = np.maximum(shares.std(axis=1), np.sqrt(doubts.min(axis=1)))
+    return curves.like(size, noise, SUDDEN)
+
+
+class BankEmulator:
+    """Says the spread at each operating point for any values of a hypothesis (``Emulator``)."""
+
+    def __init__(self, bank: Bank, flights: FlightStore | None = None) -> None:
+        self.bank = bank
+        self.effects = {effect.name: effect for effect in bank.effects}
+        simulated = {level.hypothesis[0] for level in bank.levels}
+        self._soon = bulk(bank.baseline)
+        levels = [(bank.times, bulk(bank.times))] if bank.levels else []
+        self.late = lateness([(bank.baseline, self._soon), *levels])
+        self.fits = {
+            name: fit_effect(bank, self.effects[name], self._soon, self.late)
+            for name in sorted(simulated)
+        }
+        self._readings = lru_cache(maxsize=4)(self._readings_of)
+        self.flights = FlightTables(self.effects, bank.settings, flights)
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        """Return what a hypothesis with ``values`` (m, p) says of an operating point.
+
+        Raises InputError for an effect that the bank does not have.
+        """
+        parts = self._parts(hypothesis, values)
+        base = self._baseline(cell)
+        reaches = {n: self.fits[n].at(mine, cell) for n, mine in parts.items() if n in self.fits}
+        read = {name: mine for name, mine in parts.items() if name not in self.fits}
+        weighted, delay = self._read(read, len(values), cell)
+        reaches |= {ANGLES: weighted} if weighted else {}
+        common = np.zeros(1)
+        if len(reaches) == 1:
+            (whole,) = reaches.values()
+        else:
+            variances = self._change_variances(parts, weighted, cell)
+            whole = together(base, list(reaches.values()), variances)
+            missed = self.interactions.missed(base, reaches, cell)
+            common = missed.common
+            whole = replace(
+                whole,
+                times=whole.times * np.exp(missed.moved)[:, None],
+                variance=whole.variance + missed.own**2,
+            )
+        spread = self._spread(whole, delay, common, cell)
+        return _repeated(self._with_jumps(spread, hypothesis), len(values))
+
+    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
+        self._parts(hypothesis, values)
+        return self.flights.at(hypothesis, values, profile)
+
+    def _parts(self, hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
+        """Return the values of each effect, (m, p) each."""
+        parts, start = {}, 0
+        for name in hypothesis:
+            if name not in self.effects:
+                raise InputError(
+                    f"the bank does not have the effect '{name}'; "
+                    f"{did_you_mean(name, self.effects)}"
+                )
+            count = len(self.effects[name].parameters)
+            parts[name] = values[:, start : start + count]
+            start += count
+        return parts
+
+    def _baseline(self, cell: int) -> Reach:
+        return self._baselines[cell]
+
+    @cached_property
+    def _baselines(self) -> list[Reach]:
+        return [self._weighted(cell, None) for cell in range(len(self.bank.settings))]
+
+    def _weighted(self, cell: int, weights: Array | None) -> Reach:
+        """Return the baseline with weights (m, n) on its angles."""
+        times = self.bank.baseline[cell]
+        given = np.ones((1, times.size)) if weights is None else weights
+        ended, known = np.isfinite(times), ~np.isnan(times)
+        total = np.maximum((given * known).sum(axis=1), 1e-12)
+        share = (given * ended).sum(axis=1) / total
+        fast = self._soon[cell]
+        found = binned(fast, SHARES, given) if ended.any() else None
+        if found is None:
+            never = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
+            quarter, rare = np.full(len(given), 0.25), np.full(len(given), self.late.share[cell])
+            return Reach(never, share, np.full(len(given), NONE**2), quarter, rare)
+        mean, soon = found.mean(axis=1), np.isfinite(fast)
+        part = np.maximum((given * soon).sum(axis=1) / total, 1e-12)
+        apart = np.where(soon, fast, 0.0) - soon * mean[:, None]
+        series = given * apart / (mean * part)[:, None]
+        count = total**2 / (given**2 * known).sum(axis=1)
+        likely = (share * count + 0.5) / (count + 1.0)
+        doubt = likely * (1.0 - likely) / (count + 2.0)
+        rare = (share - part) * count + PRIOR * self.late.share[cell]
+        return Reach(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
+
+    def _read(self, parts: dict[str, Array], count: int, cell: int) -> tuple[Reach | None, Array]:
+        """Return what weights on angles make of the baseline, None without, and delays (m,)."""
+        if not parts:
+            return None, np.zeros(count)
+        rows = np.concatenate(list(parts.values()), axis=1)
+        delay, concentration, centre = self._readings(tuple(parts), rows.shape, rows.tobytes())
+        if not concentration.any():
+            return None, delay
+        setting = self.bank.settings[cell]
+        turns = self.bank.angles[cell] / setting.clutch.dog.pitch_angle
+        weights = angle_weights(turns, concentration[:, None], centre[:, None])
+        return self._weighted(cell, weights), delay
+
+    def _readings_of(
+        self, names: tuple[str, ...], shape: tuple[int, int], raw: bytes
+    ) -> tuple[Array, Array, Array]:
+        """Return delay, concentration and centre of benches that only read otherwise, (m,) each.
+
+        They are the same at all operating points, which is why they are kept.
+        """
+        setting = self.bank.settings[0]
+        rows = (np.frombuffer(raw) if raw else np.zeros(0)).reshape(shape).tolist()
+        read = [Level(names, tuple(row)).setting(self.effects, setting) for row in rows]
+        found = [(s.delay - setting.delay, s.concentration, s.centre) for s in read]
+        delay, concentration, centre = np.array(found).T
+        return delay, concentration, centre
+
+    def _change_variances(
+        self, parts: dict[str, Array], weighted: Reach | None, cell: int
+    ) -> list[Array]:
+        simulated = [
+            self.fits[name].change_variance(mine, cell)
+            for name, mine in parts.items()
+            if name in self.fits
+        ]
+        return [*simulated, *([weighted.variance] if weighted else [])]
+
+    @cached_property
+    def interactions(self) -> Interactions:
+        """How effects combine, by the pairs that were simulated."""
+        return Interactions.of(self.bank)
+
+    def _with_jumps(self, spread: Spread, hypothesis: Hypothesis) -> Spread:
+        """Return a spread with how often levels of its effects lie behind a jump, and its size."""
+        mine = [self.fits[name] for name in hypothesis if name in self.fits]
+        missed = 1.0 - np.prod([1.0 - fit.missed for fit in mine])
+        jump = max([fit.jump for fit in mine], default=0.0)
+        size = jump * (spread.times.mean(axis=1) - spread.delay)
+        return replace(spread, missed=np.full(1, missed), jump=size)
+
+    def _spread(self, whole: Reach, delay: Array, common: Array, cell: int) -> Spread:
+        base = self._baseline(cell)
+        mean = whole.times.mean(axis=1)
+        variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
+        n = self.bank.baseline.shape[1]
+        engaged = (whole.engaged * n + 0.5) / (n + 1.0)
+        nothing = np.zeros(1)
+        return Spread(
+            times=whole.times + delay[:, None],
+            engaged=engaged,
+            error=np.sqrt(variance),
+            engaged_error=np.sqrt(whole.engaged_variance),
+            common=common * mean,
+            late=whole.late,
+            behind=np.full(1, self.late.mean[cell]),
+            behind_sd=np.full(1, self.late.sd[cell]),
+            delay=delay,
+            missed=nothing,
+            jump=nothing,
+        )
+
+    @cached_property
+    def _other(self) -> list[float]:
+        """Variance from numerics, by operating point, s2."""
+        return [self._other_of(cell) for cell in range(len(self.bank.settings))]
+
+    def _other_of(self, cell: int) -> float:
+        times = self._soon[cell]
+        ended = times[np.isfinite(times)]
+        mean, scatter = self.bank.numerics
+        spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
+        variance: float = spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
+        return variance
+
+
+def _repeated(spread: Spread, count: int) -> Spread:
+    """Return a spread of one value for as many as were asked for."""
+    short = {f.name: part for f in fields(spread) if len(part := getattr(spread, f.name)) != count}
+    wide = {n: np.broadcast_to(part, (count, *part.shape[1:])) for n, part in short.items()}
+    return replace(spread, **wide)

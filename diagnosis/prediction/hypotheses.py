@@ -1,0 +1,188 @@
+"""Hypotheses on why a bench differs: none, one effect, a plausible pair, or unknown.
+
+Any two effects may come together, but only some pairs are plausible before anything is seen: the
+dead time of an actuator comes with every bench and every actuator, dry friction with every ring
+on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
+none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
+what nobody has thought of. Three effects together are looked at where no pair can have made the
+data, the best pair with each further effect; each has the probability before of any such three.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.diagnosis.bench.sense import REVERSED, SHARES, Sense, both_senses, forward
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.setting import Setting
+
+UNKNOWN: Hypothesis = ("unknown",)
+NONE: Hypothesis = ()
+COMMON = ("actuation_delay", "sleeve_friction")  #: that come with any other
+WEIGHTS = {"none": 0.25, "single": 0.45, "pair": 0.15, "unknown": 0.15}
+THREE = 0.03  #: probability of all threes with a common effect together, over that of the rest
+TRIED = 7  #: values of each parameter that are tried for whether there are such benches
+
+
+@dataclass(frozen=True)
+class Space:
+    """The parameters of a hypothesis as a unit cube of shares of their priors.
+
+    ``parameters`` are those of its effects in alphabetical order, effect by effect.
+    ``bounded`` are effects of which some values give no bench.
+    """
+
+    effects: tuple[Effect, ...]
+    setting: Setting
+    bounded: frozenset[str] = frozenset()
+
+    @property
+    def hypothesis(self) -> Hypothesis:
+        """Names of the effects."""
+        return tuple(effect.name for effect in self.effects)
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """All parameters."""
+        return tuple(p for effect in self.effects for p in effect.parameters)
+
+    def values(self, shares: Array) -> Array:
+        """Return values (m, p) at shares (m, p) of the priors."""
+        columns = [at_shares(p, shares[:, k]) for k, p in enumerate(self.parameters)]
+        return np.stack(columns, axis=1) if columns else np.zeros((len(shares), 0))
+
+    def neutral_shares(self) -> Array:
+        """Return the shares nearest to what changes nothing, (p,)."""
+        setting = self.setting
+        return np.array([p.share(p.neutral_of(setting)) for p in self.parameters], dtype=float)
+
+    def columns(self, name: str) -> slice:
+        """Return where the parameters of an effect are."""
+        start = 0
+        for effect in self.effects:
+            if effect.name == name:
+                return slice(start, start + len(effect.parameters))
+            start += len(effect.parameters)
+        raise KeyError(name)
+
+    def possible(self, values: Array) -> np.ndarray:
+        """Tell which values (m, p) give a bench at all, (m,)."""
+        result = np.ones(len(values), dtype=bool)
+        for effect in self.effects:
+            if effect.name in self.bounded:
+                part = values[:, self.columns(effect.name)]
+                result &= np.array([_possible(effect, self.setting, row) for row in part])
+        return result
+
+
+def at_shares(parameter: Parameter, shares: Array) -> Array:
+    """Return the values of a parameter at shares (m,) of its prior."""
+    low, high = parameter.low, parameter.high
+    if parameter.scale == "uniform":
+        return low + shares * (high - low)
+    values: Array = low * (high / low) ** shares
+    return values
+
+
+def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:
+    names = [parameter.name for parameter in effect.parameters]
+    return effect.possible(setting, dict(zip(names, map(float, row), strict=True)))
+
+
+def _bounded(effect: Effect, setting: Setting) -> bool:
+    """Tell whether some values within the priors give no bench."""
+    ticks = np.linspace(0.0, 1.0, TRIED)
+    grid = itertools.product(*([p.at(t) for t in ticks] for p in effect.parameters))
+    return not all(_possible(effect, setting, row) for row in grid)
+
+
+def pairs_of(effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+    """Return the plausible pairs of effects, in alphabetical order."""
+    those = [name for name in effects if name != REVERSED]
+    found = {tuple(sorted((one, other))) for one in COMMON for other in those if one in those}
+    return tuple(sorted(pair for pair in found if pair[0] != pair[1]))
+
+
+def spaces_of(
+    effects: Mapping[str, Effect],
+    setting: Setting,
+    pairs: Sequence[Hypothesis] | None = None,
+    sense: Sense = "known",
+) -> tuple[Space, ...]:
+    """Return the spaces of none, each effect, and the pairs (the plausible ones by default).
+
+    Behind them stand those with the reversed sense (``diagnosis.bench.sense``).
+    """
+    single = [(name,) for name in sorted(effects)]
+    pairs = pairs_of(list(effects)) if pairs is None else pairs
+    return spaces_for(both_senses([NONE, *single, *pairs], effects, sense), effects, setting)
+
+
+def spaces_for(
+    hypotheses: Sequence[Hypothesis], effects: Mapping[str, Effect], setting: Setting
+) -> tuple[Space, ...]:
+    """Return the spaces of some hypotheses."""
+    bounded = frozenset(name for name, e in effects.items() if _bounded(e, setting))
+    return tuple(Space(tuple(effects[name] for name in h), setting, bounded) for h in hypotheses)
+
+
+def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
+    """Return a hypothesis as people say it."""
+    if hypothesis == UNKNOWN:
+        return "something that no known effect explains"
+    names = [effects[name].plain for name in hypothesis]
+    if len(names) > 2:
+        return f"{', '.join(names[:-1])} and {names[-1]} together"
+    return " together with ".join(names) or "no effect"
+
+
+def in_common(hypotheses: Sequence[Hypothesis]) -> Hypothesis:
+    """Return the effects that all of some hypotheses have, in alphabetical order."""
+    those = [set(h) for h in hypotheses if h != UNKNOWN]
+    common = set.intersection(*those) if those and len(those) == len(hypotheses) else set()
+    return tuple(sorted(common))
+
+
+def without(hypothesis: Hypothesis, some: Hypothesis) -> Hypothesis:
+    """Return a hypothesis less some of its effects."""
+    return tuple(name for name in hypothesis if name not in some)
+
+
+def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[Hypothesis, float]:
+    """Return the prior probability of each hypothesis, which add to one.
+
+    What is left of the plain sense's goes to the reversed one, hypothesis by hypothesis.
+    """
+    kinds = {h: _kind(h) for h in map(forward, hypotheses)}
+    numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
+    three = THREE / max(1, _threes(numbers["single"]))
+    each = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
+    share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
+    shares = {h: share if REVERSED in h else 1.0 - share for h in hypotheses} | {UNKNOWN: 1.0}
+    raw = {h: shares[h] * each[forward(h)] for h in hypotheses}
+    whole = sum(raw.values())
+    return {h: weight / whole for h, weight in raw.items()}
+
+
+def _kind(hypothesis: Hypothesis) -> str:
+    if hypothesis == UNKNOWN:
+        return "unknown"
+    return ("none", "single", "pair", "three")[len(hypothesis)]
+
+
+def _threes(effects: int) -> int:
+    """Return how many threes of some effects have a common one."""
+    return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
+
+
+def with_third(pair: Hypothesis, effects: Iterable[str]) -> tuple[Hypothesis, ...]:
+    """Return a pair with each further effect, in alphabetical order."""
+    return tuple(
+        tuple(sorted((*pair, name))) for name in sorted(effects) if name not in (*pair, REVERSED)
+    )

@@ -1,0 +1,232 @@
+"""The finding in words that need no statistics: a headline, and one paragraph with units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.inference.held_out import HeldOut
+from dogshape.diagnosis.inference.next_test import NextTest, why
+from dogshape.diagnosis.inference.parameter_intervals import Interval
+from dogshape.diagnosis.inference.posterior import Probabilities
+from dogshape.diagnosis.inference.sense_posterior import SenseAnswer
+from dogshape.diagnosis.inference.verdict import NAMED, Verdict
+from dogshape.diagnosis.prediction.hypotheses import NONE, in_common, plain, without
+from dogshape.diagnosis.terms import Hypothesis
+from dogshape.sim.effect import Effect
+from dogshape.sim.units import suffix_of, unit_of
+
+Intervals = Mapping[Hypothesis, Mapping[str, Interval]]
+Effects = Mapping[str, Effect]
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
+
+
+@dataclass(frozen=True)
+class Found:
+    """What is put into words; ``blind`` tells that the data can show no effect."""
+
+    verdict: Verdict
+    belief: Probabilities
+    intervals: Intervals
+    gaps: HeldOut
+    test: NextTest
+    effects: Effects
+    leading: Hypothesis
+    chance: float | None
+    blind: bool = False
+    senses: tuple[SenseAnswer, ...] = ()
+
+    def named(
+        self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
+    ) -> str:
+        """Return hypotheses as people say them, with their probabilities where asked.
+
+        ``less`` are effects that need no mention.
+        """
+        words = [
+            ("nothing more" if less and h == less else plain(without(h, less), self.effects))
+            + (f" ({chance(self.belief[h])})" if chances else "")
+            for h in hypotheses
+        ]
+        return ", ".join(words[:-1]) + " or " + words[-1] if len(words) > 1 else words[0]
+
+
+def chance(probability: float) -> str:
+    """Return a probability in whole percent, never nought or a hundred."""
+    if probability < 0.005:
+        return "< 1 %"
+    return f"{100.0 * probability:.0f} %" if probability <= 0.99 else "> 99 %"
+
+
+def shown(name: str, value: float) -> tuple[float, str]:
+    """Return a parameter's value and unit as people read them; seconds become ms."""
+    return (1e3 * value, "ms") if suffix_of(name) == "_s" else (value, unit_of(name))
+
+
+def between(name: str, low: float, high: float) -> str:
+    """Return a range of a parameter with its unit."""
+    unit = shown(name, low)[1]
+    ends = [f"{shown(name, end)[0]:.3g}" for end in (low, high)]
+    return f"{' to '.join(dict.fromkeys(ends))} {unit}".rstrip()
+
+
+def quantity(name: str) -> str:
+    """Return the name of a parameter without its unit."""
+    return name.removesuffix(suffix_of(name)).replace("_", " ")
+
+
+def told(name: str, value: Interval, of: str = "") -> str:
+    """Return a parameter with its interval and unit; ``of`` says which interval it is."""
+    mean, unit = shown(name, value.mean)
+    amount = f"{mean:.3g} {unit}".rstrip()
+    return f"{quantity(name)} {amount} ({of}{between(name, value.low, value.high)})"
+
+
+def ms(seconds: float) -> str:
+    """Return a time in ms."""
+    return f"{1e3 * seconds:.3g} ms"
+
+
+def headline(found: Found) -> str:
+    """Return the verdict in a line."""
+    verdict = found.verdict
+    if verdict.kind == "effect":
+        many = "Causes" if len(verdict.causes) > 1 else "Cause"
+        return f"{many} found: {plain(verdict.causes, found.effects)}"
+    if verdict.kind == "none":
+        return "No effect needed: bench and simulation agree within their errors"
+    if verdict.kind == "unknown":
+        return "Unknown: no known effect explains the difference"
+    if found.blind:
+        return "Not settled: these data cannot show any effect"
+    return _open_headline(found)
+
+
+def _open_headline(found: Found) -> str:
+    verdict, group = found.verdict, _worth(found)
+    if verdict.causes and set(verdict.causes) == set(found.leading):
+        return f"Likely causes: {_listed(verdict.causes, found)}"
+    if verdict.causes:
+        return f"Part of the cause found: {_listed(verdict.causes, found)}; the rest is open"
+    if len(group) > 1 and verdict.group_probability > NAMED:
+        count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
+        what = "answers" if NONE in group else "causes"
+        return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
+    likeliest = next(iter(found.belief))
+    if found.belief[likeliest] > NAMED:
+        return f"Not settled: {found.named([likeliest])} is likeliest"
+    return f"Not settled: {found.named(verdict.credible[:3])}"
+
+
+def _worth(found: Found) -> list[Hypothesis]:
+    """Return those of the leading class that are worth a headline: all above 0.05, or two."""
+    group = sorted(found.verdict.group, key=lambda h: -found.belief[h])
+    return [h for place, h in enumerate(group) if place < 2 or found.belief[h] > 0.05]
+
+
+def in_words(found: Found) -> str:
+    """Return the finding in one paragraph: how large, why, how sure, what to do next."""
+    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), _next(found)
+    return " ".join(part for part in parts if part)
+
+
+def _size(gaps: HeldOut) -> str:
+    if gaps.baseline is None or gaps.floor is None:
+        return "There are no times to compare."
+    return (
+        f"Shift times on the bench and in the simulation differ by {ms(gaps.baseline)} "
+        f"(root mean square over the operating points), where the simulation's own scatter "
+        f"and numerics would make {ms(gaps.floor)}."
+    )
+
+
+def _cause(found: Found) -> str:
+    verdict, belief = found.verdict, found.belief
+    if verdict.kind == "effect":
+        values = found.intervals.get(verdict.causes, {})
+        size = "; ".join(told(name, value, "90 % interval ") for name, value in values.items())
+        return (
+            f"The cause is {plain(verdict.causes, found.effects)}, with a probability of "
+            f"{chance(belief[verdict.causes])}" + (f": {size}." if size else ".")
+        )
+    if verdict.kind == "none":
+        return (
+            f"That needs no effect (probability {chance(belief[NONE])}): any effect that this "
+            "bench could show is smaller than its bound."
+        )
+    if verdict.kind == "unknown":
+        return (
+            "None of the known effects, alone or together as far as they were tried, explains all "
+            "of the data."
+        )
+    if found.blind:
+        return (
+            "These data cannot show any effect: each of those known, as strong as it may be, would "
+            "move them by less than two standard errors."
+        )
+    return _open(found)
+
+
+def _open(found: Found) -> str:
+    causes, those = found.verdict.causes, found.verdict.credible
+    causes = tuple(sorted(causes))
+    common = causes if set(causes) <= set(in_common(those)) else ()
+    possible = found.named(those[:5], chances=True, less=common)
+    more = len(those) - 5
+    rest = f", and {more} more" if more > 0 else ""
+    if not causes:
+        return f"The data leave open why: possible are {possible}{rest}."
+    verb = "are" if len(causes) > 1 else "is"
+    beside = "the rest is " if common else "the data leave open: "
+    named = _listed(causes, found)
+    return f"{named[0].upper()}{named[1:]} {verb} part of the cause; {beside}{possible}{rest}."
+
+
+def _listed(causes: Hypothesis, found: Found) -> str:
+    """Return effects as a list in words."""
+    names = [found.effects[name].plain for name in causes]
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _senses(found: Found) -> str:
+    """Say what is found given either sense of rotation, where nobody noted it."""
+    if not found.senses:
+        return ""
+    given = [f"{_sense(one)} {_given(found, one)}" for one in found.senses]
+    return (
+        "Which way the rings turned past each other was not noted, and sizes depend on it: "
+        f"{'; '.join(given)}. {found.effects[REVERSED].test.how}"
+    )
+
+
+def _sense(one: SenseAnswer) -> str:
+    name = "with the reversed sense" if one.reversed else "with the sense of the table"
+    return f"{name} (probability {chance(one.probability)})"
+
+
+def _given(found: Found, one: SenseAnswer) -> str:
+    """Return the most probable effects given a sense, with their sizes."""
+    best = next(iter(one.belief))
+    sizes = [told(name, size) for name, size in one.sizes(best, found.intervals).items()]
+    size = f": {', '.join(sizes)}" if sizes else ""
+    return f"{plain(best, found.effects)} ({chance(one.belief[best])}){size}"
+
+
+def _far(found: Found) -> str:
+    gaps, leading = found.gaps, found.leading
+    if gaps.held_out is None or not gaps.shrink or leading == NONE:
+        return ""
+    if found.verdict.kind == "unknown":
+        nearest = plain(leading, found.effects)
+        return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
+    alone = f"; chance alone would leave {ms(found.chance)}" if found.chance else ""
+    what = "it" if found.verdict.kind == "effect" else plain(leading, found.effects)
+    return (
+        f"With {what} in the simulation, {ms(gaps.held_out)} are left at operating points that the "
+        f"fit never saw{alone}."
+    )
+
+
+def _next(found: Found) -> str:
+    return f"Next: {why(found.test, found.belief, found.effects)}"

@@ -1,0 +1,1 @@
+"""Simulate, search, check and diagnose dog clutches."""

@@ -1,0 +1,1 @@
+"""Command line: verbs, options, tables. Adapters that compute nothing."""

@@ -1,0 +1,84 @@
+"""The command line ``dogshape``: all verbs of the program, each loaded when it is called.
+
+Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
+"""
+
+from __future__ import annotations
+
+from collections import UserDict
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from dogshape.sim.versions import versions
+
+#: Module of each verb, in which a function bears the verb's name; in the order of the help.
+VERBS = {
+    "shift": "dogshape.pipeline.cli.verbs.shift_expect",
+    "expect": "dogshape.pipeline.cli.verbs.shift_expect",
+    "strength": "dogshape.pipeline.cli.verbs.strength_export",
+    "check": "dogshape.pipeline.cli.verbs.check",
+    "explore": "dogshape.pipeline.cli.verbs.explore",
+    "export": "dogshape.pipeline.cli.verbs.strength_export",
+    "study": "dogshape.pipeline.cli.verbs.study",
+    "report": "dogshape.pipeline.cli.verbs.study",
+    "fit": "dogshape.pipeline.cli.verbs.study",
+    "validate": "dogshape.pipeline.cli.verbs.validate",
+    "gap": "dogshape.pipeline.cli.verbs.gap",
+    "blind": "dogshape.pipeline.cli.verbs.blind",
+}
+#: Plain text for people and programs alike.
+PLAIN: dict[str, Any] = {
+    "add_completion": False,
+    "rich_markup_mode": None,
+    "pretty_exceptions_enable": False,
+}
+
+
+class _Commands(UserDict[str, Any]):
+    """Commands by verb. Names are known at once; a command's module is loaded with it.
+
+    Simulation, search and report take seconds to load, and no verb needs all of them.
+    """
+
+    def __getitem__(self, name: str) -> Any:
+        found = getattr(import_module(super().__getitem__(name)), name)
+        if isinstance(found, typer.Typer):
+            return typer.main.get_command(found)
+        program = typer.Typer(**PLAIN)
+        program.command(name)(found)
+        return typer.main.get_command(program)
+
+
+class _Verbs(TyperGroup):
+    """The program's verbs."""
+
+    def __init__(self, **attributes: Any) -> None:
+        super().__init__(**attributes)
+        self.commands = _Commands(VERBS)
+
+
+app = typer.Typer(
+    cls=_Verbs,
+    name="dogshape",
+    help="Simulate, search and check the shape of the dogs of a dog clutch.",
+    no_args_is_help=True,
+    **PLAIN,
+)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(f"dogshape {versions()['dogshape']}, drake {versions()['drake']}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
+    ] = False,
+) -> None:
+    """Simulate, search and check the shape of the dogs of a dog clutch."""

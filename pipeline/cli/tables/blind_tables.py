@@ -1,0 +1,107 @@
+"""Blind cases: what was made, what was found, and the score."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.console import Group, RenderableType
+
+from dogshape.pipeline.console import columns
+
+Record = Mapping[str, Any]
+
+
+def made_lines(folder: Path, manifest: Record) -> RenderableType:
+    """Return how many cases were made and the hash of their key."""
+    return Group(
+        f"{len(manifest['cases'])} cases in {folder / 'cases'}",
+        f"key sealed with SHA-256 {manifest['key_sha256']}",
+        f"go on with: dogshape blind run {folder}",
+    )
+
+
+def run_table(results: Mapping[str, Record]) -> RenderableType:
+    """Return verdict, leading hypothesis and time of each case."""
+    table = columns("case", "verdict", "leading", "probability", "s")
+    for name, result in results.items():
+        time = f"{result['time_s']:.1f}"
+        if "refused" in result:
+            table.add_row(name, "refused", "-", "-", time)
+            continue
+        found = result["diagnosis"]
+        top = found["hypotheses"][0]
+        words = " + ".join(top["effects"]) or "none"
+        table.add_row(name, found["verdict"], words, f"{top['probability']:.2f}", time)
+    return table
+
+
+def score_table(found: Record) -> RenderableType:
+    """Return the leading figures with their intervals, as a user gets them and told the engine."""
+    table = columns("figure", "not told (a user's)", "told the engine's baseline", "n")
+    for (words, figure), (_, beside) in zip(_rows(found), _rows(found["told"]), strict=True):
+        table.add_row(words, _figure(figure), _figure(beside), str(figure["n"]))
+    test, others = found["advised_test"], columns("advised test, not told", "value (95 %)", "n")
+    for words, figure in (
+        ("ambiguous: settled", test["all"]["settled"]),
+        ("ambiguous: settled as the truth itself", test["all"]["settled_as_truth"]),
+        ("ambiguous: settled wrongly", test["all"]["wrongly_settled"]),
+        ("visible and ambiguous: settled", test["visible"]["settled"]),
+        ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
+        ("seconds a case, both ways", found["time_s"]["mean"]),
+    ):
+        others.add_row(words, _figure(figure), str(figure["n"]))
+    return Group(table, "", others)
+
+
+def _rows(found: Record) -> list[tuple[str, Any]]:
+    """List the figures of one way to diagnose, those fixed before a set is opened first."""
+    every, visible, inside = found["all"], found["visible"], found["visible_inside"]
+    groups = {
+        "all cases": every,
+        "visible": visible,
+        "visible, of the list": inside,
+        **{f"one effect, {s}": part for s, part in found["singles_by_strength"].items()},
+        **{f"data as {form}": part for form, part in found["by_form"].items()},
+    }
+    heads = {
+        "top_1": "right",
+        "top_class": "right class",
+        "precision_when_named": "named exactly, of what is named",
+        "coverage_90": "in the 90 % set",
+        "size_90": "size of the 90 % set",
+        "calibration_error_of_top": "calibration error of the leading one",
+    }
+    rows = [(f"{group}: {w}", part[n]) for n, w in heads.items() for group, part in groups.items()]
+    rows += [
+        ("all cases: class right, as the means look", every["top_class_as_seen"]),
+        (
+            "all cases: calibration error of the leading one, as the means look",
+            every["calibration_error_of_top_as_seen"],
+        ),
+        ("all cases: all that is named is a cause", every["named_causes_true"]),
+        ("all cases: 90 % intervals of parameters", every["parameter_coverage_90"]),
+        ("all cases: logarithm of the truth's probability", every["log_score"]),
+        ("no effect: one is named", found["none"]["false_alarms"]),
+        ("no effect: none is said", found["none"]["verdict_none"]),
+        ("no effect: unknown is said", found["none"]["verdict_unknown"]),
+        ("pairs: both causes found", found["pairs"]["both_found"]),
+        ("pairs: one or both found", found["pairs"]["one_found_or_both"]),
+        ("visible pairs: both causes found", found["pairs_visible"]["both_found"]),
+        ("outside the list: unknown, or refused", found["outside"]["recognised"]),
+        ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
+        *((f"outside, {n}: recognised", one) for n, one in found["outside"]["by_kind"].items()),
+        ("held-out shrink of the true hypothesis", found["shrink"]["true"]),
+        ("held-out shrink of the leading one where wrong", found["shrink"]["leading_where_wrong"]),
+        ("one effect: the diagnosis", found["plain"]["singles"]["diagnosis"]),
+        ("one effect: smallest RMSE", found["plain"]["singles"]["smallest_rmse"]),
+        ("one effect: AICc", found["plain"]["singles"]["aicc"]),
+    ]
+    return rows
+
+
+def _figure(figure: Record) -> str:
+    if figure["value"] is None:
+        return "-"
+    return f"{figure['value']:.2f} ({figure['low']:.2f} to {figure['high']:.2f})"

@@ -1,0 +1,40 @@
+"""What the page of a surrogate shows, in a few lines."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.reports.surrogate.variable_labels import axis
+
+Row = dict[str, Any]
+
+
+def explored_text(record: Row) -> RenderableType:
+    """Return effects and indices of each variable, and where the page is."""
+    effects, near = record["effects"], record["indices"][0]
+    return Group(
+        f"over {effects['designs']} feasible designs, and near the study's own design "
+        f"({in_ms(near['mean_s'])} ms, standard deviation {in_ms(near['sd_s'])} ms):",
+        _table(effects, near),
+        f"page: {record['file']}",
+    )
+
+
+def _table(effects: Row, near: Row) -> Table:
+    table = columns(
+        "variable", "fastest at", "slowest less fastest, ms", "first-order index", "total index"
+    )
+    known = {effect["variable"]: effect for effect in effects["variables"]}
+    for one in near["inputs"]:
+        effect = known.get(one["variable"])
+        table.add_row(
+            axis(one["variable"]),
+            f"{effect['fastest']:.4g}" if effect else "-",
+            in_ms(effect["span_s"]) if effect else "-",
+            *(f"{one[key]:.3f} ± {one[f'{key}_half_width']:.3f}" for key in ("first", "total")),
+        )
+    return table

@@ -1,0 +1,80 @@
+"""The diagnosis of a gap in words and tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, plain
+from dogshape.diagnosis.report.wording import chance, told
+from dogshape.pipeline.cli.tables.validate_tables import examined_lines
+from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.reports.gap.odds_matrix import class_in_words
+
+SHOWN = 6  #: hypotheses in the table
+LEAST = 0.001  #: probability from which one is shown
+
+
+def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
+    """Return a diagnosis for the console."""
+    test = record["next_test"]
+    lines = [
+        record["summary"],
+        "",
+        _causes(found, record),
+        "",
+        _gap(found, record["gap"]),
+        f"Monte Carlo error of the leading probability: {record['noise']:.3f}",
+        *_classes(found),
+        f"next test: {test['name']}. {test['why']}",
+        *([record["so_what"]["sentence"]] if record["so_what"] else []),
+        *([f"report: {record['report']}"] if record["report"] else []),
+        *examined_lines(found.bench),
+    ]
+    return Group(*lines)
+
+
+def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
+    table = columns("cause", "probability", "parameters (90 %)", "fits (p)")
+    for one in record["hypotheses"][:SHOWN]:
+        hypothesis = tuple(one["effects"])
+        # Where no known effect fits, the nearest still says what of it is likely.
+        if one["probability"] < LEAST and hypothesis != found.leading:
+            continue
+        sizes = found.intervals.get(hypothesis, {})
+        values = "; ".join(told(name, value) for name, value in sizes.items())
+        fit = one.get("predictive_p")
+        p = "-" if fit is None else f"{fit:.2g}"
+        table.add_row(
+            plain(hypothesis, found.effects),
+            chance(one["probability"]),
+            values or "-",
+            p,
+        )
+    return table
+
+
+def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
+    parts = [
+        f"gap {in_ms(gap['baseline_rmse_s'])} ms",
+        f"held out {in_ms(gap['heldout_rmse_s'])} ms",
+        f"chance alone {in_ms(gap['leading_floor_rmse_s'])} ms",
+    ]
+    if gap["rival"] is not None:
+        rival = plain(tuple(gap["rival"]), found.effects)
+        parts.append(f"best rival ({rival}) {in_ms(gap['rival_heldout_rmse_s'])} ms held out")
+    return ", ".join(parts)
+
+
+def _classes(found: Diagnosis) -> list[str]:
+    """Return what cannot be told apart, by the names of the page with the record's keys."""
+    groups = [group for group in found.confusion.classes if len(group) > 1]
+    lines = [class_in_words(group, found.effects, keys=True) for group in groups]
+    named = {n for h in found.confusion.hypotheses if h != UNKNOWN for n in h}
+    for name in sorted(named):
+        effect = found.effects[name]
+        lines += [f"{effect.plain} ({name}) or {alias}" for alias in effect.aliases]
+    return [f"cannot be told apart: {line}" for line in lines]

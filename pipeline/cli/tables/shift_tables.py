@@ -1,0 +1,62 @@
+"""What one shift did, and the mean of many."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Group, RenderableType
+
+from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.reports.shift.story import event_facts, load_facts, phase_title
+from dogshape.sim.shift.engagement import Engagement
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.units import RPM
+
+
+def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
+    """Return outcome, phases, events and loads of one shift; ``torque_peak`` in N m."""
+    table = columns("phase", "start, ms", "end, ms", "length, ms")
+    for phase in result.phases:
+        length = phase.end - phase.start
+        table.add_row(phase_title(phase.name), in_ms(phase.start), in_ms(phase.end), in_ms(length))
+    outcome = result.outcome.value.replace("_", " ")
+    time = f" in {in_ms(result.shift_time)} ms" if result.shift_time is not None else ""
+    happened = "; ".join(event_facts(result))
+    loads = "\n".join(load_facts(result, torque_peak))
+    return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
+
+
+def expectation_table(result: Expectation) -> RenderableType:
+    """Return the expected shift time of each operating point and over all."""
+    table = columns("mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n")
+    for p in result.points:
+        table.add_row(
+            f"{p.point.mismatch / RPM:.4g}",
+            f"{p.point.profile.force:.1f}",
+            in_ms(p.mean),
+            in_ms(p.standard_error),
+            in_ms(p.sd),
+            f"{p.engaged:.0%}",
+            str(p.n),
+        )
+    total = (
+        f"expected shift time {in_ms(result.mean)} +- {in_ms(result.standard_error)} ms "
+        "(one standard error)"
+    )
+    if result.numerical_error is not None and not math.isnan(result.numerical_error):
+        total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
+    if result.lost:
+        total += f"\n{_lost(result)}"
+    if result.is_lower_bound:
+        total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
+    return Group(table, total)
+
+
+def _lost(result: Expectation) -> str:
+    """Say how many shifts did not engage, and what their retries make of the mean."""
+    text = f"{result.lost} of {result.shifts} shifts did not engage"
+    if result.blocked:
+        text += f", {result.blocked} held dog on dog by friction"
+    if result.mean_engaged is not None:
+        text += f"; without their retries the mean is {in_ms(result.mean_engaged)} ms"
+    return text

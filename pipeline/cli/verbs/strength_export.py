@@ -1,0 +1,156 @@
+"""``strength`` and ``export``: one design, its checks and its part."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Group, RenderableType
+
+from dogshape.pipeline.cli.options import Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
+from dogshape.pipeline.cli.tables.margin_tables import strength_table
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.console import emit, verb
+from dogshape.pipeline.export.cad import require_cad, write_step
+from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.search.tolerance_effects import checks_within, margins_within
+from dogshape.pipeline.simulate.design import Design, design_of, notes_of
+from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.kept_shifts import SHIFTS, kept_shifts, work_folder
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.files import naming
+from dogshape.sim.part.solid import part_volume, ring_part
+from dogshape.sim.shift.mesh import to_stl
+from dogshape.sim.strength.checks import feasible
+from dogshape.sim.strength.locking import blocking_force
+from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
+from dogshape.sim.units import MM, MPA
+from dogshape.validation.finite_elements.root_check import root_checks
+
+
+@verb
+def strength(
+    study: StudyArg,
+    simulation: Annotated[
+        bool, typer.Option(help="simulate the hardest landing, dog on dog")
+    ] = True,
+    explain: Annotated[bool, typer.Option("--explain", help="formulas, sources, keys")] = False,
+    fem: Annotated[
+        bool, typer.Option("--fem", help="root stress by finite elements too; extra [fem]")
+    ] = False,
+    set_: Sets = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Strength, self-locking and manufacturability of one design.
+
+    The hardest landing is that of the study's operating points and angles: 168 shifts for
+    the bundled study, half a minute on two cores; --no-simulation leaves it out.
+
+    Example: dogshape strength mq200 --set dog.height_mm=3.2
+    """
+    given = load_study(study, set_)
+    roots = root_checks(given.clutch.dog, given.limits) if fem else []
+    design = _landed(given, jobs) if simulation else design_of(given, {})
+    within = margins_within(given, design)
+    data = {
+        "feasible": design.feasible,
+        "not_checked": design.not_checked,
+        "checks": checks_within(design, within),
+        **_load_record(given),
+    }
+    if fem:
+        data["finite_elements"] = [root_record(root) for root in roots]
+    held = blocking_force(given.clutch.dog, given.limits.load)
+
+    def text() -> RenderableType:
+        table = strength_table(design.checks, within, held, notes_of(given), explain)
+        return Group(table, root_table(roots)) if fem else table
+
+    emit(data, json, text)
+    if not design.feasible:
+        raise typer.Exit(1)
+
+
+def _landed(given: Study, jobs: int) -> Design:
+    """Return the study's dog with the checks of its landing, where it can be made at all."""
+    dog, settings = given.clutch.dog, given.file.expectation
+    if not feasible(manufacturing_checks(dog, given.limits.manufacturing)):
+        return design_of(given, {})
+    folder = work_folder(SHIFTS, "strength", given.config_hash)
+    with (
+        ShiftProgress(len(given.points) * settings.angles) as progress,
+        kept_shifts(folder, progress, jobs) as executor,
+    ):
+        (found,) = evaluate(given, [dog], executor, [whole_plan(given)], settings.seed)
+    return design_of(given, {}, found.landing)
+
+
+def _load_record(given: Study) -> dict[str, Any]:
+    dog, limits = given.clutch.dog, given.limits
+    return {
+        "warnings": notes_of(given),
+        "load": {
+            **given.file.load.model_dump(),
+            "force_per_dog_N": limits.load.force_per_dog(dog),
+            "blocking_force_N": blocking_force(dog, limits.load),
+        },
+        "material": {
+            "set": limits.material.name,
+            "source": limits.material.source,
+            "allowable_stress_MPa": limits.allowable_stress / MPA,
+            "fatigue_stress_MPa": limits.fatigue_stress / MPA,
+        },
+    }
+
+
+@verb
+def export(
+    study: StudyArg,
+    stl: Annotated[Path | None, typer.Option(help="one ring for print; both are alike")] = None,
+    step: Annotated[Path | None, typer.Option(help="both rings for CAD; extra [cad]")] = None,
+    svg: Annotated[Path | None, typer.Option(help="dimensioned section of a dog")] = None,
+    body_mm: Annotated[float, typer.Option(help="thickness of a ring below the slots")] = 3.0,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Geometry for CAD and print, and the drawing of a dog.
+
+    Example: dogshape export mq200 --step rings.step --svg dog.svg
+    """
+    given = load_study(study, set_)
+    dog, radius = given.clutch.dog, given.limits.root_radius
+    if not (stl or step or svg):
+        raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
+    require_targets({"--stl": stl, "--step": step, "--svg": svg})
+    require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
+    require_makeable(dog, given.limits.manufacturing)
+    if step is not None:
+        require_cad()  # before anything is written
+    design = design_of(given, {})
+    if not design.feasible:
+        failed = ", ".join(design.failed)
+        print(f"warning: not feasible ({failed}); see dogshape strength", file=sys.stderr)
+    body = body_mm * MM
+    if svg is not None:
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, given.limits), encoding="utf-8")
+    if stl is not None:
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {given.name} ring"))
+    if step is not None:
+        write_step(dog, radius, body, step)
+    files = {"svg": svg, "stl": stl, "step": step}
+    written = {kind: str(path) for kind, path in files.items() if path is not None}
+    volume = part_volume(dog, radius, body) / MM**3
+    emit(
+        {**written, "ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm},
+        json,
+        lambda: export_text(written, volume),
+    )

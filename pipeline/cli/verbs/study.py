@@ -1,0 +1,129 @@
+"""``study``, ``report`` and ``fit``: the search, its report and its surrogate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dogshape.pipeline.cli.options import Cluster, Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.tables.study_tables import study_table, validation_text
+from dogshape.pipeline.config.study_file import load_study, require_variables
+from dogshape.pipeline.console import emit, verb
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.train.found_surrogates import space_out
+from dogshape.pipeline.train.inquiry import Inquiry
+from dogshape.pipeline.train.training import ask_more, fill, train
+from dogshape.sim.errors import InputError
+
+
+@verb
+def study(
+    study: StudyArg,
+    out: Annotated[Path | None, typer.Option(help="default: results/NAME")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="designs to propose")] = None,
+    jobs: Jobs = 0,
+    cluster: Cluster = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="of the search")] = None,
+    storage: Annotated[
+        str | None,
+        typer.Option(help="PostgreSQL that machines share: postgresql+psycopg://user@host/db"),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="go on if there is a study")] = False,
+    no_report: Annotated[
+        bool, typer.Option("--no-report", help="result only; 'dogshape report' makes it later")
+    ] = False,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Search for the best shape, then write the report.
+
+    The report takes a minute or more for its effects and animations; --no-report leaves it out.
+
+    Example: dogshape study mq200 --out results/mq200 --trials 48
+    """
+    overrides = list(set_ or [])
+    overrides += [f"search.trials={trials}"] if trials is not None else []
+    overrides += [f"search.seed={seed}"] if seed is not None else []
+    given = load_study(study, overrides)
+    folder = StudyFolder(out or default_out(given))
+    result = run_study(given, Run(folder, jobs, storage, resume, cluster, not no_report))
+    path = None if no_report else folder.report
+    keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
+    data = {key: result[key] for key in keys} | {"report": path and str(path)}
+    emit(data, json, lambda: study_table(given, result, path))
+    if result["best"] is None:
+        raise typer.Exit(1)
+
+
+@verb
+def report(
+    directory: Annotated[Path, typer.Argument(metavar="DIR", help="folder of a study")],
+    json: Json = False,
+) -> None:
+    """Write the report again from what a study stored.
+
+    Animations of its fastest and slowest shifts that are missing are simulated again, and what
+    the surrogate says of each variable is worked out unless it is there.
+
+    Example: dogshape report results/mq200
+    """
+    path = publish(StudyFolder(directory), lambda line: typer.echo(line, err=True))
+    emit({"report": str(path)}, json, lambda: f"report: {path}")
+
+
+@verb
+def fit(
+    where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
+    out: Annotated[Path | None, typer.Option(help="default: surrogate.json of the folder")] = None,
+    choose: Annotated[
+        bool, typer.Option("--choose", help="compare forms of the model, minutes; take the best")
+    ] = False,
+    question: Annotated[
+        str | None, typer.Option(help="best, front or design: simulate more about it first")
+    ] = None,
+    shifts: Annotated[int, typer.Option(min=1, help="with --question: how many more")] = 1024,
+    jobs: Jobs = 0,
+    cluster: Cluster = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Fit the surrogate and judge it on designs that it has not seen.
+
+    A folder of results is fitted as it is. For a study, designs that fill its space are
+    simulated first into results/NAME-space, and references apart to judge by. With a question,
+    more shifts are simulated where they tell most about the fastest designs, about the front
+    of the study's objectives, or about the study's own design.
+
+    Example: dogshape fit results/mq200
+    """
+    require_targets({"--out": out})
+    asked = None if question is None else Inquiry(question, shifts)
+    folder = StudyFolder(Path(where))
+    if folder.manifest.is_file() and set_:
+        raise InputError(
+            "--set cannot change a study that was run; leave it out, or name the study"
+        )
+    if not folder.manifest.is_file():
+        given = load_study(where, set_)
+        folder = StudyFolder(space_out(given))
+        require_variables(given)
+        fill(given, folder, jobs, cluster)
+    if asked is not None:
+        ask_more(folder, asked, jobs, cluster)
+    with ShiftProgress(0) as progress:
+        stored = train(folder, out, choose=choose, say=progress.say)
+    path = out or folder.surrogate
+    data = {
+        **stored.validation.as_dict(),
+        "designs": len(stored.surrogate.data.designs),
+        "form": stored.surrogate.form,
+        "comparison": list(stored.comparison),
+        "file": str(path),
+    }
+    emit(data, json, lambda: validation_text(stored, path))

@@ -1,0 +1,1 @@
+"""Read a study file and build the problem from it."""

@@ -1,0 +1,296 @@
+"""The study file: every key with its type and default, and nothing else.
+
+Lengths, angles and speeds are in the unit that a key ends in.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Discriminator, Field, Tag
+
+from dogshape.sim.clutch_tables import DogSection, OutputSection, Section, SlidingSection
+from dogshape.sim.statistics.distribution import Distribution
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.tolerance import Tolerances
+from dogshape.sim.units import DEG, MM
+
+FORMAT = 1  #: version of the study file and of the folder that a study writes
+
+QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
+
+MOST_TRIALS = 10_000  #: designs of a search; at 28 points of 8 angles 15 GB of memory
+REPLICATE = 0.2  #: shifts of replication over those of the search, at most
+
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+Numbers = Annotated[list[float], Field(min_length=1)]
+
+
+def _unless_given() -> Any:
+    """Return the default of a key that came later: unset, it is no part of a file's hash."""
+    return Field(default=None, exclude_if=lambda value: value is None)
+
+
+class ContactSection(Section):
+    """A named contact set and what is to differ from it."""
+
+    set: str = "lubricated_steel"
+    static_friction: float | None = None
+    dynamic_friction: float | None = None
+    stiction_velocity_m_s: float | None = None
+    stiffness_Pa_m: float | None = None
+    dissipation_s_m: float | None = None
+
+
+class ShiftSection(Section):
+    """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
+
+    timeout_s: float = 1.0
+    retraction_s: float = 0.2
+    seated_tolerance_mm: float = 0.05
+    rebound_mm: float = 1.0
+
+
+class ActuationSection(Section):
+    """Rise time of the shift force by its final value; linear in between."""
+
+    force_N: Numbers
+    rise_s: Numbers
+
+
+def _absent(value: Any) -> bool:
+    """Tell that a key is not given; such are left out of what is stored and hashed."""
+    return value is None
+
+
+class DistributionSection(Section):
+    """A distribution in place of a number (``sim.statistics.distribution``)."""
+
+    distribution: str
+    mean: float | None = None
+    sd: float | None = None
+    median: float | None = None
+    factor: float | None = None
+    low: float | None = None
+    mode: float | None = None
+    high: float | None = None
+
+    def named(self, key: str) -> Distribution:
+        """Build the distribution that stands at ``key``; mistakes raise InputError."""
+        numbers = self.model_dump(exclude={"distribution"})
+        return Distribution(key, self.distribution, **numbers)
+
+
+#: A list of numbers or a distribution; tags have a space, which no key has.
+Spread = Annotated[
+    Annotated[Numbers, Tag("a list")] | Annotated[DistributionSection, Tag("a distribution")],
+    Discriminator(
+        lambda v: "a distribution" if isinstance(v, dict | DistributionSection) else "a list"
+    ),
+]
+
+
+class PointSection(Section):
+    """One operating point of a list."""
+
+    mismatch_rpm: float
+    force_N: float
+    weight: float = 1.0
+
+
+class OperatingSection(Section):
+    """Operating points: a grid, a list or a draw (``pipeline.config.operating_points``)."""
+
+    mismatch_rpm: Spread | None = Field(default=None, exclude_if=_absent)
+    force_N: Spread | None = Field(default=None, exclude_if=_absent)
+    mismatch_weight: Numbers | None = Field(default=None, exclude_if=_absent)
+    force_weight: Numbers | None = Field(default=None, exclude_if=_absent)
+    points: Annotated[list[PointSection], Field(min_length=1)] | None = Field(
+        default=None, exclude_if=_absent
+    )
+    samples: Annotated[int, Field(ge=1, le=4096)] | None = Field(default=None, exclude_if=_absent)
+    seed: Annotated[int, Field(ge=0)] | None = Field(default=None, exclude_if=_absent)
+
+
+class UncertainSection(Section):
+    """Factors that differ from shift to shift; absent ones are one."""
+
+    friction_factor: DistributionSection | None = None
+    force_factor: DistributionSection | None = None
+    inertia_factor: DistributionSection | None = None
+
+
+class ExpectationSection(Section):
+    """How many relative angles an operating point gets, and the seed of their draw."""
+
+    angles: Annotated[int, Field(ge=3)] = 6
+    seed: Annotated[int, Field(ge=0)] = 1
+
+
+class DrivelineSection(Section):
+    """What stands between the clutch and the vehicle; for the torque peak only."""
+
+    stiffness_Nm_rad: float | None = None
+
+
+class LoadSection(Section):
+    """Load case of the strength checks (``sim.strength.load_case``)."""
+
+    torque_Nm: float = LoadCase.torque
+    application_factor: float = LoadCase.application_factor
+    load_sharing: float = LoadCase.load_sharing
+    load_height: float = LoadCase.load_height
+    safety: float = LoadCase.safety
+    safety_fatigue: float = LoadCase.safety_fatigue
+    shifts: float = LoadCase.shifts
+    reversal: float = LoadCase.reversal
+    friction_release: float = LoadCase.friction_release
+    friction_hold: float = LoadCase.friction_hold
+    separating_force_limit_N: float = LoadCase.separating_force_limit
+
+
+class MaterialSection(Section):
+    """A named material set (``sim.strength.materials``) and what is to differ from it."""
+
+    set: str = "16MnCr5"
+    proof_stress_MPa: float | None = None
+    bending_endurance_MPa: float | None = None
+    static_factor: float | None = None
+    allowable_pressure_MPa: float | None = None
+    surface_hardness_HV: float | None = None
+    case_depth_mm: float | None = None
+
+
+class ManufacturingSection(Section):
+    """What the workshop can do (``sim.strength.manufacture``)."""
+
+    tip_width_mm: float = ManufacturingLimits.tip_width / MM
+    slot_width_mm: float = ManufacturingLimits.slot_width / MM
+    cutter_reach: float = ManufacturingLimits.cutter_reach
+    flank_height_mm: float = ManufacturingLimits.flank_height / MM
+    root_radius_mm: float = ManufacturingLimits.root_radius / MM
+    tip_core_mm: float = ManufacturingLimits.tip_core / MM
+    chamfer_share: float = ManufacturingLimits.chamfer_share
+    module_mm: float = ManufacturingLimits.module / MM
+
+
+class ToleranceSection(Section):
+    """Largest deviation of each dimension either way (``sim.strength.tolerance``)."""
+
+    chamfer_deg: float = Tolerances.chamfer / DEG
+    traction_deg: float = Tolerances.traction / DEG
+    braking_deg: float = Tolerances.braking / DEG
+    height_mm: float = Tolerances.height / MM
+    outer_diameter_mm: float = Tolerances.outer_diameter / MM
+    inner_diameter_mm: float = Tolerances.inner_diameter / MM
+    axial_gap_mm: float = Tolerances.axial_gap / MM
+    root_radius_mm: float = Tolerances.root_radius / MM
+    contact_ratio: float = Tolerances.contact_ratio
+    clearance_mm: float = Tolerances.clearance / MM
+
+
+class VariablesSection(Section):
+    """Search ranges ``[low, high]``; a variable that is absent stays as in ``[dog]``."""
+
+    chamfer_deg: Range | None = None
+    traction_deg: Range | None = None
+    braking_deg: Range | None = None
+    height_mm: Range | None = None
+    count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+
+
+class SearchSection(Section):
+    """Objectives, sampler and budget of the search.
+
+    ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
+    operating points that a new design is simulated at, the others being foretold; all if absent.
+    ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
+    """
+
+    objectives: list[str] = Field(
+        min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
+    )
+    sampler: str = "surrogate"
+    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 32
+    startup: Annotated[int, Field(ge=1)] = 16
+    batch: Annotated[int, Field(ge=1)] = 4
+    seed: Annotated[int, Field(ge=0)] = 1
+    use_known: bool = True
+    points: Annotated[int, Field(ge=3)] | None = None
+    confirm_designs: Annotated[int, Field(ge=1)] = 4
+    confirm_angles: Annotated[int, Field(ge=3)] = 16
+    replicate: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
+        default=REPLICATE, exclude_if=lambda value: value == REPLICATE
+    )
+    quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=QUANTILE, exclude_if=lambda value: value == QUANTILE
+    )
+
+
+class SolverSection(Section):
+    """Numerical settings; absent ones follow from the contact set."""
+
+    scheme: str | None = None
+    accuracy: float | None = None
+    max_step_s: float | None = None
+    max_steps: int | None = _unless_given()
+    time_limit_s: float | None = _unless_given()
+
+
+class SurrogateSection(Section):
+    """What ``fit`` simulates: designs that fill their space, and references to judge it by.
+
+    ``references`` fill the space too, ``best_references`` are of the tenth found best.
+
+    Each design gets ``points`` operating points of its own with ``angles`` angles; a reference
+    gets all of the study's with ``reference_angles``, and more where the relative standard error
+    of its expected time would exceed ``reference_error``.
+    """
+
+    designs: Annotated[int, Field(ge=10)] = 500
+    points: Annotated[int, Field(ge=1)] = 5
+    angles: Annotated[int, Field(ge=3)] = 8
+    references: Annotated[int, Field(ge=3)] = 40
+    best_references: Annotated[int, Field(ge=0)] = 20
+    reference_angles: Annotated[int, Field(ge=3)] = 12
+    reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.007
+    seed: Annotated[int, Field(ge=0)] = 1
+
+
+class StudyFile(Section):
+    """The whole study file."""
+
+    format: int
+    name: Annotated[str, Field(min_length=1, max_length=100, pattern=r"^\w[\w.-]*$")]
+    dog: DogSection
+    sliding: SlidingSection
+    output: OutputSection
+    contact: ContactSection = ContactSection()
+    shift: ShiftSection = ShiftSection()
+    actuation: ActuationSection
+    operating: OperatingSection
+    uncertain: UncertainSection | None = Field(default=None, exclude_if=_absent)
+    expectation: ExpectationSection = ExpectationSection()
+    driveline: DrivelineSection = DrivelineSection()
+    load: LoadSection = LoadSection()
+    material: MaterialSection = MaterialSection()
+    manufacturing: ManufacturingSection = ManufacturingSection()
+    tolerance: ToleranceSection = ToleranceSection()
+    variables: VariablesSection = VariablesSection()
+    search: SearchSection = SearchSection()
+    solver: SolverSection = SolverSection()
+    surrogate: SurrogateSection = SurrogateSection()
+
+
+def keys_like(stem: str) -> list[str]:
+    """Return at most three keys of the study file that begin with a word, as ``dog.chamfer_deg``.
+
+    Of the sections the first in the file that has such keys.
+    """
+    for section, field in StudyFile.model_fields.items():
+        keys = getattr(field.annotation, "model_fields", {})
+        found = [f"{section}.{name}" for name in keys if name.lower().startswith(stem)]
+        if found and len(stem) > 2:
+            return found[:3]
+    return []

@@ -1,0 +1,382 @@
+"""Reading a study file, and building the values of ``sim`` from it.
+
+A study is named by a TOML file, a folder with ``study.toml``, or the name of one
+that the package brings. Every mistake becomes one sentence.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
+from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
+from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
+from dogshape.sim.shift.actuation import ForceProfile, RiseTable
+from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
+from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.loads import Loads
+from dogshape.sim.shift.passing import require_stiff_enough
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    clutch_record,
+    content_key,
+    uncertain_record,
+)
+from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
+from dogshape.sim.strength.dog_strength import Limits
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.materials import Material, material_of
+from dogshape.sim.strength.tolerance import Tolerances
+from dogshape.sim.texts import listed, read_toml
+from dogshape.sim.units import MM, unit_of
+
+VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study as values: what is built, how it is operated and what is searched.
+
+    ``variables`` maps each searched key of the dog to its range, in edge units;
+    ``uncertainty`` is None where nothing but the relative angle is uncertain.
+    """
+
+    file: StudyFile
+    clutch: Clutch
+    limits: Limits
+    points: tuple[OperatingPoint, ...]
+    variables: dict[str, tuple[float, float]]
+    uncertainty: Uncertainty | None = None
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return self.file.name
+
+    @property
+    def retraction(self) -> float:
+        """Time to pull back before a retry, s."""
+        return self.file.shift.retraction_s
+
+    @property
+    def mismatches(self) -> list[float]:
+        """Mismatches of the operating points, each once, 1/min."""
+        return axes_of(self.file.operating, self.points)[0]
+
+    @property
+    def forces(self) -> list[float]:
+        """Shift forces of the operating points, each once, N."""
+        return axes_of(self.file.operating, self.points)[1]
+
+    @property
+    def operating_text(self) -> str:
+        """The operating points in words."""
+        section = self.file.operating
+        return operating_text(section, axes_of(section, self.points), len(self.points))
+
+    def dog_with(self, params: dict[str, float]) -> Dog:
+        """Return the study's dog with some keys replaced, given in edge units.
+
+        Raises InputError or GeometryError where there is no such dog.
+        """
+        return replace(self.clutch.dog, **dog_fields(params))
+
+    def torque_peaks(self, clutch: Clutch, trace: Trace, loads: Loads) -> TorquePeaks | None:
+        """Compute the driveline's torque peaks in a shift; None without its stiffness."""
+        stiffness = self.file.driveline.stiffness_Nm_rad
+        return None if stiffness is None else torque_peaks(clutch, trace, loads, stiffness)
+
+    def named(self, values: Iterable[float]) -> dict[str, float]:
+        """Return values of the searched keys by name, the count as a whole number."""
+        pairs = zip(self.variables, values, strict=True)
+        return {key: round(v) if key == "count" else float(v) for key, v in pairs}
+
+    def rows(self, designs: Iterable[Mapping[str, Any]]) -> NDArray[np.float64]:
+        """Return designs by name as rows in edge units, (m, d); ``named`` goes the other way."""
+        rows = [[design[key] for key in self.variables] for design in designs]
+        return np.array(rows, dtype=float).reshape(-1, len(self.variables))
+
+    @property
+    def prototype(self) -> dict[str, float]:
+        """The searched keys at the study's own dog, edge units."""
+        section = self.file.dog.model_dump()
+        return {key: section[key] for key in self.variables}
+
+    @property
+    def physics(self) -> Record:
+        """Everything that a shift depends on except the searched keys and the operating point.
+
+        The rise of the force belongs to it: it follows from the final force by a table.
+        """
+        unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
+        return physics_of({**clutch_record(self.clutch), **unsure}, list(self.variables), self.file)
+
+    @property
+    def physics_hash(self) -> str:
+        """Content key of ``physics``: results may be compared only where it is equal."""
+        return content_key(self.physics)
+
+    @property
+    def config_hash(self) -> str:
+        """Content key of the whole study file."""
+        return content_key(self.file.model_dump())
+
+
+def physics_of(record: Record, variables: Sequence[str], file: StudyFile) -> Record:
+    """Return what ``record`` fixes beside the variables, and the rise table.
+
+    ``record`` is that of a clutch, with the distributions of what is uncertain.
+    """
+    fixed = {key: value for key, value in record.items() if key not in variables}
+    table = file.actuation
+    return {**fixed, "rise_force_N": table.force_N, "rise_s": table.rise_s}
+
+
+def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
+    """Read and validate a study.
+
+    Parameters
+    ----------
+    where : TOML file, folder with ``study.toml`` or name of a bundled study.
+    overrides : ``KEY=VALUE`` with dotted keys, later ones win.
+
+    Raises
+    ------
+    InputError
+        With the file, the key, the value and the rule.
+    """
+    path = find_study(where)
+    try:
+        data = read_toml(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
+    for override in overrides or []:
+        _override(data, override)
+    source = f"{path} with --set" if overrides else str(path)
+    return build_study(validate(StudyFile, data, source))
+
+
+def find_study(where: str | Path) -> Path:
+    """Return the study file that ``where`` names."""
+    path = Path(where)
+    if path.is_dir():
+        path = path / "study.toml"
+    if path.is_file():
+        return path
+    bundled = bundled_root() / str(where) / "study.toml"
+    if path.name == str(where) and bundled.is_file():
+        return bundled
+    raise InputError(
+        f"there is no study at {where}: give a TOML file, a folder with study.toml, "
+        f"or one of the bundled studies ({', '.join(bundled_studies())})"
+    )
+
+
+def bundled_studies() -> list[str]:
+    """Return the names of the studies that the package brings."""
+    return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
+
+
+def _override(data: dict[str, Any], text: str) -> None:
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
+    *tables, last = key.strip().split(".")
+    table = data
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise InputError(f"--set {text}: {name} is a value and not a table; check the key")
+    try:
+        read = tomllib.loads(f"v = {value}")
+    except tomllib.TOMLDecodeError:
+        read = {"v": value.strip()}
+    if set(read) != {"v"}:
+        raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
+    table[last] = read["v"]
+
+
+def build_study(file: StudyFile) -> Study:
+    """Build the values of ``sim`` from a validated study file."""
+    if file.format != FORMAT:
+        raise InputError(
+            f"format is {file.format}, but this version reads format {FORMAT}; "
+            "convert the file or use the version that wrote it"
+        )
+    _require_parts(file)
+    contact, shift = _contact(file), file.shift
+    clutch = Clutch(
+        dog=file.dog.dog(),
+        rings=rings(file.sliding, file.output),
+        contact=contact,
+        timeout=shift.timeout_s,
+        seated_tolerance=shift.seated_tolerance_mm * MM,
+        rebound=shift.rebound_mm * MM,
+        solver=_solver(file, contact),
+    )
+    points = _points(file)
+    require_stiff_enough(clutch, max(point.profile.force for point in points))
+    unsure = _uncertainty(file, clutch, points)
+    return Study(file, clutch, _limits(file), points, _variables(file), unsure)
+
+
+def _points(file: StudyFile) -> tuple[OperatingPoint, ...]:
+    return points_of(file.operating, lambda force: profile_for(file, force))
+
+
+def _require_parts(file: StudyFile) -> None:
+    """Raise InputError with what is wrong in any part of a study, all at once."""
+    parts: tuple[Callable[[], object], ...] = (
+        file.dog.dog,
+        lambda: rings(file.sliding, file.output),
+        lambda: _solver(file, _contact(file)),
+        lambda: _require_shift(file),
+        lambda: _require_stiffness(file),
+        lambda: _points(file),
+        lambda: LoadCase(**si_fields(file.load.model_dump())),
+        lambda: _material(file),
+        lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
+        lambda: Tolerances(**si_fields(file.tolerance.model_dump())),
+        lambda: _variables(file),
+    )
+    faults: list[DogshapeError] = []
+    for part in parts:
+        try:
+            part()
+        except DogshapeError as error:
+            faults.append(error)
+    if len(faults) == 1:
+        raise faults[0]
+    if faults:
+        raise InputError(listed(f"the study {file.name}", map(str, faults)))
+
+
+def _require_shift(file: StudyFile) -> None:
+    shift = file.shift
+    _positive("shift.timeout_s", shift.timeout_s, 60.0)
+    _positive("shift.seated_tolerance_mm", shift.seated_tolerance_mm, 1.0)
+    require_between("shift.retraction_s", shift.retraction_s, 0.0, 60.0, "give a time in seconds")
+    require_between("shift.rebound_mm", shift.rebound_mm, 0.0, 100.0, "give a length in mm")
+
+
+def _require_stiffness(file: StudyFile) -> None:
+    stiffness = file.driveline.stiffness_Nm_rad
+    if stiffness is not None:
+        _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
+
+
+def _uncertainty(
+    file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]
+) -> Uncertainty | None:
+    """Return what is uncertain, None where nothing is; its ends must be shifts that exist."""
+    given = [] if file.uncertain is None else [*file.uncertain]
+    found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
+    if not found:
+        return None
+    unsure = Uncertainty(found, rise_table(file))
+    for end in (0, 1):
+        friction, inertia = (unsure.bounds(n)[end] for n in ("friction_factor", "inertia_factor"))
+        Variant(friction, 1.0, inertia, 0.1, ()).clutch(clutch)
+    low, high = unsure.bounds("force_factor")
+    forces = [point.profile.force for point in points]
+    for force in (low * min(forces), high * max(forces)):
+        if not unsure.rise.covers(force):
+            known = file.actuation.force_N
+            rule = f"the rise times of the study cover {min(known):.6g} to {max(known):.6g} N"
+            remedy = "extend actuation.force_N and rise_s, or narrow uncertain.force_factor"
+            raise InputError(refusal("shift force by its factor", force, "N", rule, remedy))
+    return unsure
+
+
+def _positive(key: str, value: float, most: float) -> None:
+    if not 0.0 < value <= most:
+        unit = unit_of(key)
+        rule = f"it must be positive and at most {most:.6g} {unit}"
+        raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
+
+
+def _contact(file: StudyFile) -> ContactSet:
+    given = file.contact.model_dump(exclude={"set"}, exclude_none=True)
+    return replace(contact_set(file.contact.set), **si_fields(given))  # type: ignore[arg-type]
+
+
+def _solver(file: StudyFile, contact: ContactSet) -> Solver:
+    solver, section = solver_for(contact), file.solver
+    if section.scheme is not None:
+        solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
+    if section.accuracy is not None:
+        solver = replace(solver, accuracy=section.accuracy)
+    if section.max_step_s is not None:
+        solver = replace(solver, max_step=section.max_step_s)
+    if section.max_steps is not None:
+        solver = replace(solver, max_steps=section.max_steps)
+    if section.time_limit_s is not None:
+        solver = replace(solver, time_limit=section.time_limit_s)
+    return solver
+
+
+def profile_for(
+    file: StudyFile, force: float, rise: float | None = None, other_way: str = ""
+) -> ForceProfile:
+    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table.
+
+    ``other_way`` is what a user may do beside extending the table where it lacks the force.
+    """
+    profile = ForceProfile(force, rise if rise is not None else 0.1)
+    return profile if rise is not None else rise_table(file).profile(force, other_way)
+
+
+def rise_table(file: StudyFile) -> RiseTable:
+    """Return the study's rise times by force; lists of unequal length raise InputError."""
+    return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
+
+
+def _limits(file: StudyFile) -> Limits:
+    return Limits(
+        load=LoadCase(**si_fields(file.load.model_dump())),
+        material=_material(file),
+        manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
+        tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
+        seated_tolerance=file.shift.seated_tolerance_mm * MM,
+    )
+
+
+def _material(file: StudyFile) -> Material:
+    given = file.material.model_dump(exclude={"set"}, exclude_none=True)
+    return replace(material_of(file.material.set), **si_fields(given))  # type: ignore[arg-type]
+
+
+def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
+    ranges = file.variables.model_dump(exclude_none=True)
+    for key, (low, high) in ranges.items():
+        if not low < high:
+            raise InputError(
+                f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
+                "second; exchange them, or leave the key out to keep the dog's own value"
+            )
+        if key.endswith("_deg") and not 0.0 <= low <= high < 60.0:
+            rule = "angles must lie between 0 and 60 deg"
+            raise InputError(refusal(f"variables.{key}", high, "deg", rule, "narrow the range"))
+    return {key: (low, high) for key, (low, high) in ranges.items()}
+
+
+def require_variables(study: Study) -> None:
+    """Raise InputError where the study has nothing to search."""
+    if not study.variables:
+        names = ", ".join(VARIABLES)
+        raise InputError(
+            f"[variables] is empty, so there is nothing to search; give one of {names}"
+        )

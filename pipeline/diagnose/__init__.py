@@ -1,0 +1,1 @@
+"""Diagnose a bench data set: its bank first, then inference and consequence."""

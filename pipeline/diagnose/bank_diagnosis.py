@@ -1,0 +1,178 @@
+"""From a bench data set to its diagnosis: the bank of simulations first, then the inference.
+
+The package brings the bank of the published clutch at the operating points of its tables
+(``studies/bench``). What it lacks is simulated once and kept in a folder:
+
+``shifts.jsonl``  every finished shift; an interrupted bank goes on from it
+``bank.json``     the times of finished banks, of any clutch
+``flights.npz``   the ring's flight up to the first touch, for data sets with traces
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dogshape.diagnosis.bench.bench_data import Bench, require_times
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
+from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
+from dogshape.diagnosis.prediction.emulator import BankEmulator
+from dogshape.diagnosis.prediction.flight_store import FlightStore
+from dogshape.diagnosis.prediction.sense_bank import (
+    SenseEmulator,
+    forward_plan,
+    reversed_bench,
+    reversed_plan,
+)
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.lock import writing
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effect import Effect
+from dogshape.sim.effects import load, own_files
+from dogshape.sim.errors import EffectError
+from dogshape.sim.setting import Setting
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.shift_records import Record
+
+BANK = Path("results") / "bank"  #: folder of banks where none is named
+TIMES, FLIGHTS = "bank.json", "flights.npz"
+
+
+def _silent(_: str) -> None:
+    """Say nothing."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """With what a diagnosis is made.
+
+    Parameters
+    ----------
+    bank : folder of banks.
+    effects : folder of the user's own effects, None without.
+    jobs : worker processes, 0 for one a core.
+    say : takes a line for the user.
+    """
+
+    bank: Path = BANK
+    effects: Path | None = None
+    jobs: int = 0
+    say: Callable[[str], None] = field(default=_silent)
+
+
+def brought(name: str) -> Path:
+    """Return a file of the bank that the package brings."""
+    return bundled_root() / "bench" / name
+
+
+def diagnosed(bench: Bench, means: Means) -> Diagnosis:
+    """Return the diagnosis of a data set; simulates what no bank has.
+
+    DataError where no shift has a time, EffectError for an effect that cannot be run.
+    """
+    require_times(bench)
+    effects = load(means.effects)
+    _require_working(effects, bench, means)
+    emulator, flights = emulator_of(bench, effects, means)
+    found = diagnose(bench, emulator, effects)
+    flights.save()
+    return found
+
+
+def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:
+    """Raise EffectError, with its file, for an effect of the user's that cannot be run."""
+    own = own_files(means.effects) if means.effects else {}
+    if means.effects and not own:
+        means.say(f"{means.effects} has no effect: no file NAME.py without an underscore before it")
+    base = Setting(bench.clutch, bench.cells[0].point)
+    for name, path in own.items():
+        try:
+            effects[name].require_working(base)
+        except EffectError as error:
+            raise EffectError(f"{path}: {error}") from error
+
+
+def emulator_of(
+    bench: Bench, effects: Mapping[str, Effect], means: Means
+) -> tuple[SenseEmulator, FlightStore]:
+    """Return what foretells a data set, and the flights that are to be saved afterwards."""
+    flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
+    plain, turned = banks_of(bench, effects, means)
+    return SenseEmulator(BankEmulator(plain, flights), turned), flights
+
+
+def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
+    """Return the bank of a data set with the sense of its table."""
+    return banks_of(bench, effects, means)[0]
+
+
+def plans_of(
+    bench: Bench, effects: Mapping[str, Effect]
+) -> tuple[tuple[Plan, Bench], tuple[Plan, Bench]]:
+    """Return what is simulated for a data set, with the sense of its table and reversed."""
+    turned = reversed_plan(effects, bench), reversed_bench(bench)
+    return (forward_plan(effects), bench), turned
+
+
+def blocks_by_key(plans: Iterable[tuple[Plan, Bench]]) -> dict[str, Block]:
+    """Return the blocks of some plans, each once, by the key of their series."""
+    return {series_key(block): block for one in plans for block in blocks_of(*one)}
+
+
+def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple[Bank, Bank]:
+    """Return the banks of a data set with the sense of its table and with the reversed one.
+
+    They are what files have of them, and the rest simulated.
+    """
+    plain, turned = plans_of(bench, effects)
+    store = BankStore((brought(TIMES), means.bank / TIMES))
+    lacking = store.missing(blocks_by_key((plain, turned)).values())
+
+    def made(run: Runner) -> tuple[Bank, Bank]:
+        first = store.bank(*plain, run)
+        return first, store.bank(*turned, run, first.numerics)
+
+    if not lacking:
+        return made(_none_left)
+    kept = means.bank / "shifts.jsonl"
+    left = sum(len(block.angles) for block in lacking)
+    means.say(_announced(left, _finished(lacking, kept), means))
+    how = "the same command goes on from there"
+    with (
+        writing(means.bank),
+        ShiftProgress(left) as progress,
+        progress.kept_in(means.bank, how),
+    ):
+        journal = ShiftJournal(kept)
+        executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
+        banks = made(executor.run)
+        journal.say_unfinished(means.say)
+        return banks
+
+
+def _finished(blocks: Sequence[Block], journal: Path) -> int:
+    """Return how many shifts of blocks a run that was stopped has left in a journal."""
+    if not journal.exists():
+        return 0
+    rows = ShiftJournal(journal, only_read=True).rows
+    return sum(key in rows for block in blocks for key in block.keys)
+
+
+def _announced(shifts: int, finished: int, means: Means) -> str:
+    jobs = means.jobs or os.cpu_count() or 1
+    minutes = max(1.0, (shifts - finished) * SHIFT / jobs / 60.0)
+    there = f" ({finished} more are there from a run that was stopped)" if finished else ""
+    return (
+        f"the bank of this clutch lacks {shifts - finished} shifts{there}, about {minutes:.0f} min "
+        f"with {jobs} workers; kept in {means.bank} for this and later diagnoses"
+    )
+
+
+def _none_left(blocks: Sequence[Block]) -> list[list[Record]]:
+    raise AssertionError(f"{len(blocks)} blocks are simulated that the bank has")

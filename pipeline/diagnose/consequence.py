@@ -1,0 +1,268 @@
+"""So what: whether the best design stays the best once a named effect is in.
+
+Prototype and the leading designs of a study's kept result are simulated without and with the
+effect, at the same relative angles, which the search did not use. What ignoring the effect costs is
+the time of the design that the study chose, which knew of no effect, less that of the one that is
+best with it, both with it. Designs that only a search with the effect would have found are not
+among them, so the cost may be more; that the best is the best of several estimates makes it seem
+more.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import DataError
+from dogshape.sim.setting import Setting
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
+from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.shift_records import Record, result_of
+
+ANGLES = 6  #: of each design at each operating point
+DESIGNS = 6  #: of the search, the fastest
+SURE = 2.0  #: standard errors from which a cost is one
+GRID = 720  #: places in a pitch at which a distribution of angles is summed
+
+Params = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A design with its expected shift time, at the sleeve, without and with the effect."""
+
+    name: str
+    params: Params
+    without: Expectation
+    with_effect: Expectation
+
+
+@dataclass(frozen=True)
+class Consequence:
+    """What an effect does to the choice of a design.
+
+    Of the candidates the first is the prototype, the second what the study chose.
+    """
+
+    study: str
+    level: Level
+    candidates: tuple[Candidate, ...]
+
+    @property
+    def chosen(self) -> Candidate:
+        """What the study chose, without the effect."""
+        return self.candidates[1]
+
+    @property
+    def best(self) -> Candidate:
+        """The best with it."""
+        return min(self.candidates, key=lambda one: one.with_effect.mean)
+
+    @property
+    def regret(self) -> float:
+        """What choosing without the effect costs with it, s."""
+        return self.chosen.with_effect.mean - self.best.with_effect.mean
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the regret, s; angles that both share are not counted on."""
+        if self.chosen is self.best:
+            return 0.0
+        both = self.chosen.with_effect, self.best.with_effect
+        return math.hypot(*(one.standard_error for one in both))
+
+    @property
+    def sentence(self) -> str:
+        """The finding in words."""
+        prototype, chosen, best = self.candidates[0], self.chosen, self.best
+        gain = prototype.with_effect.mean - best.with_effect.mean
+        gained = (
+            f"with it {best.name} gains {gain * 1e3:.1f} ms over the prototype, "
+            f"{gain / prototype.with_effect.mean:.0%}"
+        )
+        if chosen is best:
+            return f"The chosen design stays the best ({chosen.name}); {gained}."
+        cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
+        if self.regret < SURE * self.standard_error:
+            return (
+                f"The chosen design ({chosen.name}) stays as good as any within the error: "
+                f"{best.name} is {cost} faster; {gained}."
+            )
+        return (
+            f"Without the effect the study chose {chosen.name}, with it {best.name} is best; "
+            f"ignoring it costs {cost}; {gained}."
+        )
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """All of it as JSON takes it."""
+        return {
+            "study": self.study,
+            "effects": list(self.level.hypothesis),
+            "values": list(self.level.values),
+            "candidates": [_record(one) for one in self.candidates],
+            "best_without": self.chosen.name,
+            "best_with": self.best.name,
+            "regret_s": self.regret,
+            "regret_standard_error_s": self.standard_error,
+            "sentence": self.sentence,
+        }
+
+
+def _record(one: Candidate) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        **one.params,
+        "without_s": one.without.mean,
+        "without_standard_error_s": one.without.standard_error,
+        "with_s": one.with_effect.mean,
+        "with_standard_error_s": one.with_effect.standard_error,
+    }
+
+
+def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, Params]]:
+    """Return a study and the designs of its result, by a folder of results or a study.
+
+    Raises DataError where nothing is kept, StorageError where it is damaged.
+    """
+    folder = StudyFolder(Path(where))
+    if folder.manifest.is_file():
+        study = folder.stored_study()
+        if not folder.result.is_file():
+            raise DataError(
+                f"the study in {where} has no result; run 'dogshape study' with --resume and "
+                f"--out {where}"
+            )
+        return study, _designs(study, folder.stored_result(), count)
+    study = load_study(where)
+    return study, _designs(study, json.loads(_kept(study, where).read_text("utf-8")), count)
+
+
+def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
+    """Return the prototype and the fastest feasible designs of a study's kept result, by name.
+
+    The chosen one comes first; designs that failed at fresh angles are left out.
+
+    Raises DataError where nothing is kept.
+    """
+    kept = _kept(study, study.name).read_text(encoding="utf-8")
+    return _designs(study, json.loads(kept), count)
+
+
+def _designs(study: Study, result: Mapping[str, Any], count: int) -> dict[str, Params]:
+    confirmation = result["confirmation"] or {"chosen": None, "designs": []}
+    failed = {
+        one["trial"]
+        for one in confirmation["designs"]
+        if not all(check["passed"] for check in one["checks"])
+    }
+    rows = [row for row in result["trials"] if row["feasible"] and not row["prototype"]]
+    rows = [row for row in rows if row["trial"] not in failed]
+    rows.sort(key=lambda row: row["expected_shift_time_s"])
+    chosen = confirmation["chosen"]
+    rows.sort(key=lambda row: row["trial"] != chosen)
+    named = {f"design {row['trial']}": row for row in rows[:count]}
+    found: dict[str, Params] = {"prototype": study.prototype}
+    for name, row in named.items():
+        found[name] = {key: row[key] for key in study.variables}
+    return found
+
+
+def _kept(study: Study, where: str | Path) -> Path:
+    own = StudyFolder(default_out(study))
+    for path in (own.result, bundled_root() / study.name / "result.json"):
+        if path.is_file():
+            return path
+    raise DataError(
+        f"there is no result of the study {study.name} in {own.root}; run 'dogshape study {where}' "
+        "first, or name the folder of its results"
+    )
+
+
+def shifts_of(study: Study, designs: Mapping[str, Params]) -> int:
+    """Return how many shifts ``consequence`` takes."""
+    return 2 * ANGLES * len(study.points) * len(designs)
+
+
+def consequence(
+    study: Study,
+    designs: Mapping[str, Params],
+    level: Level,
+    effects: Mapping[str, Effect],
+    run: Runner,
+) -> Consequence:
+    """Simulate designs without and with an effect.
+
+    ``run`` simulates blocks. An effect of which there is no such bench raises InputError.
+    """
+    settings = [_settings(study, params) for params in designs.values()]
+    changed = [[level.setting(effects, one) for one in mine] for mine in settings]
+    every = [one for group in (settings, changed) for mine in group for one in mine]
+    seed = study.file.expectation.seed + 3 * FRESH
+    places = len(study.points)
+    blocks = [
+        replace(
+            even_block(one.clutch, one.point, ANGLES, (seed, k % places)),
+            angles=angles_of(one, (seed, k % places)),
+        )
+        for k, one in enumerate(every)
+    ]
+    rows = run(blocks)
+    found = [
+        _expectation(study, every[k : k + places], rows[k : k + places])
+        for k in range(0, len(every), places)
+    ]
+    half = len(designs)
+    return Consequence(
+        study.name,
+        level,
+        tuple(
+            Candidate(name, params, found[k], found[half + k])
+            for k, (name, params) in enumerate(designs.items())
+        ),
+    )
+
+
+def _settings(study: Study, params: Params) -> list[Setting]:
+    clutch = study.clutch.with_dog(study.dog_with(dict(params)))
+    return [Setting(clutch, point) for point in study.points]
+
+
+def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
+    """Return even relative angles, or those at even shares of their distribution, rad."""
+    even = even_block(setting.clutch, setting.point, ANGLES, draw).angles
+    if setting.concentration == 0.0:
+        return even
+    pitch = setting.clutch.dog.pitch_angle
+    grid = (np.arange(GRID) + 0.5) / GRID * pitch
+    below = np.cumsum(setting.weights(grid.tolist())) / GRID
+    return tuple(np.interp(np.array(even) / pitch, below, grid).tolist())
+
+
+def _expectation(
+    study: Study, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
+) -> Expectation:
+    return expect(
+        [
+            expect_point(
+                setting.point,
+                [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine],
+                setting.clutch.timeout,
+                study.retraction,
+            )
+            for setting, mine in zip(settings, rows, strict=True)
+        ]
+    )

@@ -1,0 +1,1 @@
+"""Write parts and drawings: STEP, STL, SVG."""

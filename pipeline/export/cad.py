@@ -1,0 +1,220 @@
+"""The pair of rings as solids in a STEP file, for drawing and machining.
+
+Solids have true planes and cylinders. Those of one pitch are joined to an open
+shell that reaches a little beyond inner and outer radius, a sector of a plain ring
+is split with it, and what is left below is repeated about the axis and sewn. So
+the kernel (Open CASCADE, through build123d) never has to make a fillet, the one
+operation of it that fails for small lands: it only cuts faces that cross at a
+right angle.
+
+build123d is an optional extra, ``pip install 'dogshape[cad]'``, and slow to import.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import math
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dogshape.sim.errors import InputError
+from dogshape.sim.files import naming
+from dogshape.sim.part.profile import Corner, Lines, between, dog_corners, require_room
+from dogshape.sim.part.solid import require_body
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import Vertices
+from dogshape.sim.units import MM
+
+BEYOND = 0.02e-3  #: how far the shell reaches beyond the annulus, m; less than a land
+STEP = math.radians(1.0)  #: of the polygons that end its planes there
+#: A fixed time in the header: the same rings give the same file.
+TIME = "2000-01-01T00:00:00"
+
+
+def cad_available() -> bool:
+    """Tell whether build123d can be imported."""
+    try:
+        _kernel()
+    except InputError:
+        return False
+    return True
+
+
+def require_cad() -> None:
+    """Raise InputError where build123d cannot be imported."""
+    _kernel()
+
+
+def _kernel() -> Any:
+    """Import build123d when it is first needed."""
+    try:
+        return import_module("build123d")
+    except ImportError as error:
+        raise InputError(
+            f"STEP files need build123d, which cannot be loaded ({error}); install "
+            "'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6."
+        ) from error
+
+
+def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
+    """Write both rings as they stand before the shift to a STEP file in mm.
+
+    Two solids, ``sliding ring`` and ``output ring``, on the z axis with their crests an
+    axial gap apart; dogs face slots, so that an axial move alone leads to full depth.
+    The gap is between the sharp crests: with a chamfer, rounded ones stand a little lower.
+
+    Parameters
+    ----------
+    root_radius : of fillets and rounded tips, m.
+    body : thickness of either ring below the floors of its slots, m.
+
+    Raises
+    ------
+    InputError
+        build123d is not installed.
+    GeometryError
+        Fillets or roundings do not fit, or the body has no thickness.
+    """
+    cad = _kernel()
+    ring = ring_solid(dog, root_radius, body)
+    # Transformed, not moved: a moved copy would share the name of the first ring.
+    other = ring.rotate(cad.Axis.X, 180.0, transform=True)
+    other = other.rotate(cad.Axis.Z, math.degrees(0.5 * dog.pitch_angle), transform=True)
+    other = other.translate((0.0, 0.0, dog.travel / MM), transform=True)
+    ring.label, other.label = "sliding ring", "output ring"
+    pair = cad.Compound(label="dog clutch", children=[ring, other])
+    written = io.BytesIO()
+    cad.export_step(pair, written, timestamp=TIME)
+    with naming(path):
+        path.write_bytes(_numbered(written.getvalue()))
+
+
+def _numbered(text: bytes) -> bytes:
+    """Number the parts of the assembly from 1; the kernel goes on counting from file to file."""
+    count = itertools.count(1)
+    pattern = rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
+    return re.sub(pattern, lambda found: b"%b%d'" % (found[1], next(count)), text)
+
+
+def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
+    """Return one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm."""
+    require_body(body)
+    require_room(dog, root_radius)
+    cad = _kernel()
+    stop = _floor_middle(dog, root_radius)
+    shell = cad.Shell(_toothed_side(dog, root_radius, stop))
+    halves = _sector(dog, body, stop).split(shell, keep=cad.Keep.ALL)
+    pitch = min(halves, key=lambda half: half.center().Z)
+    faces = [face for face in pitch.faces() if not _on_cut(face, stop, dog.pitch_angle)]
+    turns = [math.degrees(index * dog.pitch_angle) for index in range(dog.count)]
+    turned = [face.rotate(cad.Axis.Z, turn) for turn in turns for face in faces]
+    return cad.Solid(cad.Shell(turned)).clean()
+
+
+def _floor_middle(dog: Dog, root_radius: float) -> float:
+    """Return the angle of the radial plane through the middle of the slot's floor, rad.
+
+    In the middle at the inner radius, where the floor is narrowest: so it stays on the
+    floor all the way out, however unlike the flanks are.
+    """
+    corners = dog_corners(dog, root_radius)
+    here = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
+    there = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
+    x, y, _ = here / math.hypot(*here[:2]) + there / math.hypot(*there[:2])
+    return math.atan2(y, x)
+
+
+def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
+    """Return the faces of one pitch, floor to floor, a little larger than the annulus."""
+    corners = dog_corners(dog, root_radius)
+    level = np.array([[0.0, 0.0, -0.5 * dog.height]])
+    rays = []
+    # The floors reach a little beyond the cut as well.
+    for angle in (stop - dog.pitch_angle - 0.01, stop + 0.01):
+        rays.append(Lines(level, np.array([[math.cos(angle), math.sin(angle), 0.0]])))
+    edges, faces = [_Edge(dog, rays[0])], []
+    for corner in corners:
+        begin, end = _corner_edges(dog, corner)
+        faces.append(_plane(dog, edges[-1], begin))
+        if corner.radius:
+            faces.append(_cylinder(corner, begin, end))
+        edges.append(end)
+    return [*faces, _plane(dog, edges[-1], _Edge(dog, rays[1]))]
+
+
+class _Edge:
+    """A line of the shell with its two ends (3,), m; by default just beyond the annulus."""
+
+    def __init__(self, dog: Dog, line: Lines, ways: tuple[float, float] | None = None) -> None:
+        self.line = line
+        if ways is None:
+            ends = _beyond(dog)
+            self.inner, self.outer = line.at(ends[0])[0], line.at(ends[1])[0]
+        else:
+            self.inner, self.outer = (line.points[0] + w * line.directions[0] for w in ways)
+
+
+def _beyond(dog: Dog) -> tuple[float, float]:
+    return dog.inner_radius - BEYOND, dog.outer_radius + BEYOND
+
+
+def _corner_edges(dog: Dog, corner: Corner) -> tuple[_Edge, _Edge]:
+    """Return first and last line of a corner, cut at right angles beyond the annulus."""
+    lines = corner.lines(8)
+    inner, outer = ((lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog))
+    ways = (float(inner.min()), float(outer.max()))
+    return _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
+
+
+def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
+    """Return the plane face between two edges; many points keep its ends off the annulus."""
+    cad = _kernel()
+    ends = _beyond(dog)
+    lines = between(here.line, there.line, ends, STEP)
+    inner, outer = ([*lines.at(radius)] if len(lines.points) else [] for radius in ends)
+    points = [here.inner, *inner, there.inner, there.outer, *outer[::-1], here.outer]
+    return cad.Face(cad.Wire.make_polygon([_mm(point) for point in points], close=True))
+
+
+def _cylinder(corner: Corner, begin: _Edge, end: _Edge) -> Any:
+    """Return the cylinder of a corner: an arc across its axis, drawn along it."""
+    cad = _kernel()
+    middle = corner.radius * corner.normals(np.array([0.5]))[0]
+    along = begin.inner - corner.axis
+    centre = corner.axis + (along @ corner.direction) * corner.direction
+    arc = cad.Edge.make_three_point_arc(_mm(begin.inner), _mm(centre + middle), _mm(end.inner))
+    return cad.Face.extrude(arc, _mm(begin.outer - begin.inner))
+
+
+def _sector(dog: Dog, body: float, stop: float) -> Any:
+    """Return one pitch of a plain ring that ends above the crests."""
+    cad = _kernel()
+    bottom, top = -0.5 * dog.height - body, 0.5 * dog.height + 1.0 * MM
+    angles = (stop - dog.pitch_angle, stop - 0.5 * dog.pitch_angle, stop)
+    rims = [
+        [_mm(np.array([r * math.cos(a), r * math.sin(a), bottom])) for a in angles]
+        for r in (dog.inner_radius, dog.outer_radius)
+    ]
+    (a, _, b), (c, _, d) = rims
+    arcs = [cad.Edge.make_three_point_arc(*rim) for rim in rims]
+    sides = [cad.Edge.make_line(a, c), cad.Edge.make_line(b, d)]
+    outline = cad.Face(cad.Wire([arcs[0], sides[0], arcs[1], sides[1]]))
+    return cad.Solid.extrude(outline, cad.Vector(0.0, 0.0, (top - bottom) / MM))
+
+
+def _on_cut(face: Any, stop: float, pitch_angle: float) -> bool:
+    """Tell whether a face of the pitch is one of the two cuts to its neighbours."""
+    centre = face.center()
+    angle = math.atan2(centre.Y, centre.X)
+    ends = (stop - pitch_angle, stop)
+    return min(abs(math.remainder(angle - end, 2.0 * math.pi)) for end in ends) < 1e-9
+
+
+def _mm(point: Vertices) -> tuple[float, float, float]:
+    x, y, z = point / MM
+    return float(x), float(y), float(z)

@@ -1,0 +1,258 @@
+"""Drawings of the dogs as SVG: the pair meshed, and one dog with its dimensions.
+
+Both are sections at the mean radius, unrolled.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dogshape.pipeline.export import svg
+from dogshape.pipeline.export.svg import Point
+from dogshape.sim.shift.flank import crest_loss
+from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.strength.dog_strength import Limits
+from dogshape.sim.units import DEG, MM
+
+WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
+
+
+def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
+    """Return the profile of ``dogs`` neighbouring dogs with their slots, mm."""
+    points = []
+    for index in range(dogs):
+        shift = (index - 0.5 * (dogs - 1)) * dog.pitch
+        points += [((x + shift) / MM, z / MM) for x, z in section(dog)]
+    return points
+
+
+def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
+    """Draw ``span`` m of both rings at full depth, to scale; equal spans compare."""
+    half = 0.5 * span / MM
+    depth = dog.height / MM
+    dogs = 2 * int(span / dog.pitch) + 3
+    lower = outline(dog, dogs)
+    upper = [(-x + 0.5 * dog.pitch / MM, -z) for x, z in lower]
+    scale = 0.5 * width / half
+    height = (depth + 2.4) * scale
+
+    def path(points: list[tuple[float, float]], floor: float) -> str:
+        placed = [((x + half) * scale, (0.5 * depth + 1.2 - z) * scale) for x, z in points]
+        ends = [(placed[-1][0], floor), (placed[0][0], floor)]
+        return "M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in placed + ends) + " Z"
+
+    label = (
+        f"{title}: chamfer {dog.chamfer / DEG:.1f}°, traction {dog.traction / DEG:.1f}°, "
+        f"braking {dog.braking / DEG:.1f}°, height {depth:.2f} mm, {dog.count} dogs"
+    )
+    bar = 2.0 * scale
+    return (
+        f'<figure><svg viewBox="0 0 {width} {height:.0f}" width="{width}" role="img" '
+        f'aria-label="{label}">'
+        f'<path d="{path(lower, height)}" class="ring-a"/>'
+        f'<path d="{path(upper, 0.0)}" class="ring-b"/>'
+        f'<path d="M10,{height - 10:.1f} h{bar:.1f}" class="bar"/>'
+        f'<text x="{16 + bar:.1f}" y="{height - 6:.1f}" class="note">2 mm</text>'
+        f"</svg><figcaption>{label}</figcaption></figure>"
+    )
+
+
+def rounded(points: Sequence[Point], radius: float) -> str:
+    """Return path commands through ``points`` with every inner corner rounded, px."""
+    commands = [f"M{points[0][0]:.2f},{points[0][1]:.2f}"]
+    for before, here, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+        back, ahead = math.dist(before, here), math.dist(here, after)
+        u = ((before[0] - here[0]) / back, (before[1] - here[1]) / back)
+        v = ((after[0] - here[0]) / ahead, (after[1] - here[1]) / ahead)
+        half = 0.5 * math.acos(max(-1.0, min(1.0, u[0] * v[0] + u[1] * v[1])))
+        cut = radius / math.tan(half)
+        sweep = 1 if u[0] * v[1] - u[1] * v[0] < 0.0 else 0
+        start = (here[0] + cut * u[0], here[1] + cut * u[1])
+        end = (here[0] + cut * v[0], here[1] + cut * v[1])
+        commands.append(
+            f"L{start[0]:.2f},{start[1]:.2f} "
+            f"A{radius:.2f},{radius:.2f} 0 0 {sweep} {end[0]:.2f},{end[1]:.2f}"
+        )
+    commands.append(f"L{points[-1][0]:.2f},{points[-1][1]:.2f}")
+    return " ".join(commands)
+
+
+class _Sheet:
+    """Places the section on the sheet: metres to pixels, dog in the middle."""
+
+    def __init__(self, dog: Dog, limits: Limits) -> None:
+        self.dog, self.limits = dog, limits
+        self.scale = min(0.62 * WIDTH / (1.55 * dog.pitch), 0.33 * HEIGHT / dog.height)
+        self.centre = (0.5 * WIDTH, 0.5 * HEIGHT - 30.0)
+        self.underside = -0.5 * dog.height - 84.0 / self.scale
+
+    def at(self, x: float, z: float) -> Point:
+        return self.centre[0] + x * self.scale, self.centre[1] - z * self.scale
+
+    def size(self, name: str, value: float, mark: str = "") -> str:
+        """Return a length with its tolerance, mm."""
+        return f"{mark}{value / MM:.2f}{self._tolerance(name, MM, '')}"
+
+    def slope(self, name: str, word: str) -> str:
+        """Return an angle with its tolerance, degrees."""
+        value = getattr(self.dog, name) / DEG
+        return f"{word} {value:.2f}°{self._tolerance(name, DEG, '°')}"
+
+    def _tolerance(self, name: str, unit: float, sign: str) -> str:
+        tolerance = self.limits.tolerances.dimensions.get(name)
+        return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
+
+    def part(self) -> str:
+        """Return the dog with the slots beside it and the ends of its neighbours."""
+        dog, reach = self.dog, 0.775 * self.dog.pitch
+        points = [(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
+        curve = rounded([self.at(*p) for p in points], self.limits.root_radius * self.scale)
+        right, left = self.at(points[-1][0], self.underside), self.at(points[0][0], self.underside)
+        closing = f"L{right[0]:.2f},{right[1]:.2f} L{left[0]:.2f},{left[1]:.2f} Z"
+        frame = (self.at(-reach, 0.0)[0], self.at(reach, 0.0)[0])
+        sides = [svg.line((x, self.at(0.0, self.end(x))[1]), (x, left[1]), "edge") for x in frame]
+        return svg.clipped(svg.path(f"{curve} {closing}", "part"), frame, HEIGHT) + "".join(sides)
+
+    def end(self, pixel: float) -> float:
+        """Return the height of the sharp profile at a place on the sheet, m."""
+        x = (pixel - self.centre[0]) / self.scale
+        whole = [(p + i * self.dog.pitch, z) for i in (-1, 0, 1) for p, z in section(self.dog)]
+        places, levels = np.array(whole).T
+        return float(np.interp(x, places, levels))
+
+    def lengths(self) -> list[str]:
+        """Return the dimensions of widths and heights."""
+        dog, half = self.dog, 0.5 * self.dog.height
+        root_b, edge, crest, root_t = section(dog)
+        tip_b = (crest[0] - dog.tip_width, half)
+        below = self.at(0.0, -half)[1]
+        right, left = self.at(0.775 * dog.pitch, 0.0)[0], self.at(-0.775 * dog.pitch, 0.0)[0]
+        at = self.at
+        next_root = (root_t[0] - dog.pitch, -half)
+        over = (dog.height - crest_loss(dog, self.limits.root_radius)) / MM
+        drawn = [
+            svg.line(at(*edge), at(*tip_b)),
+            svg.dimension(
+                at(*tip_b), at(*crest), at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)
+            ),
+            svg.dimension(at(*root_b), at(*root_t), below + 36.0, _follows("root", dog.root_width)),
+            svg.dimension(
+                at(*next_root), at(*root_t), below + 68.0, _follows("pitch", dog.pitch, 3)
+            ),
+            svg.dimension(
+                at(*crest),
+                at(crest[0], -half),
+                right + 40.0,
+                "h " + self.size("height", dog.height),
+                upright=True,
+            ),
+            svg.text((right + 52.0, at(*crest)[1] + 4.0), f"{over:.2f} over", "start", "small"),
+            svg.text((right + 52.0, at(*crest)[1] + 18.0), "the rounding", "start", "small"),
+            svg.dimension(
+                at(*edge),
+                at(edge[0], -half),
+                left - 20.0,
+                _follows("flank", dog.braking_flank_height),
+                upright=True,
+            ),
+        ]
+        if dog.edge_drop > 0.0:
+            ends = (at(crest[0], half), at(*edge))
+            drop = _follows("drop", dog.edge_drop)
+            drawn.append(svg.dimension(*ends, left - 54.0, drop, upright=True))
+        return drawn
+
+    def angles(self) -> list[str]:
+        """Return chamfer, side angles and the root radius."""
+        dog, half = self.dog, 0.5 * self.dog.height
+        root_b, edge, crest, _ = section(dog)
+        corner, low = self.at(*crest), self.at(*edge)
+        top = self.at(0.0, half)[1] - 96.0
+        reach = 0.72 * dog.height * self.scale
+        radius = self.limits.root_radius
+        # Middle of the fillet's arc: out of the corner along its bisector.
+        opening = 0.25 * math.pi + 0.5 * dog.braking
+        way = radius * (1.0 / math.sin(opening) - 1.0)
+        fillet = self.at(root_b[0] - way * math.cos(opening), -half + way * math.sin(opening))
+        return [
+            svg.angle(
+                corner,
+                (180.0, 180.0 + dog.chamfer / DEG),
+                0.55 * dog.tip_width * self.scale,
+                self.slope("chamfer", "chamfer \u03b1"),
+                (self.centre[0] - 90.0, top),
+            ),
+            svg.angle(
+                corner,
+                (-90.0, -90.0 + dog.traction / DEG),
+                reach,
+                self.slope("traction", "traction flank \u03b2"),
+                (corner[0] + 70.0, top),
+            ),
+            svg.angle(
+                low,
+                (-90.0 - dog.braking / DEG, -90.0),
+                0.8 * reach,
+                self.slope("braking", "braking flank \u03b3"),
+                (low[0] - 110.0, top + 34.0),
+            ),
+            svg.leader(
+                fillet,
+                (
+                    self.at(-0.775 * dog.pitch, 0.0)[0] + 60.0,
+                    self.at(0.0, self.underside)[1] + 24.0,
+                ),
+                "roots and tip edges R " + self.size("root_radius", radius),
+                "end",
+            ),
+        ]
+
+    def words(self, title: str) -> list[str]:
+        """Return title and the numbers that the section does not show."""
+        dog, material = self.dog, self.limits.material
+        diameters = (
+            f"{self.size('outer_diameter', dog.outer_diameter, 'Ø')} / "
+            f"{self.size('inner_diameter', dog.inner_diameter, 'Ø')}"
+        )
+        lines = (
+            f"{dog.count} dogs on {diameters} mm, both rings alike, one turned over",
+            f"axial gap before the shift {self.size('axial_gap', dog.axial_gap)} mm, "
+            f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
+            f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
+            "Lengths in mm, to the intersection of faces; in brackets what follows from the "
+            "others. Widths along the circumference at the mean radius,",
+            f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
+            "dog and slot are equally wide, flanks are planes through radial",
+            "lines; tips are narrower inside: "
+            f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius. General "
+            "tolerances ISO 2768-f.",
+        )
+        left = 36.0
+        return [
+            svg.text((left, 34.0), title, "start", "title"),
+            *(
+                svg.text((left, HEIGHT - 88.0 + 18.0 * i), words, "start", "small")
+                for i, words in enumerate(lines)
+            ),
+        ]
+
+
+def _follows(name: str, length: float, digits: int = 2) -> str:
+    """Return a length in brackets, mm: it follows from the others."""
+    return f"{name} ({length / MM:.{digits}f})"
+
+
+def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:
+    """Return the dimensioned section of one dog as an SVG document.
+
+    ``limits`` brings root radius, tolerances and material.
+    """
+    sheet = _Sheet(dog, limits)
+    left, right = (sheet.at(side * 0.775 * dog.pitch, 0.0) for side in (-1.0, 1.0))
+    axis = svg.line((left[0] - 8.0, left[1]), (right[0] + 8.0, right[1]), "axis")
+    name = svg.text((right[0] + 60.0, right[1] + 4.0), "median plane", "start", "small")
+    elements = [sheet.part(), axis, name, *sheet.lengths(), *sheet.angles(), *sheet.words(title)]
+    return svg.document(WIDTH, HEIGHT, elements, title)

@@ -1,0 +1,106 @@
+"""Every operating point with what was measured and what was foretold, and its table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.sim.units import RPM
+
+NINETY = 1.645  #: standard errors of a 90 % interval, either side
+
+
+@dataclass(frozen=True)
+class CellRow:
+    """One operating point; times and their standard errors in s, None where there is none.
+
+    Parameters
+    ----------
+    shifts : that have a time.
+    engaged, failed, unknown : shifts counted.
+    bench_s, bench_error_s : mean on the bench, and its error from the simulated spread.
+    simulated_s, simulated_error_s : without any effect.
+    gap_s, error_s, z : bench less simulation, its error, and one over the other.
+    foretold_s, foretold_error_s : mean with the leading hypothesis; None where that is none.
+    """
+
+    mismatch_rpm: float
+    force_N: float
+    shifts: int
+    engaged: int
+    failed: int
+    unknown: int
+    bench_s: float | None
+    bench_error_s: float | None
+    simulated_s: float | None
+    simulated_error_s: float | None
+    gap_s: float | None
+    error_s: float | None
+    z: float | None
+    foretold_s: float | None
+    foretold_error_s: float | None
+
+    @property
+    def place(self) -> tuple[float, float]:
+        """Mismatch and force."""
+        return self.mismatch_rpm, self.force_N
+
+
+def cells_of(found: Diagnosis) -> list[CellRow]:
+    """Return the operating points of a diagnosis, in the order of its data set."""
+    return [_cell(found, place) for place in range(len(found.bench.cells))]
+
+
+def _cell(found: Diagnosis, place: int) -> CellRow:
+    cell, said, base = found.bench.cells[place], found.foretold, found.baseline
+    simulated = _number(base.mean[0, place])
+    gap = None if cell.time is None or simulated is None else cell.time - simulated
+    error = _number(found.metric.mean[place])
+    single = _number(said.single[place]) or _number(base.sd[0, place] ** 2) or math.nan
+    led = found.leading != NONE
+    return CellRow(
+        mismatch_rpm=cell.point.mismatch / RPM,
+        force_N=cell.point.profile.force,
+        shifts=cell.n,
+        engaged=cell.engaged,
+        failed=cell.failed,
+        unknown=cell.unknown,
+        bench_s=cell.time,
+        bench_error_s=_number(math.sqrt(single / cell.n)) if cell.n else None,
+        simulated_s=simulated,
+        simulated_error_s=None if simulated is None else _number(base.error[0, place]),
+        gap_s=gap,
+        error_s=None if gap is None else error,
+        z=None if gap is None or error is None else gap / error,
+        foretold_s=_number(said.mean[place]) if led else None,
+        foretold_error_s=_number(math.sqrt(said.variance[place])) if led else None,
+    )
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def table(cells: list[CellRow]) -> str:
+    """Return all operating points as CSV."""
+    text = io.StringIO()
+    rows = [asdict(cell) for cell in cells]
+    writer = csv.DictWriter(text, list(CellRow.__dataclass_fields__), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def unreadable(cell: CellRow) -> str:
+    """Return why a cell has no gap, in words; empty where it has one."""
+    if cell.gap_s is not None:
+        return ""
+    if cell.bench_s is not None:
+        return "not simulated"
+    return "not engaged" if cell.failed else "unknown"

@@ -1,0 +1,75 @@
+"""Why the page's figures do not contradict each other: a likely cause that is not named, and odds
+that are even where probabilities are not.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.classes import APART
+from dogshape.diagnosis.inference.next_test import HOUR
+from dogshape.diagnosis.inference.posterior import inclusion
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.inference.verdict import CREDIBLE, MOST, NAMED, PART
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.report.wording import NUMBERS, chance
+from dogshape.diagnosis.terms import Hypothesis
+
+#: Limits of the code that the page states.
+LIMITS = {
+    "fit": f"{ADEQUATE:g}",
+    "odds": f"{math.exp(APART):.2g} : 1",
+    "named": chance(NAMED),
+    "credible": chance(CREDIBLE),
+    "hour": chance(HOUR),
+}
+
+
+def why_not_named(found: Diagnosis) -> str:
+    """Return why the most probable hypothesis is not called the cause; empty where it is or
+    has too little probability for that.
+    """
+    top = max(found.belief, key=lambda h: found.belief[h])
+    if found.verdict.kind != "ambiguous" or top == UNKNOWN or found.belief[top] <= NAMED:
+        return ""
+    reasons = _reasons(found, top)
+    those = "; and ".join(reasons) or "others may hold as well"
+    what = "No effect at all" if top == NONE else "The most probable hypothesis"
+    return f"{what} has {chance(found.belief[top])} and is yet not called the cause: {those}."
+
+
+def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
+    reasons = []
+    p = found.fits.get(top, 0.0)
+    if p < ADEQUATE:
+        reasons.append(f"the data lie further from it than chance allows (p = {p:.2g})")
+    if len(top) > MOST:
+        reasons.append(
+            f"where it takes more than {NUMBERS[MOST]} effects, only those are named that are part "
+            f"of the cause with more than {chance(PART)}, whatever else is"
+        )
+    part = inclusion(found.belief)
+    open_ones = [name for name in top if part[name] <= PART]
+    if open_ones and len(top) <= MOST:
+        reasons.append(f"an effect is named from {chance(PART)}, whatever else is")
+    reasons += [
+        f"{found.effects[name].plain} is part of the cause with {chance(part[name])} only"
+        for name in open_ones
+    ]
+    return reasons
+
+
+def why_alike(found: Diagnosis) -> str:
+    """Return why hypotheses of one class have other probabilities; empty where all are even."""
+    for group in found.confusion.classes:
+        chances = sorted((found.belief[h] for h in group), reverse=True)
+        if len(group) > 1 and chances[0] > math.exp(APART) * chances[-1]:
+            return (
+                f"That one of a class has {chance(chances[0])} and another {chance(chances[-1])} "
+                "is no contradiction. These odds compare the sizes with which one imitates the "
+                "other best. Probabilities weigh every size that was held possible: a cause that "
+                "must be tuned to a narrow range, or was less probable before the data, has less. "
+                "So which of a class leads hangs on those ranges, and a test has to part them."
+            )
+    return ""

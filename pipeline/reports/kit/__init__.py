@@ -1,0 +1,1 @@
+"""Components that all pages share: templates, look, maps, HTML."""

@@ -1,0 +1,1 @@
+"""Write the page of one shift: animation, curves, and its story in words."""

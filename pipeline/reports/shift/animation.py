@@ -1,0 +1,230 @@
+"""One shift to look at: an animation with its curves, and the time series as a table."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+from markupsafe import Markup
+from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
+from plotly.subplots import make_subplots
+
+from dogshape.pipeline.export.drawing import outline
+from dogshape.pipeline.reports.kit.html import figure_html, render, script, script_beside
+from dogshape.pipeline.reports.kit.look import BLUE, GREEN, GREY, INK, ORANGE
+from dogshape.pipeline.reports.shift.scene import solids, viewer_code
+from dogshape.pipeline.reports.shift.story import facts, phase_title, why
+from dogshape.sim.files import naming
+from dogshape.sim.shift.engagement import Engagement
+from dogshape.sim.shift.phases import touching
+from dogshape.sim.shift.trace import Trace
+from dogshape.sim.units import DEG, MM, MS, RPM
+
+SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
+FORCE_CEILING = 4.0  #: end of the force axis over the largest shift force
+#: Colours of a phase: in the bar, and behind the curves.
+TONES = {
+    "free fly": ("#c3ccd5", "#f1f4f6"),
+    "face contact": ("#eba394", "#fdeeea"),
+    "entry": ("#ecd06f", "#fdf5d6"),
+    "seating": ("#9fd0b0", "#e8f4ec"),
+}
+#: Height of the curves, px, and of the line over each panel that names its curves.
+HEIGHT, HEADLINE, FOOT = 350, 23, 26
+PANELS = (0.36, 0.3, 0.34)  #: shares of displacement, speed and force
+
+
+def write_trace(result: Engagement, path: Path) -> None:
+    """Write the time series of a shift as CSV, columns as in bench traces."""
+    t = result.trace
+    table = pd.DataFrame(
+        {
+            "t_s": t.time,
+            "displacement_mm": t.displacement / MM,
+            "force_N": t.shift_force,
+            "sliding_speed_rpm": t.sliding_speed / RPM,
+            "output_speed_rpm": t.output_speed / RPM,
+            "relative_angle_deg": t.relative_angle / DEG,
+            "contact_force_N": t.contact_force,
+        }
+    )
+    with naming(path):
+        table.to_csv(path, index=False, float_format="%.9g")
+
+
+def write_animation(
+    result: Engagement,
+    path: Path,
+    torque_peak: float | None = None,
+    *,
+    scripts_beside: bool = False,
+) -> None:
+    """Write the shift as one HTML page that opens without a network.
+
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness. With
+    ``scripts_beside`` many pages in one folder share the code of their figures, megabytes each.
+    """
+    series = _series(result.trace)
+    page = render(
+        "shift.html.j2",
+        result=result,
+        mismatch=result.point.mismatch / RPM,
+        angle=result.relative_angle / DEG,
+        end=float(result.trace.time[-1]) / MS,
+        why=why(result),
+        facts=facts(result, torque_peak),
+        panels=[round(top) for top, _ in _panels()],
+        # A script ends at the first "</", wherever it stands.
+        data=json.dumps(_content(result, series)).replace("<", "\\u003c"),
+        curves=figure_html(_curves(result, series), "curves"),
+        plotly=_script(path, "plotly.js", get_plotlyjs(), scripts_beside),
+        meshcat=_script(path, "meshcat.js", viewer_code(), scripts_beside),
+    )
+    with naming(path):
+        path.write_text(page, encoding="utf-8")
+
+
+def _script(page: Path, name: str, code: str, beside: bool) -> Markup:
+    return script_beside(page, name, code) if beside else script(code)
+
+
+def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
+    """Return what the page draws over time, in its units, thinned to ``SAMPLES``.
+
+    Impacts last a step or two: of the contact force the largest value of every
+    interval is kept.
+    """
+    first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
+    angle = _output_angle(trace)
+    return {
+        "time": trace.time[first] / MS,
+        "displacement": trace.displacement[first] / MM,
+        "output_angle": angle[first],
+        "sliding_angle": (angle - trace.relative_angle)[first],
+        "output_speed": trace.output_speed[first] / RPM,
+        "sliding_speed": trace.sliding_speed[first] / RPM,
+        "shift_force": trace.shift_force[first],
+        "contact_force": np.maximum.reduceat(trace.contact_force, first),
+        "touching": np.maximum.reduceat(touching(trace).astype(float), first),
+    }
+
+
+def _output_angle(trace: Trace) -> NDArray[np.float64]:
+    """Return the output ring's angle over time, rad: the sliding ring starts at zero."""
+    mean = 0.5 * (trace.output_speed[1:] + trace.output_speed[:-1])
+    way = np.concatenate([[0.0], np.cumsum(mean * np.diff(trace.time))])
+    return np.asarray(trace.relative_angle[0] + way)
+
+
+def _content(result: Engagement, series: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
+    """Return all that the scripts of the page need."""
+    dog = result.clutch.dog
+    return {
+        "series": {
+            # Steps can be far below a microsecond; six digits of a ms keep them apart.
+            name: np.round(values, 6 if name in ("time", "displacement") else 7).tolist()
+            for name, values in series.items()
+        },
+        "pitch": dog.pitch / MM,
+        "height": dog.height / MM,
+        "gap": dog.axial_gap / MM,
+        "mean_radius": dog.mean_radius / MM,
+        "seated": result.clutch.shift_travel / MM,
+        "profile": outline(dog, 1),
+        "solids": solids(dog),
+        "phases": [
+            {
+                "name": phase_title(p.name),
+                "start": p.start / MS,
+                "end": p.end / MS,
+                "tone": _tone(p.name)[0],
+            }
+            for p in result.phases
+        ],
+        "force_ranges": [_ceiling(result), 1.05 * result.loads.peak_axial_force],
+    }
+
+
+def _tone(phase: str) -> tuple[str, str]:
+    return TONES.get(phase, ("#d7dde3", "#f7f8f9"))
+
+
+def _ceiling(result: Engagement) -> float:
+    """Return the end of the force axis, N: impacts are far above the shift force."""
+    return FORCE_CEILING * max(1.0, float(result.trace.shift_force.max()))
+
+
+def _panels() -> list[tuple[float, float]]:
+    """Return top and bottom of each panel, px from the top of the curves."""
+    room = HEIGHT - FOOT - len(PANELS) * HEADLINE
+    panels, top = [], 0.0
+    for share in PANELS:
+        bottom = top + HEADLINE + share * room
+        panels.append((top, bottom))
+        top = bottom
+    return panels
+
+
+def _curves(result: Engagement, series: dict[str, NDArray[np.float64]]) -> go.Figure:
+    """Draw displacement, speeds and forces over time with the phases behind them."""
+    figure = make_subplots(len(PANELS), 1, shared_xaxes=True)
+    mismatch = series["output_speed"] - series["sliding_speed"]
+    rows: list[tuple[int, Any, dict[str, Any]]] = [
+        (1, series["displacement"], {"color": BLUE}),
+        (2, mismatch, {"color": INK, "dash": "dot", "width": 1.5}),
+        (2, series["sliding_speed"], {"color": BLUE}),
+        (2, series["output_speed"], {"color": ORANGE, "dash": "dash"}),
+        # A contact force is the mean of the step that ends at its time.
+        (3, series["contact_force"], {"color": "#8a2c3a", "width": 1, "shape": "vh"}),
+        (3, series["shift_force"], {"color": GREEN, "width": 2.5}),
+    ]
+    for row, values, line in rows:
+        look = {"mode": "lines", "line": {"width": 2, **line}, "hoverinfo": "skip"}
+        figure.add_trace(go.Scatter(x=series["time"], y=values, **look), row, 1)
+    for phase in result.phases:
+        if phase.end > phase.start:
+            span = {"x0": phase.start / MS, "x1": phase.end / MS}
+            colour = _tone(phase.name)[1]
+            figure.add_vrect(**span, fillcolor=colour, opacity=1, line_width=0, layer="below")
+    marks = (
+        ("crests meet", result.clutch.dog.axial_gap, "top left"),
+        ("engaged", result.clutch.shift_travel, "bottom left"),
+    )
+    for text, level, where in marks:
+        line = {"color": GREY, "width": 1, "dash": "dot"}
+        note = {"text": text, "font": {"size": 11, "color": "#55626f"}}
+        figure.add_hline(
+            level / MM, row=1, opacity=1, line=line, annotation=note, annotation_position=where
+        )
+    return _laid_out(figure, _ceiling(result))
+
+
+def _small(title: str) -> dict[str, Any]:
+    return {"text": title, "font": {"size": 13}, "standoff": 12}
+
+
+def _laid_out(figure: go.Figure, ceiling: float) -> go.Figure:
+    room = HEIGHT - FOOT
+    for row, ((top, bottom), unit) in enumerate(
+        zip(_panels(), ("mm", "1/min", "N"), strict=True), start=1
+    ):
+        domain = [1.0 - bottom / room, 1.0 - (top + HEADLINE) / room]
+        figure.update_yaxes(domain=domain, title=_small(unit), nticks=5, row=row)
+    figure.update_xaxes(range=[0.0, float(figure.data[0].x[-1])])
+    figure.update_xaxes(ticksuffix=" ms", row=len(PANELS))
+    figure.update_yaxes(range=[0.0, ceiling], row=len(PANELS))
+    figure.update_layout(
+        template="simple_white",
+        height=HEIGHT,
+        font={"family": "system-ui, sans-serif", "size": 12.5, "color": INK},
+        # The page lays its cursor and its phases over the same margins.
+        margin={"l": 72, "r": 24, "t": 0, "b": FOOT, "autoexpand": False},
+        paper_bgcolor="rgba(0,0,0,0)",
+        showlegend=False,
+    )
+    return figure

@@ -1,0 +1,110 @@
+r"""How the search converged: best value and hypervolume against the shifts simulated.
+
+The hypervolume is what the front dominates of the box between the best and the worst value of
+each objective that feasible designs of the search have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from textwrap import wrap
+
+import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
+
+from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, MARKS, Row, styled
+from dogshape.pipeline.reports.study.design_names import design_name, failed_afresh
+from dogshape.pipeline.reports.study.design_shifts import Array, Shifts
+from dogshape.pipeline.reports.study.goals import Goal, goals_of
+from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.surrogate.hypervolume import hypervolume
+
+
+@dataclass(frozen=True)
+class Course:
+    """The search, design by design: feasible ones with the shifts simulated up to each, (n,).
+
+    ``best`` is the best value of the leading objective so far, as shown; ``volume`` the share of
+    the box that is dominated.
+    """
+
+    rows: list[Row]
+    shifts: Array
+    best: Array
+    volume: Array
+
+
+def course(result: Row, shifts: Shifts) -> Course:
+    """Return the course of a search; designs that land too hard cost shifts, too."""
+    angles, done = shifts.study.file.expectation.angles, result.get("replication")
+    before = {one["trial"]: one["shifts_before"] for one in (done or {}).get("designs", ())}
+    failed = {row["trial"] for row in failed_afresh(result)}
+    spent, total, rows = [], 0, []
+    for row in result["trials"]:
+        if row[SIMULATED] is None:
+            continue
+        design = {name: row[name] for name in shifts.study.variables}
+        told = before.get(row["trial"]) or len(shifts.searched(design))
+        total += told or row["points"] * angles
+        if row["feasible"] and row["trial"] not in failed:
+            rows.append(row)
+            spent.append(total)
+    goals = goals_of(result)
+    lead, sign = goals.leading, goals.leading.objective.sign
+    losses = [[goal.objective.sign * goal.shown(row) for goal in goals.every] for row in rows]
+    values = np.array(losses, dtype=float).reshape(len(rows), -1)
+    best = sign * np.minimum.accumulate([sign * lead.shown(row) for row in rows] or [0.0])
+    return Course(rows, np.array(spent, dtype=float), best[: len(rows)], _volumes(values))
+
+
+def _volumes(values: Array) -> Array:
+    if len(values) < 2:
+        return np.zeros(len(values))
+    low, high = values.min(axis=0), values.max(axis=0)
+    span = np.where(high > low, high - low, 1.0)
+    shares, corner = (values - low) / span, np.ones(values.shape[1])
+    return np.array([hypervolume(shares[: n + 1], corner) for n in range(len(shares))])
+
+
+def convergence_figure(result: Row, found: Course) -> go.Figure:
+    """Draw every feasible design and the best so far, and the front's hypervolume below."""
+    several, lead = len(result["objectives"]) > 1, goals_of(result).leading
+    figure = make_subplots(
+        2 if several else 1, 1, shared_xaxes=True, vertical_spacing=0.08,
+        row_heights=[0.62, 0.38] if several else [1.0],
+    )  # fmt: skip
+    figure.add_scatter(
+        x=found.shifts, y=[lead.shown(row) for row in found.rows], mode="markers",
+        name="simulated design",
+        marker={"color": GREY, "symbol": "circle-open", "size": 8, "line": {"width": 1.5}},
+        text=[design_name(row) for row in found.rows],
+        hovertemplate=f"%{{text}}: %{{y:.4g}} {lead.unit} after %{{x}} shifts<extra></extra>",
+        row=1, col=1,
+    )  # fmt: skip
+    figure.add_scatter(
+        x=found.shifts, y=found.best, mode="lines", name="best so far",
+        line={"color": BLUE, "width": 2.5, "shape": "hv"}, hoverinfo="skip", row=1, col=1,
+    )  # fmt: skip
+    _first(figure, found, lead)
+    figure.update_yaxes(title="<br>".join(wrap(lead.axis, 24)), row=1)
+    if several:
+        figure.add_scatter(
+            x=found.shifts, y=found.volume, mode="lines+markers", name="hypervolume",
+            line={"color": INK, "width": 2, "shape": "hv", "dash": "dash"}, marker={"size": 5},
+            hovertemplate="%{y:.3f} after %{x} shifts<extra></extra>", row=2, col=1,
+        )  # fmt: skip
+        figure.update_yaxes(title="hypervolume", rangemode="tozero", row=2)
+    figure.update_xaxes(rangemode="tozero")
+    figure.update_xaxes(title="simulated shifts of the search", row=2 if several else 1)
+    return styled(figure, 540 if several else 380)
+
+
+def _first(figure: go.Figure, found: Course, lead: Goal) -> None:
+    """Mark the prototype among the designs."""
+    for row, spent in zip(found.rows, found.shifts, strict=True):
+        if row["prototype"]:
+            figure.add_scatter(
+                x=[spent], y=[lead.shown(row)], mode="markers", name="prototype",
+                marker={**MARKS["prototype"], "size": 14}, hoverinfo="skip", row=1, col=1,
+            )  # fmt: skip

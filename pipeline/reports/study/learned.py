@@ -1,0 +1,50 @@
+"""Effects and indices from a study's surrogate: worked out once, stored, read by the report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dogshape.pipeline.reports.surrogate.record import Say, learned
+from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.errors import DogshapeError, StorageError
+from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.query import require_same_physics
+from dogshape.surrogate.store import load
+
+Row = dict[str, Any]
+AGAIN = "run 'dogshape report' again"
+
+
+def learn_effects(folder: StudyFolder, say: Say) -> None:
+    """Store effects and indices of the folder's surrogate unless they are there (a minute).
+
+    A folder without a surrogate has none; a surrogate that cannot be used is said.
+    """
+    if not folder.surrogate.is_file() or stored_effects(folder) is not None:
+        return
+    study = folder.stored_study()
+    try:
+        surrogate = load(folder.surrogate).surrogate
+        require_same_physics(surrogate.data, study.physics)
+    except DogshapeError as error:
+        say(f"no effects in the report: {error}")
+        return
+    say("what each variable does, from the surrogate (a minute)")
+    found = learned(study, surrogate, Over(surrogate, study_mix(study)), say)
+    write_json(folder.effects, {"surrogate": _identity(folder), **found})
+
+
+def stored_effects(folder: StudyFolder) -> Row | None:
+    """Return effects and indices of the folder's surrogate as it is now; None without them."""
+    try:
+        stored = read_json(folder.effects, AGAIN)
+        fits = stored["surrogate"] == _identity(folder)
+        return {key: stored[key] for key in ("effects", "indices")} if fits else None
+    except (StorageError, KeyError):
+        return None
+
+
+def _identity(folder: StudyFolder) -> str:
+    """Return the hash that the surrogate's file holds of itself."""
+    return str(read_json(folder.surrogate, AGAIN).get("hash"))

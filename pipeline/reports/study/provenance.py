@@ -1,0 +1,55 @@
+"""How to get a study's results again: the command that runs it as it was run."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from typing import Any
+
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.sim.errors import DogshapeError
+
+Row = dict[str, Any]
+
+
+def command_of(study: Study) -> str | None:
+    """Return the command that runs a study like this one; None where no bundled study leads to it.
+
+    Checked by the hash of the configuration.
+    """
+    try:
+        bundled = load_study(study.name)
+        overrides = _differences(bundled.file.model_dump(), study.file.model_dump())
+        again = load_study(study.name, overrides)
+    except DogshapeError:
+        return None
+    if again.config_hash != study.config_hash:
+        return None
+    sets = "".join(f" --set {shlex.quote(one)}" for one in overrides)
+    return f"dogshape study {study.name}{sets}"
+
+
+def _differences(given: Row, wanted: Row, prefix: str = "") -> list[str]:
+    """Return ``KEY=VALUE`` for each key whose value differs."""
+    found = []
+    for key, value in wanted.items():
+        before = given.get(key)
+        if isinstance(value, dict) and isinstance(before, dict) and not _lacks(before, value):
+            found += _differences(before, value, f"{prefix}{key}.")
+        elif value != before and value is not None:
+            found.append(f"{prefix}{key}={_toml(value)}")
+    return found
+
+
+def _lacks(given: Row, wanted: Row) -> bool:
+    """Tell whether a key was taken away, which only the whole table can say."""
+    return any(wanted.get(key) is None for key, value in given.items() if value is not None)
+
+
+def _toml(value: Any) -> str:
+    """Return a value as TOML in one line; what is None is left out."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{k}={_toml(v)}" for k, v in value.items() if v is not None) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    return json.dumps(value)

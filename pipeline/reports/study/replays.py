@@ -1,0 +1,102 @@
+"""Pages of single shifts that the report links: the fastest and the slowest of each design."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dogshape.pipeline.reports.study.design_names import design_name
+from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.statistics.uncertainty import FACTORS, Variant
+from dogshape.sim.units import DEG, RPM
+
+Row = dict[str, Any]
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A shift of the journal with its page; ``path`` is relative to the study's folder."""
+
+    design: str
+    kind: str
+    shift: Record
+    path: str
+
+    @property
+    def words(self) -> str:
+        """Time, or outcome, and the operating point of the shift."""
+        time, row = self.shift["shift_time_s"], self.shift
+        result = row["outcome"].replace("_", " ") if time is None else f"{time * 1e3:.1f} ms"
+        mismatch = f"{row['mismatch_rpm']:.4g}".replace("-", "\N{MINUS SIGN}")
+        return f"{result} at {mismatch} 1/min, {row['force_N']:.1f} N"
+
+
+def replays_of(shifts: Shifts, rows: Sequence[Row]) -> list[tuple[Replay, Replay]]:
+    """Return the fastest and the slowest simulated shift of each design that has any."""
+    found = []
+    for row in rows:
+        ends = extremes(shifts.of({name: row[name] for name in shifts.study.variables}))
+        if ends is not None:
+            fast, slow = (
+                _replay(row, *pair) for pair in zip(("fastest", "slowest"), ends, strict=True)
+            )
+            found.append((fast, slow))
+    return found
+
+
+def _replay(row: Row, kind: str, shift: Record) -> Replay:
+    name = design_name(row)
+    # The key of the shift: a page never shows another one than its link says.
+    path = f"shifts/{name.replace(' ', '-')}-{kind}-{shift['key'][:8]}.html"
+    return Replay(name, kind, shift, path)
+
+
+def write_replays(folder: StudyFolder, shifts: Shifts, wanted: Sequence[Replay], say: Say) -> None:
+    """Simulate shifts again and write their pages, those that are missing.
+
+    What cannot be simulated or written is said and left out.
+    """
+    missing = [one for one in wanted if not (folder.root / one.path).is_file()]
+    for number, one in enumerate(missing, start=1):
+        say(f"animation {number} of {len(missing)}: {one.design}, {one.kind} shift, {one.words}")
+        try:
+            _write(shifts, one, folder.root / one.path)
+        except (DogshapeError, RuntimeError, ValueError, OSError) as error:
+            say(f"no page of this shift: {error}")
+
+
+def drawn_variant(row: Record) -> Variant | None:
+    """Return what an uncertain shift was simulated with; None of one where all is certain."""
+    if "friction_factor" not in row:
+        return None
+    friction, force, inertia = (row[name] for name in FACTORS)
+    return Variant(friction, force, inertia, row["drawn_force_rise_s"], source=())
+
+
+def _write(shifts: Shifts, one: Replay, path: Path) -> None:
+    # Only a folder that lacks pages waits for the simulation to be loaded.
+    from dogshape.pipeline.reports.shift.animation import write_animation  # noqa: PLC0415
+    from dogshape.sim.shift.engagement import engage  # noqa: PLC0415
+    from dogshape.sim.statistics.batch import plant_of  # noqa: PLC0415
+
+    study, row = shifts.study, one.shift
+    design = {name: row[name] for name in study.variables}
+    clutch = study.clutch.with_dog(study.dog_with(design))
+    profile = ForceProfile(row["force_N"], row["force_rise_s"])
+    point = OperatingPoint(row["mismatch_rpm"] * RPM, profile)
+    variant = drawn_variant(row)
+    if variant is not None:
+        clutch, point = variant.clutch(clutch), variant.point(point)
+    result = engage(plant_of(clutch), point, row["relative_angle_deg"] * DEG)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
+    peak = None if peaks is None else peaks.whole
+    write_animation(result, path, peak, scripts_beside=True)

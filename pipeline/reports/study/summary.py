@@ -1,0 +1,345 @@
+"""The first lines of the report: what was found, how sure it is, what limits it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from dogshape.pipeline.reports.study.design_names import check_name, percent
+from dogshape.pipeline.reports.study.front import confirmed_designs
+from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
+from dogshape.pipeline.reports.study.operating_grid import Gain, gains
+from dogshape.pipeline.reports.surrogate.variable_labels import label, value
+from dogshape.pipeline.simulate.design import SIMULATED
+
+Row = dict[str, Any]
+Span = tuple[float, float]
+END = 0.01  #: share of a search range within which a value lies at its end
+COUNTS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven"}
+
+
+def ms(seconds: float, digits: int = 1) -> str:
+    """Return a time in ms without its unit, with a real minus."""
+    return f"{seconds * 1e3:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+
+
+@dataclass(frozen=True)
+class Gained:
+    """What prototype and chosen design have of an objective, as shown, each with its error.
+
+    ``gain`` is positive where the chosen design is better.
+    """
+
+    goal: Goal
+    prototype: tuple[float, float]
+    chosen: tuple[float, float]
+    gain: tuple[float, float]
+
+    @property
+    def clear(self) -> bool:
+        """Whether the gain is at least twice its standard error."""
+        return abs(self.gain[0]) >= 2.0 * self.gain[1] and self.gain[0] != 0.0
+
+    @property
+    def share(self) -> float | None:
+        """Gain over the prototype's value; None of a margin, which is a share already."""
+        value = self.prototype[0]
+        return None if self.goal.unit == "%" or not value else self.gain[0] / abs(value)
+
+    @property
+    def more(self) -> bool:
+        """Whether the chosen design has more of it than the prototype."""
+        return (self.gain[0] >= 0.0) == self.goal.objective.maximise
+
+    @property
+    def change(self) -> str:
+        """What the chosen design has less or more of than the prototype, in words."""
+        gain, error = self.gain
+        if not gain and not error:
+            return "none"
+        side = "more" if self.more else "less"
+        unit = " percentage points" if self.goal.unit == "%" else f" {self.goal.unit}".rstrip()
+        said = f"{self.goal.pair(abs(gain), error)}{unit} {side}"
+        said += "" if self.share is None else f" ({100 * abs(self.share):.0f} %)"
+        worse = ", worse" if gain < 0.0 else ""
+        return said + (worse if self.clear else ", not clear")
+
+
+def gained(result: Row) -> list[Gained]:
+    """Return all objectives of prototype and chosen design, the leading one first.
+
+    Simulated ones are those of the confirmation, others exact. Empty before the confirmation.
+    """
+    c, best = result["confirmation"], result["best"]
+    prototype = next((row for row in result["trials"] if row["prototype"]), None)
+    if not c or best is None:
+        return []
+    found = []
+    for goal in goals_of(result).told:
+        if goal.objective.simulated:
+            gain, values = c["gains"][goal.name], (c["prototype"], c["best"])
+            one, other = (goal.estimate(value) for value in values)
+            scale = goal.factor
+            change = (scale * gain["value"], scale * (gain["standard_error"] or 0.0))
+        elif prototype is not None and prototype.get(goal.name) is not None:
+            one, other = (goal.shown(prototype), 0.0), (goal.shown(best), 0.0)
+            change = (goal.objective.sign * (one[0] - other[0]), 0.0)
+        else:
+            continue
+        found.append(Gained(goal, one, other, change))
+    return found
+
+
+def headline(result: Row) -> str:
+    """Return the one sentence of the study."""
+    best, lead = result["best"], goals_of(result).leading
+    if best is None:
+        return "No design of this search passes every check, so none was simulated."
+    if not result["confirmation"]:
+        value = lead.words(lead.shown(best), lead.error(best))
+        return (
+            f"The best design so far is number {best['trial']}: {lead.label} {value}. "
+            "It has not been confirmed at fresh angles yet."
+        )
+    if best["prototype"]:
+        better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
+        return f"No design of this search is {better} than the prototype."
+    first = gained(result)[0]
+    failed = ", but fails a check at the fresh angles" if _failed(_confirmed(result)) else ""
+    return f"Design {best['trial']} {_told(first)}{failed}."
+
+
+def _told(first: Gained) -> str:
+    """Return how the chosen design stands against the prototype, after its name."""
+    goal, gain = first.goal, first.gain
+    quick = goal.name == SIMULATED
+    if not first.clear:
+        word = ("faster" if quick else "better") if gain[0] >= 0.0 else (
+            "slower" if quick else "worse"
+        )  # fmt: skip
+        inside = "" if quick else f" in the {goal.label}"
+        limit = ", less than twice the standard error" if gain[1] else ""
+        amount = goal.words(abs(gain[0]), gain[1])
+        return f"cannot be told from the prototype{inside}: {amount} {word}{limit}"
+    if quick and first.share is not None:
+        word = "faster" if gain[0] >= 0.0 else "slower"
+        return f"shifts {100 * abs(first.share):.0f} % {word} than the prototype"
+    change = (
+        f"{goal.number(abs(gain[0]))} percentage points"
+        if first.share is None and goal.unit == "%"
+        else goal.words(abs(gain[0]))
+        if first.share is None
+        else f"{100 * abs(first.share):.0f} %"
+    )
+    value = goal.words(first.chosen[0])
+    side = "above" if first.more else "below"
+    return f"has a {goal.label} of {value}, {change} {side} the prototype's"
+
+
+def choice(result: Row) -> str:
+    """Return which objectives there are, what chosen means, and which margins decide."""
+    goals = goals_of(result)
+    number = COUNTS.get(len(goals.every), str(len(goals.every)))
+    first = f"The objective is the {goals.leading.label}."
+    if goals.others:
+        others = "; ".join(f"the {goal.label}" for goal in goals.others)
+        lead = f"the {goals.leading.label}, which leads"
+        first = f"There are {number} objectives: {lead}; {others}."
+    chosen = (
+        "Chosen is the first design of the front, in the order of the leading objective, which "
+        "also passes every check at the fresh angles"
+    )
+    if result["confirmation"] and _failed(_confirmed(result)):
+        chosen += "; none of those confirmed does, so it is the first of all"
+    return (
+        f"{first} {chosen}. Margins at nominal size decide what passes; the margin with every "
+        "tolerance at its worst is shown, and may be negative."
+    )
+
+
+def points_of(result: Row) -> list[str]:
+    """Return sentences on a confirmed design: how sure, what limits it, where it is slower."""
+    confirmation, best = result["confirmation"], result["best"]
+    if best["prototype"]:
+        return [_simulated(result), _limits(best)]
+    said = [_how_sure(result), *_hung(result), *_better(result), _limits(best)]
+    return [*said, *_slower(gains(confirmation))]
+
+
+def failures_of(result: Row) -> list[str]:
+    """Return a sentence where the chosen design, or else the prototype, fails a check."""
+    best, said = result["best"], []
+    if words := _failed(confirmed_designs(result).get(best["trial"], {"checks": []})):
+        said.append(f"Design {best['trial']}, the chosen one, fails at the fresh angles: {words}.")
+    own = next((row for row in result["trials"] if row["prototype"]), None)
+    if own is not None and own["failed"] and not best["prototype"]:
+        margins = own["margins"] or {}
+        words = ", ".join(
+            check_name(name) + (f" ({percent(margins[name])})" if name in margins else "")
+            for name in own["failed"]
+        )
+        said.append(f"The prototype itself fails: {words}.")
+    return said
+
+
+def passed_over(result: Row) -> str:
+    """Return a sentence on designs beside the chosen one that fail at the fresh angles, or none."""
+    best, found = result["best"]["trial"], confirmed_designs(result)
+    worst = {
+        trial: min(check["margin"] for check in one["checks"] if not check["passed"])
+        for trial, one in found.items()
+        if trial != best and _failed(one)
+    }
+    if not worst:
+        return ""
+    names = ", ".join(str(trial) for trial in worst)
+    many = len(worst) > 1
+    what = sorted({check_name(check["name"]) for trial in worst
+                   for check in found[trial]["checks"] if not check["passed"]})  # fmt: skip
+    over = [percent(-margin) for margin in sorted(worst.values(), reverse=True)]
+    by = f"by {over[0]} to {over[-1]}" if many and over[0] != over[-1] else f"by {over[0]}"
+    who = f"Designs {names}, found by the search, are" if many else f"Design {names} is"
+    fails = "they fail" if many else "it fails"
+    return f"{who} out: {fails} at the fresh angles {by} ({', '.join(what)})."
+
+
+def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
+    """Return a sentence on variables of the chosen design at an end of their search range, or none.
+
+    ``ranges`` has the ends of each variable in edge units.
+    """
+    best = result["best"]
+    if best is None or best["prototype"]:
+        return ""
+    found = []
+    for name, (low, high) in ranges.items():
+        room = END * (high - low) if name != "count" else 0.0
+        for end, near in ((low, best[name] <= low + room), (high, best[name] >= high - room)):
+            if near:
+                side = "lower" if end == low else "upper"
+                found.append(f"{label(name)} {value(name, best[name])} ({side} end {end:g})")
+    if not found:
+        return ""
+    keys = "it" if len(found) == 1 else "them"
+    return (
+        f"At the end of the search range: {', '.join(found)}. The best may lie beyond: "
+        f"widen {keys} in [variables]."
+    )
+
+
+def failed_words(confirmed: Row | None) -> str:
+    """Return the checks that a confirmed design fails, with their margins; empty where none."""
+    return _failed(confirmed) if confirmed else ""
+
+
+def _confirmed(result: Row) -> Row:
+    found: Row = result["confirmation"]["best"]
+    return found
+
+
+def _failed(confirmed: Row) -> str:
+    failed = [check for check in confirmed["checks"] if not check["passed"]]
+    return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
+
+
+def _how_sure(result: Row) -> str:
+    first = gained(result)[0]
+    gain, error = first.gain
+    if not error:
+        sure = f"The {first.goal.label} has no standard error: most margins are exact, and the " \
+               "hardest landing is an extreme"  # fmt: skip
+    elif first.clear:
+        sure = f"Clear: the gain is {abs(gain) / error:.0f} times its standard error"
+    else:
+        sure = f"Not clear: the gain is {abs(gain) / error:.1f} times its standard error"
+    return f"{sure}. {_simulated(result)}"
+
+
+def _simulated(result: Row) -> str:
+    angles = result["confirmation"]["angles"]
+    return (
+        f"{result['n_simulated_shifts']} shifts were simulated; the figures above are from "
+        f"{angles} fresh relative angles at each operating point, which the search did not use."
+    )
+
+
+def _hung(result: Row) -> list[str]:
+    """Return a sentence on each of both designs of which shifts did not engage when confirmed."""
+    said = []
+    for name, role in (("prototype", "the prototype"), ("best", "the chosen design")):
+        found = result["confirmation"][name]
+        count = sum(point["n"] for point in found["points"])
+        lost = sum(p["n"] - round(p["engaged"] * p["n"]) for p in found["points"])
+        if not lost:
+            continue
+        text = f"{lost} of {count} shifts of {role} did not engage there and are tried again"
+        if found.get("mean_engaged_s") is not None:
+            text += f"; without the retries it takes {ms(found['mean_engaged_s'])} ms"
+        said.append(f"{text}.")
+    return said
+
+
+def _better(result: Row) -> list[str]:
+    """Return a sentence where another design of the front did clearly better when confirmed."""
+    lead, found = goals_of(result).leading, confirmed_designs(result)
+    own = lead.estimate(result["confirmation"]["best"])
+    better = [
+        trial
+        for trial, one in found.items()
+        if trial != result["best"]["trial"] and not _failed(one)
+        and _clearly(lead, lead.estimate(one), own)
+    ]  # fmt: skip
+    names = ", ".join(str(trial) for trial in better)
+    word = "Design" if len(better) == 1 else "Designs"
+    chosen = result["best"]["trial"]
+    said = (
+        f"{word} {names} did clearly better than design {chosen} at the fresh angles; the order "
+        "of the search decides, so that none is chosen for its luck there."
+    )
+    return [said] if better else []
+
+
+def _clearly(lead: Goal, one: tuple[float, float], other: tuple[float, float]) -> bool:
+    gain = lead.objective.sign * (other[0] - one[0])
+    return gain > 2.0 * math.hypot(one[1], other[1])
+
+
+def _limits(best: Row) -> str:
+    weakest = best["weakest_check"]
+    said = (
+        f"What limits it: {check_name(weakest)}, with a margin of "
+        f"{percent(best['margins'][weakest])} to its limit"
+    )
+    worst = best["margin_worst_case"]
+    if worst is not None:
+        said += f"; the smallest margin is {percent(worst)} with every tolerance at its worst"
+        said += ", so such a part may break a limit" if worst < 0.0 else ""
+    return f"{said}."
+
+
+def _slower(found: list[Gain]) -> list[str]:
+    slower = [gain for gain in found if gain.gain_s < 0.0]
+    if not slower:
+        return [f"Nowhere slower than the prototype, at {len(found)} operating points."]
+    clear = [gain for gain in slower if gain.clear]
+    rest = len(slower) - len(clear)
+    said = f"Slower than the prototype at {len(slower)} of {len(found)} operating points"
+    if not clear:
+        return [f"{said}, nowhere clearly: each loss is below twice its standard error."]
+    places = "; ".join(
+        f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by {ms(-g.gain_s)} ± {ms(g.error_s)} ms"
+        for g in sorted(clear, key=lambda g: g.gain_s)
+    ).replace("-", "\N{MINUS SIGN}")
+    said += f", clearly at {len(clear)}: {places}"
+    return [said + (f"; the other {rest} may be chance." if rest else ".")]
+
+
+def meaning(goals: Goals, points: int, weighted: bool) -> str:
+    """Return what the leading objective is, as a sentence."""
+    lead = goals.leading
+    over = f"all relative angles of the rings and {points} operating points (mismatch and force)"
+    over += ", each with its weight" if weighted else ""
+    said = lead.meaning.replace("{over}", over)
+    return f"The {lead.label} is {said}."

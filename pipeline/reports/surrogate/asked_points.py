@@ -1,0 +1,63 @@
+"""Operating points that the page can be asked about: all of the study's, or one mismatch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.sobol_indices import EVEN, LOG, Input
+
+T = TypeVar("T")
+SINGLE = 4  #: mismatches that are shown on their own
+
+
+@dataclass(frozen=True)
+class Operating:
+    """Operating points with the name that the page gives them; ``mismatch`` is None for all."""
+
+    name: str
+    mix: Mix
+    mismatch: float | None
+
+
+def choices(study: Study) -> list[Operating]:
+    """Return all of the study's operating points, and single mismatches at the middle force."""
+    mix, force = study_mix(study), middle(study.forces)
+    mismatches = spread(sorted(set(study.mismatches)), SINGLE)
+    single = [_single(mismatch, force, mix.retry) for mismatch in mismatches]
+    if len(mix.points) == 1:
+        return single
+    return [Operating(f"all {len(mix.points)} operating points", mix, None), *single]
+
+
+def _single(mismatch: float, force: float, retry: float) -> Operating:
+    mix = Mix(np.array([[mismatch, force]]), np.ones(1), retry)
+    return Operating(f"{mismatch:.4g} 1/min, {force:.4g} N", mix, mismatch)
+
+
+def operating_inputs(study: Study) -> list[Input]:
+    """Return mismatch and force over the study's ranges, without what has one value only."""
+    given = {"mismatch_rpm": study.mismatches, "force_N": study.forces}
+    return [
+        Input(name, min(values), max(values), LOG if min(values) > 0.0 else EVEN)
+        for name, values in given.items()
+        if min(values) < max(values)
+    ]
+
+
+def middle(values: Sequence[float]) -> float:
+    """Return the value in the middle, the upper one of two."""
+    ordered = sorted(set(values))
+    return ordered[len(ordered) // 2]
+
+
+def spread(values: Sequence[T], most: int) -> list[T]:
+    """Return at most so many of the values, first and last among them, evenly spread."""
+    places = np.linspace(0, len(values) - 1, min(most, len(values))).round().astype(int)
+    return [values[place] for place in dict.fromkeys(places.tolist())]

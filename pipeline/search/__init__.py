@@ -1,0 +1,1 @@
+"""Search designs: sampler, rounds, replication, confirmation, tolerances."""

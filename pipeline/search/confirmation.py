@@ -1,0 +1,163 @@
+"""Confirmation: designs of the front at every operating point and at fresh relative angles.
+
+A search picks designs that were also lucky, and more angles find harder landings. So prototype and
+first designs of the front are simulated at angles which the search did not use. A design that
+fails a check there beats no other: it leaves the front, those that it alone hid are on it, and
+more are confirmed, until so many as are wanted pass, or ``MOST_CONFIRMED`` times as many were
+simulated. All of it follows from trials and shifts, so that a run that was cut off ends as it
+would have.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from optuna.trial import FrozenTrial
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.search import Search, best_trial, front, leading_loss
+from dogshape.pipeline.simulate.design import design_of, objectives_of
+from dogshape.pipeline.simulate.evaluation import FRESH, Simulated, evaluate
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
+from dogshape.pipeline.store.result_records import check_record, expectation_record
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.geometry import Dog
+
+Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
+
+
+def confirm(search: Search, executor: Executor, told: Told) -> dict[str, Any] | None:
+    """Simulate prototype and designs of an ended search at angles that it did not use.
+
+    Every operating point is simulated, whatever the search left out. Designs that fail a check
+    are ``search.unfit`` afterwards. None where no design passes every check of the search.
+    """
+    study, found = search.study, dict[int, Simulated]()
+    params: dict[int, dict[str, float]] = {}
+    while trials := _next(search, found):
+        told(len(trials), _line(search, len(trials)))
+        these = {trial.number: dict(trial.params) for trial in trials}
+        new = simulated_afresh(study, these, executor)
+        params, found = params | these, found | new
+        search.unfit.update(t for t, one in new.items() if not _passes(study, these[t], one))
+    if not found:
+        return None
+    loss = {t.number: leading_loss(search, t) for t in search.simulated if t.number in found}
+    order = sorted(found, key=lambda number: (loss[number], number))
+    return _record(study, {t: params[t] for t in order}, {t: found[t] for t in order}, executor)
+
+
+def _next(search: Search, found: Mapping[int, Simulated]) -> list[FrozenTrial]:
+    """Return the first designs of the front as it is now that are to be confirmed next."""
+    best = best_trial(search)
+    if best is None:
+        return []
+    passed = len(found.keys() - search.unfit)
+    wanted = search.study.file.search.confirm_designs - passed
+    left = min(wanted, most_confirmed(search.study) - len(found))
+    shown = [best, *(t for t in front(search) if t.number != best.number)]
+    return [t for t in shown if t.number not in found][: max(0, left)]
+
+
+def _line(search: Search, count: int) -> str:
+    failed = len(search.unfit)
+    if not failed:
+        return f"confirming prototype and {count} of the front at fresh angles"
+    return f"{failed} failed at the fresh angles: confirming {count} more of the front without them"
+
+
+def simulated_afresh(
+    study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
+) -> dict[int, Simulated]:
+    """Return what designs, by trial, give at every operating point and at fresh angles.
+
+    Raises InputError where the shifts of a design say nothing of some objective.
+    """
+    dogs = [study.dog_with(params) for params in designs.values()]
+    found = dict(zip(designs, _evaluated(study, dogs, executor), strict=True))
+    _require_known({f"design {trial}": one for trial, one in found.items()})
+    return found
+
+
+def _evaluated(
+    study: Study, dogs: list[Dog], executor: Executor, checked: bool = False
+) -> list[Simulated]:
+    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
+    plans = [whole_plan(study, angles)] * len(dogs)
+    return evaluate(study, dogs, executor, plans, seed, checked=checked)
+
+
+def _passes(study: Study, params: dict[str, float], found: Simulated) -> bool:
+    return design_of(study, params, found.landing).feasible
+
+
+def _record(
+    study: Study,
+    designs: Mapping[int, dict[str, float]],
+    found: Mapping[int, Simulated],
+    executor: Executor,
+) -> dict[str, Any]:
+    """Return the confirmation of designs, by trial in the search's order.
+
+    Chosen is the first that passes every check here too, its hardest landing among them; where
+    none does, the first. Their order is the search's: none is chosen for its luck here.
+    """
+    passed = [trial for trial, one in found.items() if _passes(study, designs[trial], one)]
+    chosen = (passed or [*found])[0]
+    dogs = [study.clutch.dog, study.dog_with(designs[chosen])]
+    both = _evaluated(study, dogs, executor, checked=True)
+    _require_known({"the prototype": both[0]})
+    prototype, winner = (one.expectation for one in both)
+    gain = prototype.mean - winner.mean
+    return {
+        "angles": study.file.search.confirm_angles,
+        "prototype": _confirmed(study, study.prototype, both[0]),
+        "chosen": chosen,
+        "best": _confirmed(study, designs[chosen], both[1]),
+        "designs": [
+            {"trial": trial, **_confirmed(study, designs[trial], one)}
+            for trial, one in found.items()
+        ],
+        "gain_s": gain,
+        "gain_standard_error_s": (prototype.standard_error**2 + winner.standard_error**2) ** 0.5,
+        "gain_share": gain / prototype.mean,
+        "gains": _gains(study, *both),
+    }
+
+
+def _require_known(found: Mapping[str, Simulated]) -> None:
+    """Raise InputError where the shifts of a design say nothing of some objective."""
+    unknown = [name for name, one in found.items() if not one.known]
+    if unknown:
+        raise InputError(
+            f"every shift of {' and '.join(unknown)} at fresh angles failed, so what they strike "
+            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
+            "or without the objective peak_impact_force_N"
+        )
+
+
+def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
+    """Return what is gained in each simulated objective, with its standard error."""
+    signs = {objective.name: objective.sign for objective in objectives_of(study)}
+    gains = {}
+    for name, one in best.estimates.items():
+        other = prototype.estimates[name]
+        value = signs.get(name, 1.0) * (other.value - one.value)
+        error = math.hypot(other.standard_error, one.standard_error)
+        gains[name] = {"value": value, "standard_error": error}
+    return gains
+
+
+def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:
+    design = design_of(study, params, found.landing)
+    return {
+        **expectation_record(found.expectation),
+        "estimates": {
+            name: {"value": one.value, "standard_error": one.standard_error}
+            for name, one in found.estimates.items()
+        },
+        "checks": [check_record(check) for check in design.checks],
+    }

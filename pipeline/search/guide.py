@@ -1,0 +1,172 @@
+"""What steers the sampler: which designs are allowed, and what is foretold of them.
+
+``Guide`` is the interface. ``FreeGuide`` serves any study of Optuna's; a study of dogs has its
+own (``pipeline.search.dog_guide``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from optuna.distributions import BaseDistribution
+from optuna.trial import FrozenTrial
+from scipy.special import ndtr
+
+from dogshape.pipeline.search.unit_cube import Space
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.covariance import Array, Mask, Term, starting
+from dogshape.surrogate.fitting import Effort, fit_process
+from dogshape.surrogate.process import Process, root_of
+
+Params = Mapping[str, Any]
+EFFORT = Effort(rows=200, steps=30)  #: of a process over designs alone
+#: smooth, and what no other design foretells: noise and roughness alike
+TERMS = (
+    Term(design=True, point=False),
+    Term(design=True, point=False, scales=(0.1, 0.1), first=0.1),
+)
+FEW = 10  #: values below which a process has parameters of its own and not the likeliest
+LEAST = 1e-6  #: variance of noise where none is known, of values scaled to one
+
+
+class Foretold(Protocol):
+    """What finished trials say of other designs."""
+
+    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
+        """Draw all objectives of designs jointly, to be minimised, (count, m, k)."""
+
+    def chances(self, params: Sequence[Params]) -> Array:
+        """Return the probability that constraints hold which are known afterwards only, (m,)."""
+
+
+class Guide(Protocol):
+    """Search space, known constraints, and what is foretold from finished trials."""
+
+    distributions: Mapping[str, BaseDistribution] | None
+
+    def allows(self, params: Params) -> bool:
+        """Tell whether a design keeps the constraints that are known beforehand."""
+
+    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
+        """Fit what finished trials say; ``signs`` (k,) is -1 for what is to be maximised.
+
+        Raises InputError where they are too few to say anything.
+        """
+
+    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
+        """Return what to simulate of a chosen design, as JSON can hold it; None for all."""
+
+
+class FreeGuide:
+    """A guide that knows nothing beforehand: any search space, objectives and constraints."""
+
+    distributions: Mapping[str, BaseDistribution] | None = None
+
+    def allows(self, params: Params) -> bool:
+        """Allow everything."""
+        return True
+
+    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
+        """Fit a process to each objective and to each constraint."""
+        x = space.coordinates([trial.params for trial in trials])
+        values = np.array([trial.values for trial in trials]) * signs
+        names = sorted({name for trial in trials for name in trial.constraints})
+        limits = [_limit(x, trials, name) for name in names]
+        return _Free(space, [Response.fitted(x, y) for y in values.T], limits)
+
+    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
+        """Leave the plan open."""
+        return None
+
+
+def _limit(x: Array, trials: Sequence[FrozenTrial], name: str) -> Response:
+    kept = [name in trial.constraints for trial in trials]
+    values = np.array([t.constraints[name] for t in trials if name in t.constraints])
+    # A few values alike say little of how far others are: as far as the limit, for all they know.
+    return Response.fitted(x[kept], values, least=abs(float(values.mean())) / len(values) ** 0.5)
+
+
+@dataclass(frozen=True)
+class Response:
+    """A process over designs alone, of values scaled to a standard deviation of one."""
+
+    process: Process
+    scale: float
+
+    @classmethod
+    def fitted(
+        cls, x: Array, values: Array, errors: Array | None = None, least: float = 0.0
+    ) -> Response:
+        """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,).
+
+        ``least`` is a standard deviation that values of other designs have at least. Fewer than
+        ``FEW`` values have the process of a standard deviation of one, over the whole range: their
+        likelihood says nothing. InputError where there is none.
+        """
+        if not len(values):
+            raise InputError("no design was simulated yet")
+        scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
+        noise = np.full(len(values), LEAST) if errors is None else (errors / scale) ** 2 + LEAST
+        data, size = (x, values / scale, noise), x.shape[1]
+        if len(values) < FEW:
+            return cls(fit_process(TERMS, size, data, _prior(size), Effort(steps=0)), scale)
+        return cls(fit_process(TERMS, size, data, effort=EFFORT), scale)
+
+    def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
+        """Draw values at coordinates (m, c) jointly, (count, m)."""
+        return drawn(*self.joint(x), rng, count)
+
+    def joint(self, x: Array) -> tuple[Array, Array]:
+        """Return mean (m,) and covariance (m, m) of values at coordinates (m, c)."""
+        mean, covariance = self.process.joint(x)
+        return mean * self.scale, covariance * self.scale**2
+
+    def below(self, x: Array, limit: float = 0.0) -> Array:
+        """Return the probability that values at coordinates (m, c) are below a limit, (m,).
+
+        The process takes the mean of its values for its level, which few of them know badly.
+        """
+        mean, variance = self.process.predict(x)
+        level = 1.0 / len(self.process.targets)
+        chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + level + LEAST))
+        return chance
+
+
+def _prior(coordinates: int) -> Array:
+    """Return the parameters of a process whose smooth part has a variance of one, rough a tenth."""
+    theta: Array = starting(TERMS, coordinates, 0)[0]
+    theta[[0, -1]] = np.log([1.0, 0.1])
+    return theta
+
+
+@dataclass(frozen=True)
+class _Free:
+    space: Space
+    objectives: list[Response]
+    limits: list[Response]
+
+    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
+        """Draw each objective on its own: their errors are taken as independent."""
+        x = self.space.coordinates(params)
+        return np.stack([one.draws(x, rng, count) for one in self.objectives], axis=2)
+
+    def chances(self, params: Sequence[Params]) -> Array:
+        """Multiply the probabilities of the constraints."""
+        x, chance = self.space.coordinates(params), np.ones(len(params))
+        for limit in self.limits:
+            chance *= limit.below(x)
+        return chance
+
+
+def drawn(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
+    """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
+    draws: Array = mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
+    return draws
+
+
+def sound(trials: Sequence[FrozenTrial]) -> Mask:
+    """Tell which trials have finite values, (n,) of bool."""
+    return np.array([bool(np.isfinite(trial.values).all()) for trial in trials], dtype=bool)

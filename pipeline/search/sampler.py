@@ -1,0 +1,236 @@
+"""A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
+
+First come designs that fill the allowed space. Then what the guide foretells is drawn jointly for
+candidates and finished designs, and the candidate is proposed that adds most to the front, times
+the probability that it keeps the constraints which only the evaluation tells. Proposals that are
+still running count as part of the front, so that a batch spreads.
+
+Every proposal depends on the seed, its number and the trials before it alone: the same seed
+gives the same trials, interrupted or not. Any storage serves, and ask-and-tell.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import optuna
+from optuna.distributions import BaseDistribution
+from optuna.samplers import BaseSampler, RandomSampler
+from optuna.search_space import IntersectionSearchSpace
+from optuna.study import StudyDirection
+from optuna.trial import FrozenTrial, TrialState
+
+from dogshape.pipeline.search.guide import Foretold, FreeGuide, Guide, Params, sound
+from dogshape.pipeline.search.pool import WIDE, Pool
+from dogshape.pipeline.search.unit_cube import Space
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.hypervolume import added, directions, not_dominated
+
+PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
+
+
+@dataclass(frozen=True)
+class Breadth:
+    """How much is weighed for a proposal; its time grows with the square of the candidates.
+
+    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of what is
+    foretold, ``ways`` directions of the hypervolume.
+    """
+
+    wide: int = WIDE
+    near: int = 100
+    draws: int = 48
+    ways: int = 128
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """Trials before the one that is asked: finished, still running, and without a finite value."""
+
+    finished: list[FrozenTrial]
+    running: list[FrozenTrial]
+    spent: list[FrozenTrial]
+
+    @property
+    def count(self) -> int:
+        return len(self.taken)
+
+    @property
+    def taken(self) -> list[dict[str, Any]]:
+        """Designs that were proposed already."""
+        return [t.params for t in (*self.finished, *self.running, *self.spent)]
+
+
+class SurrogateSampler(BaseSampler):
+    """Expected hypervolume improvement on Gaussian processes, within exact constraints.
+
+    Parameters
+    ----------
+    guide : says what is allowed and foretold; None for any study of Optuna's.
+    seed : of every proposal, with the trial's number; None draws one.
+    startup : designs that fill the allowed space before anything is foretold.
+    breadth : how much is weighed for a proposal.
+    """
+
+    def __init__(
+        self,
+        guide: Guide | None = None,
+        seed: int | None = None,
+        startup: int = 10,
+        breadth: Breadth | None = None,
+    ) -> None:
+        self._guide = guide if guide is not None else FreeGuide()
+        self._seed = seed if seed is not None else int(np.random.default_rng().integers(2**31))
+        self._startup = startup
+        self._breadth = breadth or Breadth()
+        self._shared = IntersectionSearchSpace()
+        self._pool = Pool(self._guide, self._seed, self._breadth.wide)
+        self._known: tuple[Any, Foretold | None] = (None, None)
+
+    def reseed_rng(self) -> None:
+        """Draw another seed, for a process of its own."""
+        self._seed = int(np.random.default_rng().integers(2**31))
+        self._pool = Pool(self._guide, self._seed, self._breadth.wide)
+
+    def infer_relative_search_space(
+        self, study: optuna.Study, trial: FrozenTrial
+    ) -> dict[str, BaseDistribution]:
+        """Return the guide's search space, else what all finished trials share."""
+        if self._guide.distributions is not None:
+            return dict(self._guide.distributions)
+        return self._shared.calculate(study)
+
+    def sample_relative(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        search_space: dict[str, BaseDistribution],
+    ) -> dict[str, Any]:
+        """Propose an allowed design for ``trial``."""
+        if not search_space:
+            return {}
+        space = Space(search_space)
+        seen = self._before(study, trial, space)
+        rng = np.random.default_rng([self._seed, seen.count])
+        signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
+        foretold = self._foretold(space, seen, signs)
+        if foretold is None:
+            params = self._farthest(space, seen.taken)
+        else:
+            params = self._improving(space, seen, foretold, signs, rng)
+        plan = self._guide.plan(foretold, params, seen.count)
+        if plan is not None:
+            study._storage.set_trial_system_attr(trial._trial_id, PLAN, plan)
+        return params
+
+    def sample_independent(
+        self,
+        study: optuna.Study,
+        trial: FrozenTrial,
+        param_name: str,
+        param_distribution: BaseDistribution,
+    ) -> Any:
+        """Sample a parameter that not all trials share, uniformly."""
+        sampler = RandomSampler(seed=(self._seed + 7919 * trial.number) % 2**32)
+        return sampler.sample_independent(study, trial, param_name, param_distribution)
+
+    def require_allowed(self) -> None:
+        """Raise InputError where next to no design of the guide's space is allowed."""
+        self._pool.first(Space(self._guide.distributions or {}))
+
+    def exhausted(self, study: optuna.Study) -> bool:
+        """Tell whether every allowed design of the guide's space was proposed."""
+        space = Space(self._guide.distributions or {})
+        trials = study.get_trials(deepcopy=False)
+        return not self._pool.fresh(space, [t.params for t in trials if space.holds(t.params)])
+
+    def _before(self, study: optuna.Study, trial: FrozenTrial, space: Space) -> _Seen:
+        # A trial that was cut off before it had all of its design must not count.
+        before = [
+            t
+            for t in study.get_trials(deepcopy=False)
+            if t.number < trial.number and space.holds(t.params)
+        ]
+        running = [t for t in before if t.state == TrialState.RUNNING]
+        complete = [t for t in before if t.state == TrialState.COMPLETE]
+        finished = [t for t, kept in zip(complete, sound(complete), strict=True) if kept]
+        known = {t.number for t in (*running, *finished)}
+        return _Seen(finished, running, [t for t in before if t.number not in known])
+
+    def _foretold(self, space: Space, seen: _Seen, signs: Array) -> Foretold | None:
+        """Return what finished trials say, fitted once for a round; None where they are few."""
+        if len(seen.finished) < self._startup:
+            return None
+        key = (tuple(space.distributions), tuple(t.number for t in seen.finished))
+        if self._known[0] != key:
+            try:
+                self._known = key, self._guide.foretold(space, seen.finished, signs)
+            except InputError:
+                self._known = key, None
+        return self._known[1]
+
+    def _improving(
+        self,
+        space: Space,
+        seen: _Seen,
+        foretold: Foretold,
+        signs: Array,
+        rng: np.random.Generator,
+    ) -> dict[str, Any]:
+        """Return the candidate that adds most to the front; none that was proposed already."""
+        kept = [t for t in seen.finished if max(t.constraints.values(), default=0.0) <= 0.0]
+        values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
+        best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
+        there = [t.params for t in (*kept, *seen.running)]
+        near = self._pool.drawn(space, rng, self._breadth.near, best) if best else []
+        gone = {space.key(params) for params in seen.taken}
+        fresh = self._pool.fresh(space, seen.taken)
+        fresh += [params for params in near if space.key(params) not in gone]
+        # Few counts or choices may be all there is, and then they are proposed again.
+        fresh = fresh or self._pool.first(space)
+        draws = foretold.draws([*fresh, *there], rng, self._breadth.draws)
+        candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
+        low, high = _ends(values, candidates.mean(axis=0))
+        ways = directions(rng, self._breadth.ways, len(signs))
+        gained = added((candidates - low) / (high - low), (front - low) / (high - low),
+                       np.full(len(signs), 1.1), ways)  # fmt: skip
+        likely = gained * foretold.chances(fresh)
+        if likely.max() > 0.0:
+            return fresh[int(np.argmax(likely))]
+        # No draw adds anything: the candidate nearest to adding something, by its means.
+        mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
+        return fresh[int(np.argmin(mean))]
+
+    def _farthest(self, space: Space, taken: Sequence[Params]) -> dict[str, Any]:
+        """Return the design of the pool that is farthest from all that were taken.
+
+        Where every one was, that which was proposed least often.
+        """
+        pool = self._pool.fresh(space, taken)
+        if not taken:
+            return pool[0]
+        if not pool:
+            often = Counter(space.key(params) for params in taken)
+            return min(self._pool.first(space), key=lambda params: often[space.key(params)])
+        here, there = space.coordinates(pool), space.coordinates(taken)
+        apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
+        return pool[int(np.argmax(apart))]
+
+
+def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
+    """Return the range that the hypervolume is scaled by, each (k,).
+
+    That of the front among ``values`` (n, k). A front of one design, or of one value, says nothing
+    of the scale: then that of all values, or else of the candidates' means (m, k).
+    """
+    known = values if len(values) else candidates
+    best = known[not_dominated(known)]
+    low, high = best.min(axis=0), best.max(axis=0)
+    span = np.where(high > low, high - low, np.ptp(known, axis=0))
+    span = np.where(span > 0.0, span, np.ptp(candidates, axis=0))
+    return low, low + np.where(span > 0.0, span, 1.0)

@@ -1,0 +1,102 @@
+"""How a design's margins and its expected shift time move within its tolerances.
+
+Margins follow from the closed forms. The time takes its slopes from the surrogate, which
+averages over many designs: a tolerance moves the time by less than the standard error of
+simulating it at either end. The axial gap is no searched dimension; what it adds is free
+flight, in closed form. Diameters scale speed and width of the dogs alike, and the root
+radius is not simulated; neither is counted.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from dogshape.pipeline.config.study_file import Study, profile_for
+from dogshape.pipeline.simulate.design import Design
+from dogshape.pipeline.store.result_records import check_record, number_or_none
+from dogshape.sim.strength.dog_strength import margin_losses
+from dogshape.sim.strength.tolerance import Spread
+from dogshape.sim.units import suffix_of, to_si
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.query import half_difference
+
+KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
+Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
+
+
+def margins_within(study: Study, design: Design) -> Within:
+    """Return each margin's worst case and root sum of squares, by the check's name.
+
+    What is a worst case itself stands for its own; the landing has none. A tolerance that
+    leaves no dog makes a margin minus infinity.
+    """
+    if design.dog is None:
+        return {}
+    spreads = margin_losses(design.dog, study.limits)
+    found = {}
+    for check in design.checks:
+        if check.name in spreads:
+            spread = spreads[check.name]
+            found[check.name] = {kind: check.margin - getattr(spread, kind) for kind in KINDS}
+        elif check.rule.group == "tolerance":
+            found[check.name] = dict.fromkeys(KINDS, check.margin)
+    return found
+
+
+def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
+    """Return every check as a record, with its margins ``within`` the tolerances."""
+    empty: dict[str, float] = {}
+    return [
+        check_record(check)
+        | {
+            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
+            for kind in KINDS
+        }
+        for check in design.checks
+    ]
+
+
+def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
+    """Return the smallest margin in the worst case and by root sum of squares."""
+    rows = margins_within(study, design).values()
+    return {
+        f"margin_{kind}": number_or_none(min((row[kind] for row in rows), default=None))
+        for kind in KINDS
+    }
+
+
+def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
+    """Return how far the expected shift time over a mix moves, s, by dimension."""
+    tolerances = study.limits.tolerances.dimensions
+    moves = {}
+    for key in surrogate.data.variables:
+        name = key.removesuffix(suffix_of(key))
+        if name in tolerances:
+            step = tolerances[name] / to_si(key, 1.0)
+            moves[name] = half_difference(surrogate, params, mix, key, step)
+    if gap := tolerances.get("axial_gap"):
+        moves["axial_gap"] = _gap_time(study, mix, gap)
+    return Spread(moves, sum(abs(move) for move in moves.values()))
+
+
+def _gap_time(study: Study, mix: Mix, tolerance: float) -> float:
+    """Return the free flight that a wider gap adds, s, mean over the operating points."""
+    mass, gap = study.clutch.rings.mass, study.clutch.dog.axial_gap
+    ends = (gap + tolerance, max(0.0, gap - tolerance))
+    profiles = [profile_for(study.file, force) for force in mix.points[:, 1].tolist()]
+    times = [
+        [profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
+        for profile in profiles
+    ]
+    added = [0.5 * (wide - narrow) for wide, narrow in times]
+    return float(mix.weights @ added)
+
+
+def spread_record(spread: Spread) -> dict[str, Any]:
+    """Return a spread of the expected shift time as a record, s."""
+    return {
+        "worst_case_s": spread.worst_case,
+        "root_sum_square_s": spread.root_sum_square,
+        "by_dimension_s": spread.by_dimension,
+    }

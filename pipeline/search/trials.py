@@ -1,0 +1,138 @@
+"""Trials of a round: simulated side by side, then told in the order of their numbers.
+
+A trial is told once all that belongs to it is known, and each for itself: what another run told
+meanwhile is left as it is. A design of which the clock ended a shift
+(``sim.statistics.shift_records.unfinished``) is told to nobody: this run counts the shift as
+failed, and the next one takes the trial up again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from copy import copy
+from typing import Any
+
+import optuna
+from optuna.exceptions import UpdateFinishedTrialError
+from optuna.trial import FrozenTrial, TrialState
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.sampler import PLAN
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.simulate.design import SIMULATED, Design, design_of, values_of
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.point_plans import is_whole, whole_plan
+from dogshape.pipeline.train.training_rows import row_record
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.shift_records import landing_record
+
+UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
+
+
+def finish(search: Search, ids: Sequence[int], executor: Executor) -> None:
+    """Simulate the designs among trials that may pass and tell them all in order."""
+    study = search.study
+    trials = [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
+    designs = [design_of(study, dict(trial.params)) for trial in trials]
+    worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
+    plans = [search.plan(trials[k]) for k in worth]
+    simulated = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
+    results = dict(zip(worth, simulated, strict=True))
+    found = {k: result for k, result in results.items() if result.known}
+    noted = [_noted(study, t, designs[k], found.get(k)) for k, t in enumerate(trials)]
+    for k in worth.keys() - found.keys():
+        noted[k].user_attrs["failed"] = [UNKNOWN]
+    try:
+        times = _predict(search, [noted[k] for k in found])
+    except InputError:  # too few engage to predict anything: all points are simulated
+        for trial in trials:
+            with suppress(UpdateFinishedTrialError):
+                storage = search.optuna._storage
+                storage.set_trial_system_attr(trial._trial_id, PLAN, whole_plan(study))
+        finish(search, ids, executor)
+        return
+    for k, trial in enumerate(noted):
+        estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}
+        if trial.number in times:
+            estimates[SIMULATED] = times[trial.number]
+        trial.values = values_of(study, designs[k], estimates)
+        if k in results and results[k].unfinished:
+            search.leave_open(trial)
+        else:
+            _tell(search, trials[k], trial)
+
+
+def _noted(
+    study: Study, trial: FrozenTrial, design: Design, found: Simulated | None
+) -> FrozenTrial:
+    """Return a finished copy of a trial with what the simulation of its design gave."""
+    landed = design if found is None else design_of(study, design.params, found.landing)
+    noted = copy(trial)
+    noted.state = TrialState.COMPLETE
+    noted.user_attrs = {**trial.user_attrs, **(attributes_of(found) if found else {})}
+    noted.system_attrs = dict(trial.system_attrs)
+    for name, value in landed.constraints.items():
+        if name not in trial.constraints:  # a round that was cut off told the same
+            noted.set_constraint(name, value)
+    if landed.failed:
+        noted.user_attrs["failed"] = landed.failed
+    return noted
+
+
+def attributes_of(found: Simulated) -> dict[str, Any]:
+    """Return what a trial keeps of its design's simulation."""
+    estimates = found.estimates.items()
+    return {
+        "engaged": found.expectation.engaged,
+        "standard_error_s": found.expectation.standard_error,
+        "simulated": {name: e.value for name, e in estimates},
+        "standard_errors": {name: e.standard_error for name, e in estimates},
+        **landing_record(found.landing),
+        "rows": row_record(found.rows),
+    }
+
+
+def _predict(search: Search, trials: Sequence[FrozenTrial]) -> dict[int, float]:
+    """Note and return the expected times, s, by number, of trials that lack operating points.
+
+    ``trials`` are all that were simulated of the round. The times follow from those and all
+    before.
+    """
+    lacking = {trial.number for trial in trials if not is_whole(search.plan(trial))}
+    if not lacking or search.guide is None:
+        return {}
+    # A round that was cut off while it was told is predicted from the same again.
+    known = {trial.number: trial for trial in [*search.simulated, *trials]}
+    together = [known[number] for number in sorted(known)]
+    times, errors = search.guide.times(together)
+    found = {}
+    for trial, time, error in zip(together, times.tolist(), errors.tolist(), strict=True):
+        if trial.number in lacking:
+            found[trial.number] = time
+            trial.user_attrs |= _predicted(trial.user_attrs, time, error)
+    return found
+
+
+def _predicted(attributes: dict[str, Any], time: float, error: float) -> dict[str, Any]:
+    """Return the attributes of a trial with its expected time over all operating points, s."""
+    return {
+        "standard_error_s": error,
+        "simulated": {**attributes["simulated"], SIMULATED: time},
+        "standard_errors": {**attributes["standard_errors"], SIMULATED: error},
+    }
+
+
+def _tell(search: Search, given: FrozenTrial, noted: FrozenTrial) -> None:
+    """Write what is new of a trial into the storage and end it there."""
+    trial = optuna.Trial(search.optuna, given._trial_id)
+    # A run that seemed dead may have told it meanwhile: it found the same.
+    with suppress(UpdateFinishedTrialError):
+        for name, value in noted.constraints.items():
+            if name not in given.constraints:
+                trial.set_constraint(name, value)
+        for name, value in noted.user_attrs.items():
+            if name not in given.user_attrs or given.user_attrs[name] != value:
+                trial.set_user_attr(name, value)
+        search.optuna.tell(trial, noted.values, skip_if_finished=True)

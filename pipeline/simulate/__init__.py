@@ -1,0 +1,1 @@
+"""Run blocks of shifts on all cores and turn them into expectations."""

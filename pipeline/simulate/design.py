@@ -1,0 +1,243 @@
+"""One design of a search: its dog, its checks and its objectives.
+
+Most constraints cost nothing and are known before anything is simulated; the hardest
+landing comes with the simulation. A constraint is a check's margin with its sign
+turned, feasible at or below zero.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.sim.errors import GeometryError, InputError, did_you_mean
+from dogshape.sim.shift.flank import FLANKS
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.loads import Landing
+from dogshape.sim.strength.checks import Check, feasible
+from dogshape.sim.strength.dog_strength import keeps_limits, strength_checks
+from dogshape.sim.strength.landing import LANDING_RULES, landing_checks
+from dogshape.sim.strength.locking import separating_force
+from dogshape.sim.strength.notch import outside_fit
+from dogshape.sim.units import MM
+from dogshape.surrogate.covariance import Array
+
+IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
+SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
+
+
+@dataclass(frozen=True)
+class Design:
+    """Searched keys in edge units with what follows from them.
+
+    ``dog`` is None where the shape is impossible, and ``refusal`` says why.
+    """
+
+    params: dict[str, float]
+    dog: Dog | None
+    checks: tuple[Check, ...]
+    refusal: str
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the shape exists and passes every check."""
+        return self.dog is not None and feasible(self.checks)
+
+    @property
+    def constraints(self) -> dict[str, float]:
+        """Constraint values by name, feasible at or below zero."""
+        if self.dog is None:
+            return {"geometry": 1.0}
+        return {"geometry": -1.0, **{c.name: -c.margin for c in self.checks}}
+
+    @property
+    def failed(self) -> list[str]:
+        """Names of the checks that fail."""
+        if self.dog is None:
+            return ["geometry"]
+        return [check.name for check in self.checks if not check.passed]
+
+    @property
+    def not_checked(self) -> list[str]:
+        """Names of the checks that a simulation would add."""
+        known = {check.name for check in self.checks}
+        return [rule.name for rule in LANDING_RULES if rule.name not in known]
+
+
+def design_of(study: Study, params: dict[str, float], landing: Landing | None = None) -> Design:
+    """Work out a design; an impossible shape is a design that is not feasible.
+
+    ``landing`` is the hardest one that was simulated, None before that.
+    """
+    try:
+        dog = study.dog_with(params)
+    except GeometryError as error:
+        return Design(params, None, (), str(error))
+    checks = strength_checks(dog, study.limits)
+    if landing is not None:
+        checks += landing_checks(dog, landing, study.limits)
+    return Design(params, dog, checks, "")
+
+
+def notes_of(study: Study) -> list[str]:
+    """Return warnings about the study's own dog.
+
+    Of a root outside its formula's fit, and of a torque so small that its unit is in question.
+    """
+    dog, limits = study.clutch.dog, study.limits
+    loaded = [c for c in strength_checks(dog, limits) if c.rule.group == "load"]
+    used = max(check.utilisation for check in loaded)
+    notes = [f"{note}; --fem checks it" for note in outside_fit(dog, limits.root_radius)]
+    if used < IDLE:
+        notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
+                     "is load.torque_Nm in N m?")  # fmt: skip
+    return notes
+
+
+def worth_simulating(study: Study, params: dict[str, float]) -> bool:
+    """Tell whether a design passes every check that needs no simulation, cheap ones first."""
+    try:
+        return keeps_limits(study.dog_with(params), study.limits)
+    except GeometryError:
+        return False
+
+
+def _bare(study: Study, params: dict[str, float]) -> Design:
+    """Return a design without its checks."""
+    try:
+        return Design(params, study.dog_with(params), (), "")
+    except GeometryError as error:
+        return Design(params, None, (), str(error))
+
+
+@dataclass(frozen=True)
+class Objective:
+    """Something to minimise, or to maximise: label and unit for reports.
+
+    ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
+    where a simulation has to (``pipeline.simulate.estimates``).
+    """
+
+    name: str
+    label: str
+    unit: str
+    exact: Callable[[Study, Design, Dog], float] | None = None
+    maximise: bool = False
+    by_checks: bool = False
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the value is known only after a simulation."""
+        return self.exact is None
+
+    @property
+    def sign(self) -> float:
+        """What turns the value into a loss: all that compares designs minimises losses."""
+        return -1.0 if self.maximise else 1.0
+
+
+def _separating_force(study: Study, _: Design, dog: Dog) -> float:
+    return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
+
+
+OBJECTIVES = {
+    objective.name: objective
+    for objective in (
+        Objective(SIMULATED, "expected shift time", "s"),
+        Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
+        Objective("peak_impact_force_N", "mean peak impact force", "N"),
+        Objective("smallest_margin", "smallest margin", "", maximise=True),
+        Objective(
+            "axial_length_mm",
+            "axial length, root to root",
+            "mm",
+            lambda _study, _design, dog: dog.axial_length / MM,
+        ),
+        Objective("separating_force_N", "axial separating force", "N", _separating_force),
+        Objective(
+            "utilisation",
+            "utilisation of the most loaded check",
+            "",
+            lambda _study, design, _dog: max(check.utilisation for check in design.checks),
+            by_checks=True,
+        ),
+    )
+}
+
+
+def objectives_of(study: Study) -> list[Objective]:
+    """Return the study's objectives; an unknown name raises InputError."""
+    names = study.file.search.objectives
+    for name in names:
+        if name not in OBJECTIVES:
+            hint = did_you_mean(name, OBJECTIVES)
+            every = (
+                "" if hint.startswith("valid") else f" Valid are {', '.join(sorted(OBJECTIVES))}"
+            )
+            raise InputError(
+                f"search.objectives has '{name}', which is not an objective; {hint}{every}"
+            )
+    if len(set(names)) != len(names):
+        raise InputError("search.objectives names an objective twice; remove one of the two")
+    found = [OBJECTIVES[name] for name in names]
+    if not any(objective.simulated for objective in found):
+        valid = ", ".join(o.name for o in OBJECTIVES.values() if o.simulated)
+        raise InputError(
+            "search.objectives has none that needs a simulation, which a search is for; "
+            f"add one of {valid}"
+        )
+    return found
+
+
+def leading(study: Study) -> Objective:
+    """Return the objective that decides which design is best: the first simulated one."""
+    return next(objective for objective in objectives_of(study) if objective.simulated)
+
+
+def exact_values(study: Study, design: Design) -> dict[str, float]:
+    """Return the objectives that need no simulation, by name."""
+    dog = design.dog
+    if dog is None:
+        return {}
+    return {o.name: o.exact(study, design, dog) for o in objectives_of(study) if o.exact}
+
+
+def values_of(
+    study: Study, design: Design, simulated: Mapping[str, float] | None = None
+) -> list[float]:
+    """Return all objective values in the study's order; ``simulated`` ones are given by name.
+
+    What is unknown, because the design is infeasible and was not simulated, is infinitely bad.
+    """
+    known = {**exact_values(study, design), **(simulated or {})}
+    return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
+
+
+def losses_of(
+    study: Study, values: Sequence[float], attributes: Mapping[str, Any]
+) -> tuple[Array, Array]:
+    """Return a finished trial's objectives as losses, and their standard errors, each (k,).
+
+    ``values`` and ``attributes`` are the trial's. Losses are to be minimised: what is to be
+    maximised has its sign turned.
+    """
+    objectives = objectives_of(study)
+    errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
+    losses = [o.sign * value for o, value in zip(objectives, values, strict=True)]
+    return np.array(losses), np.array([errors.get(o.name) or 0.0 for o in objectives])
+
+
+def exact_losses(study: Study, designs: Sequence[dict[str, float]]) -> Array:
+    """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
+    objectives, rows = objectives_of(study), []
+    for params in designs:
+        # Most follow from the dog; its checks take most of the time of a whole design.
+        checked = any(o.by_checks for o in objectives)
+        exact = exact_values(study, design_of(study, params) if checked else _bare(study, params))
+        rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
+    return np.array(rows, dtype=float).reshape(len(designs), -1)

@@ -1,0 +1,274 @@
+"""Running blocks of shifts on all cores or a cluster, never simulating a finished shift again.
+
+On this machine workers write the journal themselves, so a kill of the parent loses nothing
+that was finished. Workers of a cluster hand their records back, and the parent writes them.
+"""
+
+from __future__ import annotations
+
+import atexit
+import logging
+import os
+import shutil
+import signal
+import tempfile
+import threading
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky.process_executor import TerminatedWorkerError
+
+from dogshape.pipeline.simulate.watchdog import broken, end_with_parent, watched
+from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.sim.errors import InputError, WorkerError
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record, failed_record
+from dogshape.sim.versions import engine, versions
+
+Progress = Callable[[int], None]  #: called with the number of shifts just finished
+
+PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
+TRIES = 3  #: times that workers may die one after the other without a shift finished
+
+_one_at_a_time = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
+
+
+def _silent(_: int) -> None:
+    """Report no progress."""
+
+
+@dataclass
+class Executor:
+    """Runs blocks in worker processes and keeps their shifts in a journal.
+
+    ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
+    the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
+    called with the number of shifts that the journal has already, instead of ``progress``.
+    """
+
+    journal: ShiftJournal
+    jobs: int = 0
+    progress: Progress = field(default=_silent)
+    cluster: str | None = None
+    known: Progress | None = None
+    _counted: set[str] = field(default_factory=set, init=False, repr=False)
+
+    def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
+        """Return the records of every block, in the order of its angles.
+
+        Shifts that the journal holds are not simulated again. Raises WorkerError where workers
+        die again and again or the cluster is lost, StorageError where the journal cannot be
+        written.
+        """
+        asked = {key for block in blocks for key in block.keys}
+        known = [key for key in asked - self._counted if key in self.journal.rows]
+        self._counted |= asked
+        if known:
+            (self.known or self.progress)(len(known))
+        for rows in self._simulate(self._unfinished(blocks)):
+            self.journal.add(rows)
+            self.progress(len(rows))
+        return [[self.journal.rows[key] for key in block.keys] for block in blocks]
+
+    def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
+        """Return what is left of blocks, without shifts that are finished, and each once."""
+        left, taken = [], set(self.journal.rows)
+        for block in blocks:
+            keys = dict(zip(block.keys, range(len(block.angles)), strict=True))
+            rest = block.only([place for key, place in keys.items() if key not in taken])
+            taken.update(keys)
+            if rest.angles:
+                left.append(rest)
+        return left
+
+    def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
+        jobs = min(self.jobs or os.cpu_count() or 1, len(blocks))
+        if self.cluster is not None:
+            return self._on_cluster(blocks, self.cluster)
+        if jobs <= 1:
+            return (_work(block, self.journal.path) for block in blocks)
+        return self._on_cores(blocks, jobs)
+
+    def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
+        """Yield the records of blocks as they finish; a shift that kills its worker has failed."""
+        tries = TRIES
+        while blocks:
+            known = len(self.journal.rows)
+            try:
+                yield from self._pooled(blocks, jobs)
+            except TerminatedWorkerError as error:
+                yield self.journal.read_new()
+                yield self._write_off(blocks)
+                tries = tries - 1 if len(self.journal.rows) == known else TRIES
+                if not tries:
+                    raise WorkerError(
+                        f"worker processes died {TRIES} times without finishing a shift, as they "
+                        "do when memory runs out; finished shifts are kept, so run the command "
+                        "again with fewer --jobs"
+                    ) from error
+            blocks = self._unfinished(blocks)
+
+    def _pooled(self, blocks: list[Block], jobs: int) -> Iterable[list[Record]]:
+        with parallel_config(backend="loky", inner_max_num_threads=1):
+            pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+        broken(self.journal.path.parent)  # marks that a kill left
+        results: Iterable[list[Record]] = pool(
+            delayed(_work_alone)(block, self.journal.path) for block in blocks
+        )
+        return results
+
+    def _write_off(self, blocks: Sequence[Block]) -> list[Record]:
+        """Write the shifts that ended their processes into the journal as failed."""
+        reasons = broken(self.journal.path.parent)
+        rows = [
+            failed_record(given, block.seed, reasons[key])
+            for block in blocks
+            for key, given in zip(block.keys, block.inputs, strict=True)
+            if key in reasons and key not in self.journal.rows
+        ]
+        append(self.journal.path, *rows)
+        return rows
+
+    def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
+        """Yield the records of blocks as a cluster hands them back, written."""
+        if not blocks:
+            return
+        connect(address)
+        with parallel_config(backend=_cluster_backend(address)):
+            pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="all")
+        try:
+            for rows in pool(delayed(_work_away)(block) for block in blocks):
+                _require_same(address, rows[0], "a worker")
+                append(self.journal.path, *rows)
+                yield rows
+        except Exception as error:
+            of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
+            if not of_dask and not isinstance(error, TimeoutError):
+                raise
+            raise WorkerError(
+                f"the cluster {address} was lost ({type(error).__name__}); shifts that came back "
+                "are kept, so mend it and run the command again"
+            ) from error
+
+
+def _work(block: Block, path: Path) -> list[Record]:
+    rows = []
+    for row in run_block(block):
+        append(path, row)
+        rows.append(row)
+    return rows
+
+
+def _work_alone(block: Block, path: Path) -> list[Record]:
+    """Work in a process of its own, and no longer than its parent; Ctrl-C is the parent's business.
+
+    The watch leaves the simulation's own limit of time the chance to come first.
+    """
+    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    limit = 1.5 * block.clutch.solver.time_limit + 1.0
+    rows = []
+    for place, key in enumerate(block.keys):
+        with watched(path.parent, key, limit):
+            rows += _work(block.only([place]), path)
+    return rows
+
+
+def _work_away(block: Block) -> list[Record]:
+    """Work on another machine, whose process may have several threads."""
+    with _one_at_a_time:
+        return list(run_block(block))
+
+
+def scratch_executor(
+    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
+) -> Executor:
+    """Return an executor whose journal is a temporary file, gone when the program ends."""
+    connect(cluster)
+    folder = tempfile.mkdtemp(prefix="dogshape-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
+
+
+_clients: dict[str, Any] = {}  #: of Dask clusters, by address
+
+
+def connect(address: str | None) -> Any:
+    """Return the client of a Dask cluster, None where none is asked for.
+
+    There is one client to an address, until it has lost the cluster. Raises InputError where the
+    extra is missing or nothing answers, WorkerError where a worker has other versions than this
+    machine.
+    """
+    if address is None:
+        return None
+    if address not in _clients or _clients[address].status != "running":
+        _clients[address] = _client(address)
+    return _clients[address]
+
+
+def _client(address: str) -> Any:
+    """Return a new client whose workers have this machine's versions; see ``connect``."""
+    try:
+        from distributed import Client  # noqa: PLC0415  an extra, and slow to load
+    except ImportError as error:
+        raise InputError(
+            "--cluster needs Dask; install the extra: pip install -c constraints.txt '.[machines]'"
+        ) from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InputError(
+            f"there is no Dask cluster with workers at {address} ({type(error).__name__} within "
+            f"{PATIENCE:.0f} s); give the address of its scheduler, for instance "
+            "tcp://scheduler:8786, and start workers"
+        ) from error
+    try:
+        found = client.run(_versions_here, on_error="return")
+    except Exception as error:  # what a worker raises does not always find its way here
+        raise WorkerError(
+            f"the workers of the cluster {address} do not answer ({type(error).__name__}); "
+            "install the same versions of Dogshape, Drake and Dask on all of them"
+        ) from error
+    for where, theirs in found.items():
+        _require_same(address, theirs, f"the worker {where}")
+    return client
+
+
+def _versions_here() -> dict[str, str]:
+    """Return the versions that a worker has."""
+    return versions()
+
+
+def _require_same(address: str, found: Any, who: str) -> None:
+    """Raise WorkerError unless what a worker says of its programs is what is here."""
+    mine = versions()
+    if not isinstance(found, dict):
+        raise WorkerError(
+            f"{who} of the cluster {address} does not have Dogshape ({type(found).__name__}); "
+            f"install dogshape {mine['dogshape']} with drake {mine['drake']} there"
+        )
+    for name in engine():
+        if found[name] != mine[name]:
+            raise WorkerError(
+                f"{who} of the cluster {address} has {name} {found[name]}, but here it is "
+                f"{mine[name]}, and their shifts must not be mixed; install the same on both"
+            )
+
+
+def _cluster_backend(address: str) -> Any:
+    from joblib._dask import DaskDistributedBackend  # noqa: PLC0415  loads Dask
+
+    class Away(DaskDistributedBackend):  # type: ignore[misc]
+        """The cluster even where it has one worker: joblib takes one for this machine."""
+
+        def effective_n_jobs(self, n_jobs: int) -> int:
+            return max(2, int(super().effective_n_jobs(n_jobs)))
+
+    return Away(client=connect(address))

@@ -1,0 +1,69 @@
+"""What is simulated of a design: how many angles at which of the study's operating points."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.numerical_error import repeated
+
+MOST_CONFIRMED = 2  #: times ``search.confirm_designs`` that are simulated to confirm at most
+
+Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
+
+
+def whole_plan(study: Study, angles: int | None = None) -> Plan:
+    """Return the plan of every operating point; as many angles as the study says if not given."""
+    return [angles or study.file.expectation.angles] * len(study.points)
+
+
+def is_whole(plan: Sequence[int]) -> bool:
+    """Tell whether every operating point is simulated."""
+    return all(count > 0 for count in plan)
+
+
+def blocks_of(
+    study: Study, clutch: Clutch, plan: Sequence[int], seed: int, base: int | None = None
+) -> list[Block]:
+    """Return the blocks of a plan, one for each operating point that has angles.
+
+    ``base`` as for ``sim.statistics.expectation.even_phases``.
+    """
+    return [
+        even_block(clutch, point, count, (seed, index), base, uncertainty=study.uncertainty)
+        for index, (point, count) in enumerate(zip(study.points, plan, strict=True))
+        if count
+    ]
+
+
+def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -> int:
+    """Return how many shifts so many designs take at most; one that fails a check takes none.
+
+    With ``partial`` they are simulated at ``search.points`` operating points, but for the
+    ``prototype`` where it is among them.
+    """
+    every = len(study.points)
+    own = study.file.search.points if partial else None
+    points = designs * (own or every) + (every - (own or every) if prototype else 0)
+    return points * study.file.expectation.angles
+
+
+def most_to_replicate(study: Study, shifts: int) -> int:
+    """Return how many shifts replication may take after a search of so many."""
+    return int(study.file.search.replicate * shifts)
+
+
+def most_confirmed(study: Study) -> int:
+    """Return how many designs are simulated at fresh angles at most, the prototype apart."""
+    return MOST_CONFIRMED * study.file.search.confirm_designs
+
+
+def most_to_confirm(study: Study, designs: int) -> int:
+    """Return how many shifts it takes at most to confirm the prototype and so many designs.
+
+    For prototype and chosen design those for the numerical error come on top.
+    """
+    each = len(study.points) * study.file.search.confirm_angles
+    return (1 + designs) * each + 2 * repeated(each)

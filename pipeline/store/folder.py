@@ -1,0 +1,170 @@
+"""The folder of a study: manifest, trials, shifts, surrogate, report; one writer.
+
+``study.json``       the study file as it was run, with hashes and versions
+``trials.log``       Optuna's journal
+``shifts.jsonl``     every finished shift
+``result.json``      front, best design and confirmation
+``surrogate.json``   the surrogate with its data
+``points.csv``       its data as a table: simulated operating points
+``others.json``      of a search that several machines share, what all of them simulated
+``references.jsonl`` shifts of designs apart, by which a surrogate is judged
+``best.json``        which of them are of the best tenth
+``effects.json``     effects and indices from the surrogate, for the report
+``report.html``      the report
+``designs.csv``      every simulated design of the search as a table
+``shifts/``          pages of the shifts that the report links
+"""
+
+from __future__ import annotations
+
+import json
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.pipeline.config.study_file import Study, build_study
+from dogshape.pipeline.store.lock import writing
+from dogshape.sim.clutch_tables import validate
+from dogshape.sim.errors import StorageError
+from dogshape.sim.files import write_whole
+from dogshape.sim.versions import versions
+
+
+class StudyFolder:
+    """Paths of a study's results, and the rules for opening them."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.manifest = root / "study.json"
+        self.trials = root / "trials.log"
+        self.shifts = root / "shifts.jsonl"
+        self.result = root / "result.json"
+        self.others = root / "others.json"
+        self.references = root / "references.jsonl"
+        self.best = root / "best.json"
+        self.points = root / "points.csv"
+        self.surrogate = root / "surrogate.json"
+        self.effects = root / "effects.json"
+        self.designs = root / "designs.csv"
+        self.report = root / "report.html"
+
+    def writing(self) -> AbstractContextManager[None]:
+        """Hold the folder for writing; another writer raises StorageError."""
+        return writing(self.root)
+
+    def open(self, study: Study, resume: bool) -> None:
+        """Start the folder or go on with it; refuse what would mix two studies."""
+        if self.manifest.exists():
+            self._require_same(study, resume)
+            return
+        if any(path.exists() for path in (self.trials, self.shifts)):
+            raise StorageError(
+                f"{self.root} holds results without study.json; choose another --out "
+                "or remove the folder"
+            )
+        content = {
+            "format": FORMAT,
+            "study": study.file.model_dump(exclude_none=True),
+            "config_hash": study.config_hash,
+            "physics_hash": study.physics_hash,
+            "versions": versions(),
+        }
+        write_json(self.manifest, content)
+
+    def _require_same(self, study: Study, resume: bool) -> None:
+        stored = self.stored_study()
+        if not resume:
+            raise StorageError(
+                f"{self.root} holds a study already; add --resume to go on with it "
+                "or choose another --out"
+            )
+        if apart := differing(comparable(stored.file), comparable(study.file)):
+            raise StorageError(
+                f"{self.root} was started with another configuration ({'; '.join(apart)}); give "
+                "the one it was started with, or choose another --out"
+            )
+
+    def stored_study(self) -> Study:
+        """Read the study that the folder was started with.
+
+        Raises StorageError for a missing, damaged or foreign manifest.
+        """
+        remedy = "run 'dogshape study' first"
+        if self.manifest.exists():
+            remedy = "start the study in another --out"
+        content = read_json(self.manifest, remedy)
+        if content.get("format") != FORMAT:
+            raise StorageError(
+                f"{self.root} was written in format {content.get('format')!r}, but this version "
+                f"reads format {FORMAT}; use the version that wrote it or start a new folder"
+            )
+        if "study" not in content:
+            raise StorageError(f"{self.manifest} is damaged; start the study in another folder")
+        return build_study(validate(StudyFile, content["study"], str(self.manifest)))
+
+    def stored_result(self) -> dict[str, Any]:
+        """Read what the study found so far; raise StorageError where that is damaged."""
+        remedy = "run 'dogshape study' with --resume to write it again"
+        result = read_json(self.result, remedy)
+        if not _whole(result):
+            raise StorageError(f"{self.result} is damaged; {remedy}")
+        return result
+
+
+def _whole(result: dict[str, Any]) -> bool:
+    rows = result.get("trials")
+    keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
+    return isinstance(rows, list) and all(key in result for key in keys)
+
+
+def comparable(file: StudyFile) -> dict[str, Any]:
+    """Return what must not change between runs in one folder.
+
+    Numbers of designs may, and what replication may take; so may the limit of time, on which no
+    finished shift depends.
+    """
+    content = file.model_dump()
+    del content["search"]["trials"]
+    content["search"].pop("replicate", None)
+    del content["surrogate"]["designs"]
+    content["solver"].pop("time_limit_s", None)
+    return content
+
+
+def differing(before: Any, now: Any, name: str = "") -> list[str]:
+    """Return what differs between two configurations, a key with both of its values each."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        keys = sorted({*before, *now})
+        inner = ((key, f"{name}.{key}" if name else key) for key in keys)
+        return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
+    if before == now:
+        return []
+    return [f"{name} was {_shown(before)} and is now {_shown(now)}"]
+
+
+def _shown(value: Any) -> str:
+    return "not given" if value is None else json.dumps(value, default=str)
+
+
+def write_json(path: Path, content: dict[str, Any]) -> None:
+    """Write a JSON file so that a kill or a power cut leaves the old one or the new one, whole."""
+    write_whole(path, json.dumps(content, indent=1, allow_nan=False))
+
+
+def read_json(path: Path, remedy: str) -> dict[str, Any]:
+    """Read a JSON object; raise StorageError with ``remedy`` where there is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise StorageError(f"there is no {path.name} in {path.parent}; {remedy}") from error
+    except (OSError, ValueError) as error:
+        raise StorageError(f"{path} cannot be read or is damaged; {remedy}") from error
+    if not isinstance(content, dict):
+        raise StorageError(f"{path} is damaged; {remedy}")
+    return content
+
+
+def default_out(given: Study) -> Path:
+    """Return the folder of a study's results where none is named."""
+    return Path("results") / given.name

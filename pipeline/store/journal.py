@@ -1,0 +1,169 @@
+"""The journal of shifts: one JSON line for every finished simulation.
+
+Workers append one at a time, under a lock of the operating system's, so lines do not mix. What
+a kill or a full disk left of a line is cut off before the next one is written, and on opening.
+The parent forces lines to the disk before it counts their shifts as finished.
+
+A shift that the clock ended, on a machine that was too busy, is a result of this run alone: it
+is in memory, not in the file, and the next run simulates it again.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pandas as pd
+
+from dogshape.sim.errors import StorageError
+from dogshape.sim.files import sync_folder
+from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
+
+
+class ShiftJournal:
+    """Shifts by their content key: those that are finished on disk too.
+
+    ``only_read`` leaves the file alone, in which another run may be writing a line. ``outdated``
+    are keys of shifts in the file that the clock ended, as earlier versions kept them.
+    """
+
+    def __init__(self, path: Path, only_read: bool = False) -> None:
+        self.path = path.absolute()  # workers may stand in another folder
+        self.rows: dict[str, Record] = {}
+        self.outdated: set[str] = set()
+        self._named = False
+        if path.exists():
+            self._read(only_read)
+
+    def read_new(self) -> list[Record]:
+        """Read what workers wrote and did not hand over; return the rows that are new."""
+        known = set(self.rows)
+        if self.path.exists():
+            self._read()
+        return [row for key, row in self.rows.items() if key not in known]
+
+    def _read(self, only_read: bool = False) -> None:
+        if not only_read:
+            drop_torn_line(self.path)
+        content = self.path.read_bytes()
+        whole = content[: content.rfind(b"\n") + 1]
+        for number, line in enumerate(whole.splitlines(), start=1):
+            try:
+                row = json.loads(line)
+                result_of(row)
+                landing_of(row)
+                if unfinished(row):
+                    self.outdated.add(row["key"])
+                else:
+                    self.rows[row["key"]] = row
+            except (ValueError, KeyError, TypeError) as error:
+                raise StorageError(
+                    f"{self.path}, line {number} is not a finished shift; remove the line "
+                    "or start the study in another folder"
+                ) from error
+
+    def add(self, rows: Iterable[Record]) -> None:
+        """Take up rows that a worker has already written; from now on a power cut leaves them.
+
+        Raises StorageError where the disk does not take them.
+        """
+        if self.path.exists():
+            with _writing(self.path):
+                _sync(self.path)
+                if not self._named:
+                    sync_folder(self.path.parent)
+                    self._named = True
+        self.rows.update((row["key"], row) for row in rows)
+
+    @property
+    def finished(self) -> list[str]:
+        """Keys of the shifts that are finished, without those that the clock ended."""
+        return [key for key, row in self.rows.items() if not unfinished(row)]
+
+    def say_unfinished(self, say: Callable[[str], None]) -> None:
+        """Say how many shifts the clock ended, if any."""
+        if ended := len(self.rows) - len(self.finished):
+            say(
+                f"{ended} of the shifts failed at solver.time_limit_s or hung, as on a busy "
+                "machine; they are not kept, and the same command simulates them again"
+            )
+
+    def frame(self) -> pd.DataFrame:
+        """Return all finished shifts as a table."""
+        return pd.DataFrame(list(self.rows.values()))
+
+
+def drop_torn_line(path: Path) -> None:
+    """Cut off a last line that a kill left unfinished, so that the next one starts clean."""
+    content = path.read_bytes()
+    if content and not content.endswith(b"\n"):
+        with _alone_in(path) as descriptor:
+            _drop_torn_line(descriptor)
+
+
+def append(path: Path, *rows: Record) -> None:
+    """Append finished shifts, all of them or none; those that the clock ended are left out.
+
+    Raises StorageError where there is no room or no right to write.
+    """
+    kept = [row for row in rows if not unfinished(row)]
+    lines = "".join(json.dumps(row, allow_nan=False) + "\n" for row in kept).encode()
+    with _writing(path), _alone_in(path) as descriptor:
+        end = _drop_torn_line(descriptor)
+        try:
+            _write(descriptor, lines)
+        except OSError:
+            os.ftruncate(descriptor, end)
+            raise
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[None]:
+    """Turn what a disk refuses into one sentence."""
+    try:
+        yield
+    except OSError as error:
+        raise StorageError(
+            f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "
+            "or give the right to write, and run the command again to go on"
+        ) from error
+
+
+@contextmanager
+def _alone_in(path: Path) -> Iterator[int]:
+    """Open a file for appending and hold its lock, which ends with the process."""
+    descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _sync(path: Path) -> None:
+    """Force to the disk what any process wrote into a file."""
+    descriptor = os.open(path, os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _drop_torn_line(descriptor: int) -> int:
+    """Cut off what follows the last whole line; return where the file then ends."""
+    end = os.fstat(descriptor).st_size
+    if end == 0 or os.pread(descriptor, 1, end - 1) == b"\n":
+        return end
+    whole = os.pread(descriptor, end, 0).rfind(b"\n") + 1
+    os.ftruncate(descriptor, whole)
+    return whole
+
+
+def _write(descriptor: int, content: bytes) -> None:
+    """Write all of it; a disk that fills up takes a part first and then refuses."""
+    while content:
+        content = content[os.write(descriptor, content) :]

@@ -1,0 +1,70 @@
+"""Results as records by the names of the command line's contract, fit for JSON."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.units import RPM
+
+
+def expectation_record(expectation: Expectation) -> dict[str, Any]:
+    """Return an expectation by the names of the command line's contract."""
+    return {
+        "expected_shift_time_s": expectation.mean,
+        "standard_error_s": number_or_none(expectation.standard_error),
+        "numerical_error_s": number_or_none(expectation.numerical_error),
+        "engaged": expectation.engaged,
+        "mean_engaged_s": expectation.mean_engaged,
+        "shifts": expectation.shifts,
+        "not_engaged": expectation.lost,
+        "held_dog_on_dog": expectation.blocked,
+        "lower_bound": expectation.is_lower_bound,
+        "points": [
+            {
+                "mismatch_rpm": p.point.mismatch / RPM,
+                "force_N": p.point.profile.force,
+                "mean_s": p.mean,
+                "mean_engaged_s": p.mean_engaged,
+                "standard_error_s": number_or_none(p.standard_error),
+                "sd_s": p.sd,
+                "engaged": p.engaged,
+                "n": p.n,
+                "held_dog_on_dog": p.blocked,
+            }
+            for p in expectation.points
+        ],
+    }
+
+
+def number_or_none(value: float | None) -> float | None:
+    """Return a number that JSON can hold: None where there is none."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def check_record(check: Check) -> dict[str, Any]:
+    """Return a check by the names of the command line's contract."""
+    rule = check.rule
+    return {
+        "name": check.name,
+        "value": number_or_none(check.value),
+        "limit": check.limit,
+        "unit": check.unit,
+        "margin": number_or_none(check.margin),
+        "passed": check.passed,
+        "group": rule.group,
+        "at_most": rule.at_most,
+        "meaning": rule.meaning,
+        "formula": rule.formula,
+        "source": rule.source,
+        "limit_key": rule.key,
+    }
+
+
+def is_clear(confirmation: dict[str, Any]) -> bool:
+    """Tell whether a confirmed gain is at least twice its standard error."""
+    gain: float = confirmation["gain_s"]
+    error: float = confirmation["gain_standard_error_s"]
+    return abs(gain) >= 2.0 * error and gain != 0.0

@@ -1,0 +1,1 @@
+"""Simulate what the surrogate learns from, fit it, and find fitted ones."""

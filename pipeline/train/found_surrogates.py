@@ -1,0 +1,75 @@
+"""Surrogates that are there already: of a study's results, or brought by the package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.statistics.shift_records import content_key
+from dogshape.sim.versions import engine
+from dogshape.surrogate.dataset import differences
+from dogshape.surrogate.store import Stored, load
+
+
+def space_out(study: Study) -> Path:
+    """Return the folder of designs that fill the space of a study."""
+    return Path("results") / f"{study.name}-space"
+
+
+def known_surrogate(study: Study) -> Stored | None:
+    """Return the surrogate that the package brings for the study's physics, None if it has none."""
+    for path in sorted(bundled_root().glob("*/surrogate.json")):
+        stored = load(path)
+        if content_key(stored.surrogate.data.physics) == study.physics_hash:
+            return stored
+    return None
+
+
+def joining(study: Study, say: Callable[[str], None]) -> Stored | None:
+    """Return what the package brings if its rows may join the study's own; say so, or why not."""
+    brought = known_surrogate(study)
+    if brought is None:
+        return None
+    known = brought.surrogate
+    if differences(known.data.engine, engine()) or known.data.variables != tuple(study.variables):
+        say("the surrogate that the package brings is of other versions, so it is not used")
+        return None
+    shifts, designs = known.data.shifts, len(known.data.designs)
+    say(f"{shifts} shifts of {designs} designs that the package brings join")
+    return brought
+
+
+def digest_of(brought: Stored | None) -> str:
+    """Return a hash of the rows and parameters that a search begins with; empty if there are none.
+
+    How the surrogate was judged is no part of it.
+    """
+    if brought is None:
+        return ""
+    known = brought.surrogate
+    return content_key(
+        {
+            "data": known.data.digest,
+            "form": known.form,
+            "times": known.times.covariance.theta.tolist(),
+            "share": [known.share.length, known.share.strength],
+        }
+    )
+
+
+def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
+    """Return the surrogate to ask and its file.
+
+    The one that is named; else that of the study's search, of its space, or the package's.
+    DataError where there is none.
+    """
+    own = StudyFolder(default_out(study)).surrogate
+    results = (own, StudyFolder(space_out(study)).surrogate)
+    brought = bundled_root() / study.name / "surrogate.json"
+    path = named or next((path for path in (*results, brought) if path.is_file()), None)
+    if path is None and (known := known_surrogate(study)) is not None:
+        return known, brought
+    return load(path or own), path or own

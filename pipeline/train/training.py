@@ -1,0 +1,172 @@
+"""The surrogate of a study: simulating what it learns from, fitting, judging, keeping.
+
+A folder of a search holds the search's own shifts. A folder that ``dogshape fit`` fills holds
+designs that fill their space, in ``shifts.jsonl``, and references apart, in
+``references.jsonl``. Rows that the package brings for the same physics join either way.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.filling import filling_blocks, first_designs
+from dogshape.pipeline.train.found_surrogates import joining
+from dogshape.pipeline.train.inquiry import Inquiry, inquire
+from dogshape.pipeline.train.reference_designs import (
+    best_designs,
+    reference_designs,
+    simulate_references,
+)
+from dogshape.pipeline.train.training_rows import dataset_of, study_mix, with_rows
+from dogshape.sim.errors import InputError
+from dogshape.sim.files import naming
+from dogshape.surrogate.dataset import COLUMNS, Dataset, among
+from dogshape.surrogate.fitting import WHOLE, Effort
+from dogshape.surrogate.form_choice import compare
+from dogshape.surrogate.learning import fit
+from dogshape.surrogate.model import USUAL, Surrogate
+from dogshape.surrogate.references import Reference, reference_of
+from dogshape.surrogate.store import Stored, save
+from dogshape.surrogate.validation import QUICK, validate
+from dogshape.surrogate.validation_figures import LEAST, Validation, predict, ranked
+
+Say = Callable[[str], None]  #: prints a line for people
+FILLED = 1200  #: rows that parameters are fitted to where a folder was filled for it: minutes
+
+
+def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = None) -> None:
+    """Simulate designs that fill their space, and references; go on where a call was stopped."""
+    settings = study.file.surrogate
+    connect(cluster)
+    with folder.writing():
+        folder.open(study, resume=True)
+        designs = first_designs(study, settings.designs)
+        total = settings.designs * settings.points * settings.angles
+        keeping = "the same command goes on"
+        with ShiftProgress(total) as progress, progress.kept_in(folder.root, keeping):
+            shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
+            _fill(study, designs, Executor(shifts, jobs, progress.advance, cluster))
+            executor = Executor(apart_from_them, jobs, progress.advance, cluster)
+            apart = [d for d in reference_designs(study, settings.references) if d not in designs]
+            both = [*apart, *_best(study, folder, progress.say)]
+            simulate_references(study, both, executor, progress.extend)
+            for journal in (shifts, apart_from_them):
+                journal.say_unfinished(progress.say)
+
+
+def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:
+    """Simulate more about a question into a folder that has shifts already."""
+    connect(cluster)
+    study = folder.stored_study()
+    with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
+        executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance, cluster)
+        with progress.kept_in(folder.root, "the same command goes on"):
+            deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
+
+
+def _fill(study: Study, designs: Sequence[dict[str, float]], executor: Executor) -> None:
+    seed = study.file.surrogate.seed
+    executor.run(
+        [
+            block
+            for index, design in enumerate(designs)
+            for block in filling_blocks(study, design, index, seed)
+        ]
+    )
+
+
+def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
+    """Return designs of the best tenth, by a quick fit; chosen once and kept."""
+    if not folder.best.exists():
+        say("choosing references among the best designs")
+        model = fit(dataset_of(study, ShiftJournal(folder.shifts).rows.values()), effort=QUICK)
+        write_json(folder.best, {"designs": best_designs(study, model)})
+    remedy = "remove it and fit again"
+    kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
+    return kept
+
+
+def train(
+    folder: StudyFolder, out: Path | None = None, *, choose: bool = False, say: Say = print
+) -> Stored:
+    """Fit the surrogate to what a folder holds, judge it and write it.
+
+    ``choose`` compares the alternative forms and takes the best; else the usual one is taken.
+    Fewer designs than it needs raise InputError.
+    """
+    study = folder.stored_study()
+    data = _data_of(study, folder)
+    brought = None if folder.references.exists() else joining(study, say)
+    known = None if brought is None else brought.surrogate
+    if known is not None:
+        data = known.data.joined(data)  # its parameters are in units of its own ranges
+    scores = compare(data, study.file.surrogate.seed, say) if choose else []
+    form = scores[0].form if scores else USUAL if known is None else known.form
+    # What the package brings are far more rows than a search adds: its parameters stand.
+    keeps = known is not None and not choose
+    rows = FILLED if folder.references.exists() else WHOLE.rows
+    effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
+    surrogate = fit(data, form, known, effort)
+    before = brought.validation if brought is not None and keeps else None
+    figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
+    stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
+    save(out or folder.surrogate, stored)
+    with naming(folder.points):
+        data.frame().to_csv(folder.points, index=False)
+    return stored
+
+
+def _data_of(study: Study, folder: StudyFolder) -> Dataset:
+    """Return what the folder's shifts say, after what all machines at its search found."""
+    own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
+    if not folder.others.exists():
+        return own
+    rows = read_json(folder.others, "run 'dogshape study' with --resume to write it again")
+    width = len(study.variables) + len(COLUMNS)
+    return with_rows(study, np.array(rows["rows"], dtype=float).reshape(-1, width)).joined(own)
+
+
+def _judged(
+    study: Study,
+    folder: StudyFolder,
+    surrogate: Surrogate,
+    parts: Effort,
+    before: Validation | None,
+) -> Validation:
+    """Return the figures of a surrogate, by the folder's references where it has some.
+
+    ``before`` are those it had without the folder's rows. They stand where too few of its designs
+    have all operating points to say anything: rows were added, no parameter was changed.
+    """
+    mix = study_mix(study)
+    if not folder.references.exists():
+        if before is not None and len(reference_of(surrogate.data, mix)) < LEAST:
+            return replace(before, shifts=surrogate.data.shifts)
+        return validate(surrogate, mix, None, parts)
+    space, best = references_of(study, folder)
+    if len(space) == 0:
+        raise InputError(
+            f"{folder.references} holds no design that engages at every operating point of the "
+            "study; run 'dogshape fit' for the study again to finish its references"
+        )
+    found = validate(surrogate, mix, space)
+    return ranked(found, best, predict(surrogate, best.x, mix).time) if len(best) else found
+
+
+def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Reference]:
+    """Return the references of a filled folder that fill the space, and those of the best."""
+    data = dataset_of(study, ShiftJournal(folder.references).rows.values())
+    whole = reference_of(data, study_mix(study))
+    kept = read_json(folder.best, "fit again").get("designs", []) if folder.best.exists() else []
+    best = whole.of(study.rows(kept))
+    return whole.of(whole.x[~among(whole.x, best.x)]), best

@@ -1,0 +1,150 @@
+"""Tables of files (study, bench data) that describe a clutch, and their mistakes.
+
+Keys carry their unit; unknown keys are refused. What a value may be is the
+business of the physics that uses it; here only keys and types.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar, get_args
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
+
+from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.sim.rules import broken_rule
+from dogshape.sim.shift.clutch import Rings
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.texts import listed
+from dogshape.sim.units import RPM, suffix_of, to_si
+
+Model = TypeVar("Model", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """A table of a file; unknown keys are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class DogSection(Section):
+    """Geometry of the dogs of both rings."""
+
+    count: int
+    chamfer_deg: float
+    traction_deg: float
+    braking_deg: float
+    height_mm: float
+    outer_diameter_mm: float
+    inner_diameter_mm: float
+    axial_gap_mm: float
+
+    def dog(self) -> Dog:
+        """Build the dog; what cannot be a dog raises InputError or GeometryError."""
+        return Dog(**dog_fields(self.model_dump()))
+
+
+class SlidingSection(Section):
+    """The ring that is shifted."""
+
+    mass_kg: float
+    inertia_kgm2: float
+    initial_speed_rpm: float = 0.0
+
+
+class OutputSection(Section):
+    """The ring that it engages."""
+
+    inertia_kgm2: float
+
+
+def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
+    """Build both rings."""
+    return Rings(
+        mass=sliding.mass_kg,
+        sliding_inertia=sliding.inertia_kgm2,
+        output_inertia=output.inertia_kgm2,
+        initial_speed=sliding.initial_speed_rpm * RPM,
+    )
+
+
+def dog_fields(values: dict[str, float]) -> dict[str, Any]:
+    """Turn keys of a dog in edge units (``height_mm``) into fields of ``Dog`` in SI."""
+    fields: dict[str, Any] = si_fields(values)
+    if "count" in fields:
+        fields["count"] = int(fields["count"])
+    return fields
+
+
+def si_fields(values: dict[str, float]) -> dict[str, float]:
+    """Turn keys in edge units (``height_mm``) into SI fields without them (``height``)."""
+    return {key.removesuffix(suffix_of(key)): to_si(key, value) for key, value in values.items()}
+
+
+def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
+    """Validate ``data`` and turn its mistakes into sentences, all at once.
+
+    Raises InputError that names ``source``, and of each mistake key, value and rule.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise InputError(listed(source, _faults(model, error.errors()))) from error
+
+
+def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
+    """Return a sentence for each mistake, misspelt keys first."""
+    unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
+    # A misspelt key is also a missing one; the spelling is the better hint.
+    missing = [_key(e) for e in errors if e["type"] == "missing"]
+    absent = [key for key in missing if not any(f"'{key}'" in sentence for sentence in unknown)]
+    broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
+    return [
+        *unknown,
+        *(f"'{key}' is missing; add it" for key in absent),
+        *(broken_rule(_key(e), e) for e in broken),
+    ]
+
+
+def _path(error: ErrorDetails) -> list[str]:
+    # Pydantic names which of several kinds a value was taken for; no key has a space.
+    return [str(part) for part in error["loc"] if " " not in str(part)]
+
+
+def _key(error: ErrorDetails) -> str:
+    return ".".join(_path(error)) or "the file"
+
+
+def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
+    path = _path(error)
+    stem = "".join(f"{part}." for part in path[:-1])
+    valid = [stem + name for name in _keys(model, path[:-1])]
+    whole = [name for name in _keys(model, []) for name in _below(model, name)]
+    meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
+    hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(_key(error), valid)
+    return f"'{_key(error)}' is not a known key; {hint}"
+
+
+def _below(model: type[BaseModel], section: str) -> list[str]:
+    """Return the keys of a section with its name before them."""
+    return [f"{section}.{name}" for name in _keys(model, [section])]
+
+
+def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
+    for name in path:
+        if name.isdecimal():
+            continue  # the place in a list
+        field = model.model_fields.get(name)
+        section = _section_in(field.annotation) if field else None
+        if section is None:
+            return []
+        model = section
+    return list(model.model_fields)
+
+
+def _section_in(annotation: Any) -> type[BaseModel] | None:
+    """Return the section that an annotation allows, alone or beside other kinds of value."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    found = (_section_in(one) for one in get_args(annotation))
+    return next((section for section in found if section is not None), None)

@@ -1,0 +1,1 @@
+"""Build the ring as a closed solid, for printing and drawing."""

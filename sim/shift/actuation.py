@@ -1,0 +1,209 @@
+r"""Shift force over time, and the free flight it gives.
+
+The published force is a cubic step (Adams STEP),
+:math:`F(t) = F (3 s^2 - 2 s^3)`, :math:`s = t/T` up to :math:`s = 1`, then constant.
+A mass that nothing touches has travelled
+:math:`x = (F T^2/m)(s^4/4 - s^5/10)` by then.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.errors import InputError, refusal
+
+Series = NDArray[np.float64]
+Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
+
+
+def cubic_step(share: Times, full: Times | float) -> Times:
+    """Return ``full`` (3 s^2 - 2 s^3) with s the ``share``, held at 0 and 1; numbers or (n,)."""
+    s = np.clip(share, 0.0, 1.0)
+    step: Times = full * s * s * (3.0 - 2.0 * s)
+    return step
+
+
+@dataclass(frozen=True)
+class ForceProfile:
+    """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s)."""
+
+    force: float
+    rise: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.force <= 1e5:
+            rule = "it must lie between 1 and 100000 N and point into engagement"
+            raise InputError(refusal("shift force", self.force, "N", rule, "correct the force"))
+        if not 1e-4 <= self.rise <= 10.0:
+            rule = "it must lie between 0.0001 and 10 s"
+            remedy = "give the rise time in seconds"
+            raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
+
+    def at(self, time: Times) -> Times:
+        """Return the force in N at ``time`` in s after the start."""
+        return cubic_step(time / self.rise, self.force)
+
+    def knots(self) -> tuple[Series, Series, Series]:
+        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
+
+        The force keeps its last value.
+        """
+        return np.array([0.0, self.rise]), np.array([0.0, self.force]), np.zeros(2)
+
+    @property
+    def record(self) -> dict[str, float]:
+        """The profile as a flat record in the edge's units."""
+        return {"force_N": self.force, "force_rise_s": self.rise}
+
+    def free_flight(self, time: Times, mass: float) -> Times:
+        """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        way = self.force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
+        beyond = np.maximum(0.0, time - self.rise)
+        speed = 0.5 * self.force * self.rise / mass
+        whole: Times = way + beyond * speed + 0.5 * self.force / mass * beyond**2
+        return whole
+
+    def free_speed(self, time: Times, mass: float) -> Times:
+        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        speed = self.force * self.rise / mass * (s**3 - s**4 / 2.0)
+        whole: Times = speed + self.force / mass * np.maximum(0.0, time - self.rise)
+        return whole
+
+    def free_flight_time(self, way: float, mass: float) -> float:
+        """Return the time in s after which a free ``mass`` has made ``way`` in m."""
+        if way == 0.0:
+            return 0.0
+        # The way is convex in time, so Newton's steps come down to the root from any later time,
+        # and an earlier one is later after a step. The way of the rise is at least
+        # 0.15 (F T^2/m) s^4, which makes this guess a late one there.
+        time = self.rise * (way * mass / (0.15 * self.force * self.rise**2)) ** 0.25
+        step = time
+        while abs(step) > 1e-12 * time:
+            step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
+            time -= step
+        return float(time)
+
+
+@dataclass(frozen=True)
+class LaggedProfile(ForceProfile):
+    r"""A cubic step that comes through a lag of first order, :math:`\tau y' = u - y`.
+
+    With :math:`\theta = \tau/T` and :math:`y(0) = 0` the force is, while the step rises,
+
+    .. math:: y/F = 3 (s^2 - 2 \theta s + 2 \theta^2) - 2 (s^3 - 3 \theta s^2 + 6 \theta^2 s
+       - 6 \theta^3) - 6 \theta^2 (1 + 2 \theta) e^{-s/\theta},
+
+    and nears *F* as :math:`e^{-(t - T)/\tau}` afterwards. Momentum and way of a free mass
+    follow from those of the step: :math:`\int y = \int u - \tau y`, and so once more.
+    ``lag`` in s.
+    """
+
+    lag: float = 0.01
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1e-5 <= self.lag <= 10.0:
+            rule = "it must lie between 0.00001 and 10 s"
+            raise InputError(refusal("lag of the force", self.lag, "s", rule, "give it in seconds"))
+
+    def at(self, time: Times) -> Times:
+        """Return the force in N at ``time`` in s after the start."""
+        lag = self.lag / self.rise
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        square = s * s - 2.0 * lag * s + 2.0 * lag**2
+        cube = s**3 - 3.0 * lag * square
+        free = 6.0 * lag**2 * (1.0 + 2.0 * lag) * np.exp(-s / lag)
+        rising = self.force * (3.0 * square - 2.0 * cube - free)
+        beyond = np.maximum(0.0, time - self.rise) / self.lag
+        whole: Times = self.force - (self.force - rising) * np.exp(-beyond)
+        return whole
+
+    def knots(self) -> tuple[Series, Series, Series]:
+        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
+
+        The force keeps its last value, 30 lags after the rise.
+        """
+        early = self.lag * np.linspace(0.0, 12.0, 49)
+        late = self.rise + self.lag * np.linspace(0.0, 30.0, 121)
+        times = np.concatenate([early[early < self.rise], np.linspace(0.0, self.rise, 65), late])
+        times = np.unique(np.round(times, 12))
+        forces = self.at(times)
+        return times, forces, (cubic_step(times / self.rise, self.force) - forces) / self.lag
+
+    @property
+    def record(self) -> dict[str, float]:
+        """The profile as a flat record in the edge's units."""
+        return {**super().record, "force_lag_s": self.lag}
+
+    def free_speed(self, time: Times, mass: float) -> Times:
+        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
+        whole: Times = super().free_speed(time, mass) - self.lag / mass * self.at(time)
+        return whole
+
+    def free_flight(self, time: Times, mass: float) -> Times:
+        """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
+        whole: Times = super().free_flight(time, mass) - self.lag * self.free_speed(time, mass)
+        return whole
+
+    def free_flight_time(self, way: float, mass: float) -> float:
+        """Return the time in s after which a free ``mass`` has made ``way`` in m."""
+        # The way is a mean over delays whose own mean is the lag, and it is convex in time, so
+        # it comes no later than after one lag.
+        early = super().free_flight_time(way, mass)
+        late = early + self.lag
+        while late - early > 1e-12 * late:
+            middle = 0.5 * (early + late)
+            short = self.free_flight(middle, mass) < way
+            early, late = (middle, late) if short else (early, middle)
+        return late
+
+
+@dataclass(frozen=True)
+class RiseTable:
+    """Rise time of the shift force by its final value, linear in between.
+
+    Parameters
+    ----------
+    forces : N, in any order.
+    rises : s, one for each force; another number of them raises InputError.
+    """
+
+    forces: tuple[float, ...]
+    rises: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        if len(self.forces) != len(self.rises):
+            raise InputError(
+                f"actuation.force_N has {len(self.forces)} and actuation.rise_s "
+                f"{len(self.rises)} values, but each force needs its rise time; "
+                "give lists of equal length"
+            )
+
+    def covers(self, force: float) -> bool:
+        """Tell whether a force in N lies within the table."""
+        return min(self.forces) <= force <= max(self.forces)
+
+    def profile(self, force: float, other_way: str = "") -> ForceProfile:
+        """Return the force profile of a final ``force`` in N; one beyond raises InputError.
+
+        ``other_way`` is what else a user may do about that, such as an option of the verb.
+        """
+        low, high = min(self.forces), max(self.forces)
+        if not self.covers(force):
+            rule = f"the rise times of the study cover {low:.6g} to {high:.6g} N"
+            remedy = "extend actuation.force_N and actuation.rise_s" + other_way
+            raise InputError(refusal("shift force", force, "N", rule, remedy))
+        order = np.argsort(self.forces)
+        known, rises = np.array(self.forces)[order], np.array(self.rises)[order]
+        return ForceProfile(force, float(np.interp(force, known, rises)))
+
+    def gives(self, profile: ForceProfile) -> bool:
+        """Tell whether a profile rises as the table says."""
+        known = self.covers(profile.force)
+        return known and abs(self.profile(profile.force).rise - profile.rise) < 1e-9

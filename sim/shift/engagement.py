@@ -1,0 +1,212 @@
+"""One engagement: from the start of the force to full depth.
+
+Outcomes are values, not exceptions: a shift that blocks, runs out of time or
+diverges is a result like any other. The simulator's monitor records every step
+and stops the run; everything else is worked out afterwards from the record.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from pydrake.systems.framework import Context, EventStatus
+
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.events import Events, events_of, stays_held
+from dogshape.sim.shift.loads import Loads, loads_of
+from dogshape.sim.shift.outcome import TIME_LIMIT, Outcome
+from dogshape.sim.shift.passing import passing_through
+from dogshape.sim.shift.phases import Phase, phases_of
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
+
+FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
+STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
+
+
+@dataclass(frozen=True)
+class Engagement:
+    """Result of one shift, with its problem.
+
+    ``shift_time`` is in s, None unless engaged; ``evaluations`` counts the
+    derivatives that the integrator asked for, the measure of what a shift costs.
+    ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
+    unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
+    """
+
+    clutch: Clutch
+    point: OperatingPoint
+    relative_angle: float
+    outcome: Outcome
+    shift_time: float | None
+    actuator_time: float | None
+    phases: tuple[Phase, ...]
+    events: Events
+    loads: Loads
+    steps: int
+    evaluations: int
+    detail: str
+    trace: Trace
+
+
+class _Record:
+    """Monitor of a run: keeps every step and says when to stop."""
+
+    def __init__(self, plant: ClutchPlant, point: OperatingPoint) -> None:
+        clutch = plant.clutch
+        self.plant = plant
+        self.point = point
+        self.travel = clutch.shift_travel
+        #: Places in the state of what has not made its travel: ring, actuator.
+        self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+        self._size = 8 if clutch.mechanism.has_linkage else 6
+        self.timeout = clutch.timeout
+        self.clutch = clutch
+        self.force = point.profile.force
+        self.times: list[float] = []
+        self.states: list[Series] = []
+        self.blocked = False
+        self.failure = ""
+        self.passed = False
+        self.evaluations = 0
+        self._solver = clutch.solver
+        self._end = time.monotonic() + clutch.solver.time_limit
+        self._check_at = STILL_WINDOW
+        self._last: Series | None = None
+
+    def begin(self, angle: float) -> None:
+        """Take up the time in which the ring was held, and where the run begins."""
+        held, speed = self.plant.held, self.clutch.rings.initial_speed
+        rates = [speed + self.point.mismatch, 0.0, speed]
+        for now, *actuator in zip(held.time, held.displacement, held.speed, strict=True):
+            if now < self.plant.context.get_time():
+                turned = [angle + rates[0] * now, 0.0, speed * now]
+                self.times.append(float(now))
+                self.states.append(np.array([*turned, *rates, *actuator][: self._size]))
+        self(self.plant.context)
+
+    def __call__(self, context: Context) -> EventStatus | None:
+        now = context.get_time()
+        state = self.plant.state()
+        self.times.append(now)
+        self.states.append(state)
+        self.under_way -= {i for i in self.under_way if state[i] >= self.travel}
+        if not self.under_way:
+            return self._stop("engaged")
+        self._require_within_limits(now, state)
+        if now >= self._check_at and self._stands_still(now, state):
+            self.blocked = True
+            return self._stop("blocked")
+        return None
+
+    def _require_within_limits(self, now: float, state: Series) -> None:
+        """Raise RuntimeError where the run is lost; Drake hands it on as its own."""
+        if len(self.times) < 2:
+            return
+        if not math.isfinite(state[1]):
+            raise RuntimeError(f"the motion is not finite at {now:.6g} s")
+        if len(self.times) > self._solver.max_steps:
+            limit = f"solver.max_steps = {self._solver.max_steps}"
+            raise RuntimeError(f"no end after {limit}, at {now:.6g} s of the shift")
+        if time.monotonic() > self._end:
+            limit = f"{TIME_LIMIT} = {self._solver.time_limit:.6g}"
+            raise RuntimeError(f"{limit}, at {now:.6g} s of the shift")
+
+    def _stands_still(self, time: float, state: Series) -> bool:
+        """Tell whether the rings are held, once the force is half up and would move free ones."""
+        last, self._last = self._last, state
+        self._check_at = time + STILL_WINDOW
+        if last is None or self.point.profile.at(time - STILL_WINDOW) < 0.5 * self.force:
+            return False
+        states = np.array([last, state])
+        return stays_held(self.clutch, states, STILL_WINDOW, self.timeout - time)
+
+    def _stop(self, reason: str) -> EventStatus:
+        return EventStatus.ReachedTermination(self.plant.plant, reason)
+
+
+def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
+    """Simulate one shift.
+
+    Dogs that are fast enough pass through each other within one step; such a shift
+    (``sim.shift.passing``) is simulated again with steps of at most a tenth, and has diverged only
+    if it does so again. Ordinary shifts are simulated once.
+
+    Parameters
+    ----------
+    plant : built once for a clutch and used again.
+    point : mismatch and force.
+    relative_angle : output ring's lead over dogs facing dogs, rad.
+
+    Returns
+    -------
+    Engagement
+        Never raises for physical failure; a failed integration is an outcome.
+    """
+    record, found = _simulated(plant, point, relative_angle)
+    if not record.passed:
+        return found
+    solver = plant.clutch.solver
+    finer = replace(solver, max_step=solver.max_step / FINER)
+    again = _simulated(ClutchPlant(replace(plant.clutch, solver=finer)), point, relative_angle)[1]
+    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
+
+
+def _simulated(
+    plant: ClutchPlant, point: OperatingPoint, relative_angle: float
+) -> tuple[_Record, Engagement]:
+    record = _Record(plant, point)
+    simulator = plant.start(point, relative_angle)
+    simulator.set_monitor(record)
+    try:
+        record.begin(relative_angle)
+        simulator.AdvanceTo(plant.clutch.timeout)
+    except RuntimeError as error:
+        if len(record.times) < 2:
+            raise  # not a step was made: the model is wrong, not the motion
+        record.failure = str(error).split("\n")[0]
+    finally:
+        simulator.clear_monitor()
+    record.evaluations = simulator.get_integrator().get_num_derivative_evaluations()
+    return record, _conclude(record, relative_angle)
+
+
+def _conclude(record: _Record, angle: float) -> Engagement:
+    clutch, point = record.clutch, record.point
+    trace = trace_of(clutch, point, record.times, record.states)
+    outcome = _outcome(record, trace)
+    if outcome is Outcome.ENGAGED:
+        record.failure = passing_through(clutch, trace.displacement, trace.relative_angle)
+        record.passed = bool(record.failure)
+        outcome = _outcome(record, trace)
+    way = clutch.shift_travel
+    done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
+    far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
+    end = float(trace.time[-1]) if done is None else done
+    phases = phases_of(clutch, trace, end)
+    return Engagement(
+        clutch=clutch,
+        point=point,
+        relative_angle=angle,
+        outcome=outcome,
+        shift_time=done if outcome is Outcome.ENGAGED else None,
+        actuator_time=None if outcome is Outcome.DIVERGED else far,
+        phases=phases,
+        events=events_of(clutch, trace),
+        loads=loads_of(clutch, trace, phases),
+        steps=len(trace.time),
+        evaluations=record.evaluations,
+        detail=record.failure or outcome.message,
+        trace=trace,
+    )
+
+
+def _outcome(record: _Record, trace: Trace) -> Outcome:
+    if record.failure:
+        return Outcome.DIVERGED
+    if (trace.displacement >= record.clutch.shift_travel).any():
+        return Outcome.ENGAGED
+    return Outcome.BLOCKED if record.blocked else Outcome.TIMED_OUT

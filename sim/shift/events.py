@@ -1,0 +1,124 @@
+"""What happened in a shift: face contacts, slots passed, rebound, holding, sliding."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.phases import Flags, face_left, face_overlap, on_face
+from dogshape.sim.shift.trace import Series, Trace
+
+LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
+STILL = 1e-3  #: m/s of slip below which faces count as held
+SLID = 5e-5  #: m of sliding from which faces count as having slid
+
+
+@dataclass(frozen=True)
+class Events:
+    """Events of a shift.
+
+    Parameters
+    ----------
+    face_contacts : how often a dog came down on the face of another.
+    slots_skipped : slots that the dogs could have reached and were carried past.
+    rebound : farthest way back from a depth once reached, m.
+    time_blocked : time with face on face held by friction, s: slip below a
+        millimetre a second.
+    face_slide : way that faces slid on each other, m.
+    """
+
+    face_contacts: int
+    slots_skipped: int
+    rebound: float
+    time_blocked: float
+    face_slide: float
+
+    @property
+    def chamfer_slid(self) -> bool:
+        """Whether faces slid on each other."""
+        return self.face_slide > SLID
+
+
+def events_of(clutch: Clutch, trace: Trace) -> Events:
+    """Return the events of a shift."""
+    faces = on_face(clutch, trace)
+    steps = np.diff(trace.time, prepend=trace.time[0])
+    slip = np.abs(trace.relative_speed) * clutch.dog.mean_radius
+    held = slip < STILL
+    deepest = np.maximum.accumulate(trace.displacement)
+    return Events(
+        face_contacts=_landings(clutch, trace, faces),
+        slots_skipped=_skipped(clutch, trace),
+        rebound=float((deepest - trace.displacement).max()),
+        time_blocked=float(steps[faces & held].sum()),
+        face_slide=float((slip * steps)[faces & ~held].sum()),
+    )
+
+
+def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool:
+    """Tell whether rings stand still, and creep and its growth would not free them in time.
+
+    Parameters
+    ----------
+    states : output angle, displacement, sliding angle and their rates, (n, 6), over
+        the last ``span`` s.
+    left : time to the time-out, s.
+    """
+    radius, last = clutch.dog.mean_radius, states[-1]
+    turning, sliding = states[:, 3] - states[:, 5], states[:, 4]
+    if max(radius * np.abs(turning).max(), abs(last[4])) > STILL:
+        return False
+
+    def reach(rates: Series) -> float:
+        growth = abs(float(rates[-1] - rates[0])) / span
+        return float(np.abs(rates).max()) * left + 0.5 * growth * left**2
+
+    free = face_left(clutch, float(last[0] - last[2]), float(last[1]))
+    room = clutch.shift_travel - float(last[1])
+    return radius * reach(turning) < 0.5 * free and reach(sliding) < 0.5 * room
+
+
+def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
+    """Count touches of a face after a flight that parted it; ``faces`` (n,) as ``on_face``."""
+    overlap, most = face_overlap(clutch, trace.relative_angle)
+    level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
+    apart = np.where(
+        (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
+    )
+    count, left = 0, None
+    for here in np.flatnonzero(faces).tolist():
+        flown = math.inf
+        if left is not None:
+            flown = 0.0 if here == left + 1 else apart[left : here + 1].max() - apart[left]
+        count += bool(flown > LIFT)
+        left = here
+    return count
+
+
+def _skipped(clutch: Clutch, trace: Trace) -> int:
+    """Count slots between the first one within reach and the one that was entered.
+
+    Slot *k* lies between the angles k and k + 1 pitches. Dogs that stand on a face
+    when the crests meet reach the next slot in the direction of the mismatch.
+    """
+    met = trace.displacement >= clutch.dog.axial_gap
+    if not met.any():
+        return 0
+    start = int(np.argmax(met))
+    angle = float(trace.relative_angle[start])
+    forward = trace.relative_speed[0] >= 0.0
+    first = _slot(clutch, angle, forward)
+    last = _slot(clutch, float(trace.relative_angle[-1]), forward)
+    return max(0, last - first if forward else first - last)
+
+
+def _slot(clutch: Clutch, angle: float, forward: bool) -> int:
+    """Return the slot at an angle, or on a face the next one in the direction of motion."""
+    overlap, most = face_overlap(clutch, np.array([angle]))
+    place = angle / clutch.dog.pitch_angle
+    if 0.0 < overlap[0] < most:
+        return round(place) - (0 if forward else 1)
+    return math.floor(place)

@@ -1,0 +1,88 @@
+"""The mechanism of a clutch in its Drake plant: an actuator's body, and the forces.
+
+Everything is that of one modelled dog: masses and forces over the number of dogs it stands for.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, System
+
+from dogshape.sim.shift.clutch import Clutch
+
+ACTUATOR, SHIFT, SLIDING = "actuator", "shift", "sliding"  #: joints that forces act on
+
+
+def add_actuator(plant: MultibodyPlant, clutch: Clutch, share: int, axis: np.ndarray) -> None:
+    """Add a body that the shift force moves along ``axis``; it touches nothing."""
+    mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / share
+    inertia = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidSphere(0.01))
+    body = plant.AddRigidBody("actuator", inertia)
+    joint = PrismaticJoint(ACTUATOR, plant.world_frame(), body.body_frame(), axis, damping=0.0)
+    plant.AddJointActuator("actuator_force", plant.AddJoint(joint))
+
+
+def add_forces(
+    builder: DiagramBuilder, plant: MultibodyPlant, clutch: Clutch, share: int, source: System
+) -> None:
+    """Connect the forces of the mechanism; ``source`` is that of the shift force."""
+    forces = builder.AddSystem(_Forces(plant, clutch, share))
+    builder.Connect(source.get_output_port(), forces.push)
+    builder.Connect(plant.get_state_output_port(), forces.state)
+    if forces.contact is not None:
+        world = plant.GetBodyByName("carriage").model_instance()
+        builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
+    builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
+
+
+class _Forces(LeafSystem):  # type: ignore[misc]
+    """Forces of the actuators from the shift force, the state and the contact's torque."""
+
+    def __init__(self, plant: MultibodyPlant, clutch: Clutch, share: int) -> None:
+        super().__init__()
+        rings, mechanism = clutch.rings, clutch.mechanism
+        self._mechanism, self._share = mechanism, share
+        self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
+        radius = clutch.dog.mean_radius
+        self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
+        places = plant.num_positions()
+        joint = {n: plant.GetJointByName(n) for n in (SHIFT, SLIDING)}
+        self._way, self._turn = (joint[n].position_start() for n in (SHIFT, SLIDING))
+        self._rate = places + joint[SHIFT].velocity_start()
+        self._spin = places + joint[SLIDING].velocity_start()
+        self._torque = joint[SLIDING].velocity_start()
+        if self._linkage is not None:
+            actuator = plant.GetJointByName(ACTUATOR)
+            self._far = actuator.position_start()
+            self._far_rate = places + actuator.velocity_start()
+        order = [
+            plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices()
+        ]
+        self._slots = {name: order.index(name) for name in order}
+        self.push = self.DeclareVectorInputPort("push", BasicVector(1))
+        self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
+        self.contact = None
+        if mechanism.spline_friction > 0.0:
+            self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
+        self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
+
+    def _calculate(self, context: Context, output: BasicVector) -> None:
+        state = self.state.Eval(context).tolist()
+        push = float(self.push.Eval(context)[0])
+        torque = 0.0
+        if self.contact is not None:
+            torque = float(self.contact.Eval(context)[self._torque]) * self._spline
+        mechanism, share = self._mechanism, self._share
+        drive, slots = push, self._slots
+        forces = [0.0] * len(slots)
+        if self._linkage is not None:
+            stretch = state[self._far] - state[self._way]
+            rate = state[self._far_rate] - state[self._rate]
+            drive = mechanism.pull(stretch, rate, *self._linkage) / share
+            forces[slots[ACTUATOR]] = push - drive
+        held = mechanism.resistance(state[self._way], state[self._rate], torque)
+        forces[slots[SHIFT]] = drive - held / share
+        forces[slots[SLIDING]] = -mechanism.drag(state[self._spin]) / share
+        output.SetFromVector(forces)

@@ -1,0 +1,135 @@
+r"""Loads of a shift that a designer needs.
+
+The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from the
+momenta and hardly depend on that; peak forces do: a blow of mass *m* at speed *v* on a contact of
+stiffness *k* peaks near :math:`v \sqrt{k m}` (``sim.shift.impact``), so stiffer dogs and a heavier
+fork strike harder, and shafts that give way less hard. They are estimates for that contact
+and those masses and no bounds (``benchmarks/impact_force.py``). A blow against the
+stop behind the sliding ring is in the energy, not in forces and impulse. ``sim.shift.driveline``
+has the torque that all of it raises behind the rings.
+
+Dog on dog, while faces can meet and the force is more axial than tangential (on a flank it
+is the other way round), it bears on dogs N b long that overlap by *L*. What that does to
+face or edge depends on how far they are rounded, so the largest load per length is kept
+for each class of overlap.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.phases import Phase, face_overlap, on_face
+from dogshape.sim.shift.trace import Series, Trace
+
+IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
+#: Lower ends of the classes of overlap, m; the last has no upper end.
+OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
+
+
+@dataclass(frozen=True)
+class Landing:
+    """Dog on dog, all dogs alike: largest load per length of the dogs, N/m, for each class of
+    overlap in ``OVERLAPS``.
+    """
+
+    line_loads: tuple[float, ...] = (0.0,) * len(OVERLAPS)
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of a shift, of the whole ring.
+
+    Parameters
+    ----------
+    peak_axial_force : largest axial contact force, N.
+    peak_tangential_force : largest tangential contact force at the mean radius, N.
+    impact_impulse : largest impulse (axial and tangential as a vector) within any
+        millisecond that the contact gives beyond holding the shift force, N s.
+    energy_dissipated : energy that the contact took, by balance, J: what is left
+        in the compressed dogs at the end included, and what a mechanism took.
+    strike_mismatch : largest change of the relative speed that the contact makes within any
+        millisecond, rad/s: what the hardest strike takes of the mismatch.
+    residual_mismatch : relative speed with which the flanks close for good, at the
+        start of seating, rad/s, signed; None where none closed. Flanks that struck and
+        flew off before show in the impulse and in ``strike_mismatch``.
+    landing : what faces and edges bore.
+    """
+
+    peak_axial_force: float
+    peak_tangential_force: float
+    impact_impulse: float
+    energy_dissipated: float
+    strike_mismatch: float
+    residual_mismatch: float | None
+    landing: Landing
+
+
+def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
+    """Return the loads of a shift."""
+    seating = phases[-1]
+    before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
+    closed = seating.end > seating.start
+    pressed = _within_impact(trace, np.maximum(trace.contact_force - trace.shift_force, 0.0))
+    turned = _within_impact(trace, trace.tangential_force)
+    struck = float(np.abs(turned).max()) * clutch.dog.mean_radius
+    return Loads(
+        peak_axial_force=float(trace.contact_force.max()),
+        peak_tangential_force=float(np.abs(trace.tangential_force).max()),
+        impact_impulse=float(np.hypot(pressed, turned).max()),
+        energy_dissipated=float(energy_lost(clutch, trace)[-1]),
+        strike_mismatch=struck / clutch.rings.reduced_inertia,
+        residual_mismatch=float(trace.relative_speed[before]) if closed else None,
+        landing=_dog_on_dog(clutch, trace),
+    )
+
+
+def peak_duration(trace: Trace) -> float:
+    """Measure how long the tangential force stays above half of its peak, s."""
+    force = np.abs(trace.tangential_force)
+    peak = int(np.argmax(force))
+    low = np.flatnonzero(force < 0.5 * force[peak])
+    before = low[low < peak]
+    after = low[low > peak]
+    # A force is the mean of the step that ends at its time.
+    start = trace.time[before[-1]] if before.size else trace.time[0]
+    end = trace.time[after[0] - 1] if after.size else trace.time[-1]
+    return float(end - start)
+
+
+def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
+    dog = clutch.dog
+    landed = on_face(clutch, trace) & (trace.contact_force > np.abs(trace.tangential_force))
+    load = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
+    overlap, most = face_overlap(clutch, trace.relative_angle)
+    # Past the middle the braking edge parts the faces.
+    classes = np.searchsorted(OVERLAPS, np.minimum(overlap, most - overlap), side="right") - 1
+    return Landing(tuple(load[classes == i].max(initial=0.0).item() for i in range(len(OVERLAPS))))
+
+
+def _within_impact(trace: Trace, force: Series) -> Series:
+    """Return the impulse of a force (n,) over an impact's length from each time on, N s, (n,)."""
+    steps = np.diff(trace.time, prepend=trace.time[0])
+    impulse = np.cumsum(force * steps)
+    gained: Series = np.interp(trace.time + IMPACT, trace.time, impulse) - impulse
+    return gained
+
+
+def energy_lost(clutch: Clutch, trace: Trace) -> Series:
+    """Return initial energy and work of the shift force less kinetic energy, J, (n,).
+
+    What a mechanism took is in it.
+    """
+    rings, mechanism = clutch.rings, clutch.mechanism
+    kinetic = 0.5 * (
+        mechanism.sleeve_mass(rings.mass) * trace.axial_speed**2
+        + mechanism.actuator_mass(rings.mass) * trace.actuator_speed**2
+        + rings.sliding_inertia * trace.sliding_speed**2
+        + rings.output_inertia * trace.output_speed**2
+    )
+    mean_force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
+    work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.actuator_displacement))])
+    lost: Series = kinetic[0] + work - kinetic
+    return lost

@@ -1,0 +1,184 @@
+r"""What stands between actuator and sliding ring, and around the ring: unmodelled by default.
+
+Axial motion of the ring (displacement *x*, mass :math:`m_s`) and of the actuator
+(:math:`y`, :math:`m_a`), turn of the ring (:math:`\omega`, inertia :math:`J_1`):
+
+.. math::
+    m_s \ddot x &= L - R - D(x) - c \dot x - \mu_s \frac{|T|}{r_s} \sigma(\dot x) - F_c, \qquad
+    R = R_0 \sigma(\dot x), \\
+    m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega).
+
+*F* is the shift force, *L* what the linkage hands on, :math:`F_c, M_c` are of the dogs' contact.
+Without compliance and free play there is no *y*: :math:`L = F(t)` and :math:`m_s` is the ring's
+mass with the added one. With a linkage a share ``FORK`` of the ring's mass (fork and pads) stands
+on its far side with the added mass, so that all masses together stay what they were.
+
+*Linkage*: with :math:`u = y - x`, stiffness *k* and damping :math:`c_L` of a share
+``DAMPING_RATIO`` of the critical one, :math:`L = k u + c_L \dot u`. With free play :math:`\delta`
+the ring hangs between two stops, :math:`u = \delta` ahead, :math:`u = 0` behind; the shift begins
+at the rear one, so the actuator has the whole play to close. Stops push and never pull.
+
+*Coulomb's law* is smooth: :math:`\sigma(v) = v/\sqrt{v^2 + v_0^2}`, with a velocity that is
+small against every motion of a shift (``SLIP``, ``TURN``).
+
+*Detent*: :math:`D(x) = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w` within its width *w*; to pass it
+takes :math:`(8/15) D_0 w`.
+
+*Spline*: the ring sits on its shaft by a spline at radius :math:`r_s`. Of the contact's torque the
+ring itself takes the share :math:`J_r/J_1`, :math:`J_r = m r^2` at the mean radius of the dogs; the
+rest, :math:`T = M_c (1 - J_r/J_1)`, accelerates what is behind the spline and goes through it.
+Pressed by :math:`|T|/r_s` its teeth rub along the shaft.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.errors import require_between
+from dogshape.sim.units import from_si
+
+Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
+
+SLIP = 1e-3  #: m/s below which friction along the shaft is smooth
+TURN = 0.05  #: rad/s below which the drag torque is smooth
+FORK = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
+DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of a slow blow
+STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
+DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Shift mechanism and what rubs on the sliding ring; the default is nothing of it.
+
+    Parameters
+    ----------
+    added_mass : of actuator and linkage, as felt at the ring, kg.
+    friction : Coulomb's, of the ring on its shaft, N.
+    damping : of the ring along the shaft, N s/m.
+    detent, detent_position, detent_width : peak force in N, where in m, and over which way in m.
+    spline_friction, spline_radius : coefficient, and where it acts, m.
+    drag_torque : that holds the sliding ring against turning, N m.
+    compliance : of the linkage, m/N.
+    free_play : between linkage and ring, m.
+
+    Raises
+    ------
+    InputError
+        A value is not finite or out of its range.
+    """
+
+    added_mass: float = 0.0
+    friction: float = 0.0
+    damping: float = 0.0
+    detent: float = 0.0
+    detent_position: float = 0.0
+    detent_width: float = 1e-3
+    spline_friction: float = 0.0
+    spline_radius: float = 0.02
+    drag_torque: float = 0.0
+    compliance: float = 0.0
+    free_play: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, (key, low, high) in _RANGES.items():
+            value = from_si(key, getattr(self, name))
+            require_between(f"mechanism.{key}", value, low, high, "correct the mechanism")
+
+    @property
+    def has_linkage(self) -> bool:
+        """Whether the actuator moves apart from the ring."""
+        return self.compliance > 0.0 or self.free_play > 0.0
+
+    @property
+    def has_forces(self) -> bool:
+        """Whether there is more than a mass and a damper."""
+        own = (self.friction, self.detent, self.spline_friction, self.drag_torque)
+        return self.has_linkage or any(value > 0.0 for value in own)
+
+    def sleeve_mass(self, mass: float) -> float:
+        """Return the mass in kg that moves with the ring, whose own is ``mass``."""
+        return (1.0 - FORK) * mass if self.has_linkage else mass + self.added_mass
+
+    def actuator_mass(self, mass: float) -> float:
+        """Return the mass in kg on the actuator's side of the linkage, 0 where there is none."""
+        return FORK * mass + self.added_mass if self.has_linkage else 0.0
+
+    def linkage(self, mass: float) -> tuple[float, float]:
+        """Return stiffness in N/m and damping in N s/m of the linkage to a ring of ``mass``."""
+        stiffness = 1.0 / (self.compliance or STOP)
+        near, far = self.sleeve_mass(mass), self.actuator_mass(mass)
+        return stiffness, 2.0 * DAMPING_RATIO * (stiffness * near * far / (near + far)) ** 0.5
+
+    def pull(self, stretch: Number, rate: Number, stiffness: float, damping: float) -> Number:
+        """Return the force in N of the linkage on the ring, ``stretch`` and ``rate`` being u, u'.
+
+        Numbers or (n,), as are all forces below.
+        """
+        if self.free_play == 0.0:
+            return stiffness * stretch + damping * rate
+        ahead, behind = positive(stretch - self.free_play), positive(-stretch)
+        push = positive(ahead * (stiffness + damping * rate / (ahead + DEEP)))
+        return push - positive(behind * (stiffness - damping * rate / (behind + DEEP)))
+
+    def resistance(self, way: Number, speed: Number, torque: Number) -> Number:
+        """Return friction, detent and spline friction against the ring's motion, N.
+
+        ``way`` and ``speed`` of the ring in m and m/s; ``torque`` through the spline, N m.
+        """
+        bump = positive(1.0 - (2.0 * (way - self.detent_position) / self.detent_width) ** 2)
+        pressed = self.spline_friction / self.spline_radius * abs(torque)
+        held: Number = self.detent * bump * bump
+        return held + (self.friction + pressed) * smooth_sign(speed, SLIP)
+
+    def drag(self, speed: Number) -> Number:
+        """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
+        return self.drag_torque * smooth_sign(speed, TURN)
+
+    def spline_share(self, mass: float, radius: float, inertia: float) -> float:
+        """Return the share of the contact's torque that goes through the spline."""
+        return 1.0 - min(1.0, mass * radius**2 / inertia)
+
+    @property
+    def record(self) -> dict[str, float]:
+        """What differs from nothing, flat and in the edge's units."""
+        return {
+            f"mechanism_{key}": from_si(key, getattr(self, name))
+            for name, (key, _, _) in _RANGES.items()
+            if getattr(self, name) != getattr(NOTHING, name)
+        }
+
+
+def positive(value: Number) -> Number:
+    """Return the value where it is positive, else 0."""
+    whole: Number = 0.5 * (value + abs(value))
+    return whole
+
+
+def smooth_sign(value: Number, small: float) -> Number:
+    """Return the sign of a value, smooth below ``small``."""
+    sign: Number = value / (value * value + small * small) ** 0.5
+    return sign
+
+
+#: Key at the edge and range there, by field.
+_RANGES = {
+    "added_mass": ("added_mass_kg", 0.0, 1e3),
+    "friction": ("friction_N", 0.0, 1e5),
+    "damping": ("damping_Ns_m", 0.0, 1e6),
+    "detent": ("detent_N", 0.0, 1e5),
+    "detent_position": ("detent_position_mm", -100.0, 100.0),
+    "detent_width": ("detent_width_mm", 0.01, 100.0),
+    "spline_friction": ("spline_friction", 0.0, 1.5),
+    "spline_radius": ("spline_radius_mm", 1.0, 1000.0),
+    "drag_torque": ("drag_torque_Nm", 0.0, 1e4),
+    "compliance": ("compliance_mm_kN", 0.0, 1e3),
+    "free_play": ("free_play_mm", 0.0, 100.0),
+}
+NOTHING = Mechanism()  #: no mechanism at all
+#: Keys of a record that describe a mechanism; a shift without one has none.
+MECHANISM_KEYS = tuple(f"mechanism_{key}" for key, _, _ in _RANGES.values())

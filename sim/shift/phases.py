@@ -1,0 +1,118 @@
+"""Where faces can meet, and the phases of a shift.
+
+Phases, contiguous from the start of the force:
+
+free fly
+    until the first touch, or until the crests meet when no face is ever touched.
+face contact
+    from the first touch of any kind to the last one of a face: dog on dog with
+    every bounce, rebound and skipped slot in between.
+entry
+    the dogs are in the slots and no flank has touched yet.
+seating
+    from the first flank contact to the end of the travel.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.trace import Series, Trace
+
+Flags = NDArray[np.bool_]
+
+CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
+PHASES = ("free fly", "face contact", "entry", "seating")
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A named part of the shift, start and end in s."""
+
+    name: str
+    start: float
+    end: float
+
+
+def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:
+    """Return how far two faces overlap along the circumference, (n,), and the most, m.
+
+    At the mean radius ``L = c + a r``: *c* is the overlap of the crests at dogs
+    facing dogs, *a* the angle from there. Faces part at L = 0, crest on crest, and
+    at twice the width of a face.
+    """
+    dog = clutch.dog
+    radius, pitch = dog.mean_radius, dog.pitch_angle
+    offset = (relative_angle + 0.5 * pitch) % pitch - 0.5 * pitch
+    return dog.crest_overlap + offset * radius, 2.0 * dog.face_width
+
+
+def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
+    """Tell where the position allows a face to touch a face, (n,).
+
+    Faces that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth
+    of the height is allowed for the turn of one face against the other.
+    """
+    overlap, most = face_overlap(clutch, relative_angle)
+    touch = overlap * math.tan(clutch.dog.chamfer) + 0.05 * clutch.dog.height
+    near = displacement - clutch.dog.axial_gap <= touch
+    return (overlap > 0.0) & (overlap < most) & near
+
+
+def face_left(clutch: Clutch, relative_angle: float, displacement: float) -> float:
+    """Return the slip that would free a face from a face, m; infinite where none can touch."""
+    angle, way = np.array([relative_angle]), np.array([displacement])
+    if not faces_meet(clutch, angle, way)[0]:
+        return math.inf
+    overlap, most = face_overlap(clutch, angle)
+    return float(min(overlap[0], most - overlap[0]))
+
+
+def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
+    """Tell where two crests cross within both dogs, at the depth where they meet, (n,).
+
+    Crests are straight; where their overlap is nought at the mean radius they stand
+    ``height tan(traction) / radius`` out of parallel. There the common normal is the axis, and
+    friction holds whatever the chamfer (``benchmarks/crest_hang.py``).
+    """
+    dog = clutch.dog
+    crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
+    overlap, _ = face_overlap(clutch, relative_angle)
+    near = np.abs(displacement - dog.axial_gap) < CREST_DEPTH
+    flags: Flags = near & (np.abs(overlap) <= 0.5 * crossing * dog.radial_width)
+    return flags
+
+
+def touching(trace: Trace) -> Flags:
+    """Tell during which steps there is a contact, (n,)."""
+    pressed = trace.contact_force > 0.5 + 0.01 * trace.shift_force
+    turned = np.abs(np.diff(trace.sliding_speed, prepend=trace.sliding_speed[0])) > 1e-6
+    return pressed | turned
+
+
+def on_face(clutch: Clutch, trace: Trace) -> Flags:
+    """Tell during which steps faces touch faces, (n,)."""
+    return touching(trace) & faces_meet(clutch, trace.relative_angle, trace.displacement)
+
+
+def phases_of(clutch: Clutch, trace: Trace, end: float) -> tuple[Phase, ...]:
+    """Return the phases of a shift that ends at ``end``, s."""
+    touches, faces = touching(trace), on_face(clutch, trace)
+    if faces.any():
+        first = float(trace.time[np.argmax(touches)])
+        last = float(trace.time[len(faces) - 1 - np.argmax(faces[::-1])])
+    else:
+        met = trace.displacement >= clutch.dog.axial_gap
+        first = last = float(trace.time[np.argmax(met)]) if met.any() else end
+    flank = touches & (trace.time > last)
+    seat = float(trace.time[np.argmax(flank)]) if flank.any() else end
+    marks = np.minimum([0.0, first, last, seat, end], end)
+    return tuple(
+        Phase(name, float(a), float(b))
+        for name, a, b in zip(PHASES, marks[:-1], marks[1:], strict=True)
+    )

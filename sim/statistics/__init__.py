@@ -1,0 +1,1 @@
+"""Draw relative angles and uncertain quantities, simulate many shifts, and average them."""

@@ -1,0 +1,152 @@
+"""Shifts as flat records of what went in and came out, in the edge's units.
+
+Nothing here simulates, so what only reads results starts without the simulation.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
+from dogshape.sim.shift.loads import Landing
+from dogshape.sim.shift.mechanism import MECHANISM_KEYS
+from dogshape.sim.shift.outcome import Outcome, depends_on_clock
+from dogshape.sim.statistics.expectation import ShiftResult
+from dogshape.sim.statistics.uncertainty import FACTORS, Variant
+from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.versions import versions
+
+Record = dict[str, Any]
+
+
+def clutch_record(clutch: Clutch) -> Record:
+    """Return everything about a clutch that a simulation uses, in the edge's units.
+
+    The limit of steps is named only where it is not the usual one, which then is no part of a
+    key; the limit of time never is, since a shift that it ends is not kept (``unfinished``). A
+    mechanism is named where there is one.
+    """
+    dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
+    return {
+        "count": dog.count,
+        "chamfer_deg": dog.chamfer / DEG,
+        "traction_deg": dog.traction / DEG,
+        "braking_deg": dog.braking / DEG,
+        "height_mm": dog.height / MM,
+        "outer_diameter_mm": dog.outer_diameter / MM,
+        "inner_diameter_mm": dog.inner_diameter / MM,
+        "axial_gap_mm": dog.axial_gap / MM,
+        "sliding_mass_kg": rings.mass,
+        "sliding_inertia_kgm2": rings.sliding_inertia,
+        "output_inertia_kgm2": rings.output_inertia,
+        "initial_speed_rpm": rings.initial_speed / RPM,
+        "contact_set": contact.name,
+        "static_friction": contact.static_friction,
+        "dynamic_friction": contact.dynamic_friction,
+        "stiction_velocity_m_s": contact.stiction_velocity,
+        "stiffness_Pa_m": contact.stiffness,
+        "dissipation_s_m": contact.dissipation,
+        "timeout_s": clutch.timeout,
+        "seated_tolerance_mm": clutch.seated_tolerance / MM,
+        "rebound_mm": clutch.rebound / MM,
+        "scheme": solver.scheme,
+        "accuracy": solver.accuracy,
+        "max_step_s": solver.max_step,
+        "all_dogs": solver.all_dogs,
+        **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
+        **clutch.mechanism.record,
+    }
+
+
+def inputs(
+    clutch: Clutch, point: OperatingPoint, angle: float, variant: Variant | None = None
+) -> Record:
+    """Return the inputs of one shift as a flat record.
+
+    Those of an uncertain shift are nominal; its factors, what was simulated by them and
+    their distributions stand beside them.
+    """
+    drawn = {} if variant is None else variant_record(clutch, point, variant)
+    return {
+        **clutch_record(clutch),
+        "mismatch_rpm": point.mismatch / RPM,
+        **point.profile.record,
+        "relative_angle_deg": angle / DEG,
+        **drawn,
+    }
+
+
+#: Keys that a record may have and need not.
+OPTIONAL = ("max_steps", "force_lag_s", *MECHANISM_KEYS)
+
+#: Keys of a record that say how its factors are distributed; a certain shift has none.
+UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)
+
+
+def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
+    """Return distributions in words as a flat record under ``UNCERTAIN``."""
+    return {f"uncertain_{name}": text for name, text in source}
+
+
+def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
+    """Return the factors of an uncertain shift and what they make of its nominal inputs."""
+    built, operated = variant.clutch(clutch), variant.point(point)
+    return {
+        "friction_factor": variant.friction,
+        "force_factor": variant.force,
+        "inertia_factor": variant.inertia,
+        "drawn_static_friction": built.contact.static_friction,
+        "drawn_dynamic_friction": built.contact.dynamic_friction,
+        "drawn_output_inertia_kgm2": built.rings.output_inertia,
+        "drawn_force_N": operated.profile.force,
+        "drawn_force_rise_s": operated.profile.rise,
+        **uncertain_record(variant.source),
+    }
+
+
+def content_key(record: Record) -> str:
+    """Return a short hash of a record; equal inputs share it.
+
+    Floats are rounded to twelve digits, which a change of unit does not reach.
+    """
+    rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
+    text = json.dumps(rounded, sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def failed_record(given: Record, seed: int | None, reason: str) -> Record:
+    """Return the record of a shift that took its process down and so says nothing but why."""
+    return {
+        "key": content_key(given),
+        **given,
+        "outcome": Outcome.DIVERGED.value,
+        "shift_time_s": None,
+        **landing_record(Landing()),
+        "reason": reason,
+        "dogshape": versions()["dogshape"],
+        "drake": versions()["drake"],
+        "seed": seed,
+    }
+
+
+def unfinished(record: Record) -> bool:
+    """Tell whether the clock ended a shift: it failed here, and another run may finish it."""
+    return depends_on_clock(str(record.get("reason", "")))
+
+
+def result_of(record: Record) -> ShiftResult:
+    """Return what an expectation needs from a record."""
+    return ShiftResult(Outcome(record["outcome"]), record["shift_time_s"])
+
+
+def landing_record(landing: Landing) -> Record:
+    """Return a landing as a flat record in the edge's units."""
+    return {"landing_loads_N_mm": [load * MM for load in landing.line_loads]}
+
+
+def landing_of(record: Record) -> Landing:
+    """Return what a record says of the hardest landing, dog on dog."""
+    return Landing(tuple(load / MM for load in record["landing_loads_N_mm"]))

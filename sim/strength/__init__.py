@@ -1,0 +1,1 @@
+"""Check a design by closed forms: strength, locking, landing, manufacture, tolerances."""

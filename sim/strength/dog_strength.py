@@ -1,0 +1,225 @@
+r"""Strength of a dog by closed forms, and everything that a design is checked against.
+
+- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.flank``)
+- root bending: local tension :math:`\sigma` in the fillet (``sim.strength.notch``) with the load at
+  the load height, against the static bending strength of the case, 2.5 times its endurance
+- shear :math:`\tau = 1.5 F/(b s)`, *s* the width at the root (parabola over a rectangle)
+- equivalent stress of the core :math:`\sqrt{\sigma_c^2 + 3 \tau^2}` against its proof stress, below
+  the case of depth *t*: with notch factor *K* and nominal :math:`\sigma_n`,
+  :math:`\sigma_c = \sigma_n (1 + (K - 1) f)`; the peak decays as beside a hole (Kirsch 1898),
+  :math:`f = (r^{-2} + 3 r^{-4})/4`, :math:`r = 1 + t/\varrho`. Tension and shear peak at
+  different places, so this is on the safe side
+- fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F`
+  (``sim.strength.materials``) for one load cycle a shift
+
+Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.checks import Check, Rule, feasible
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.locking import locking_checks
+from dogshape.sim.strength.manufacture import (
+    ManufacturingLimits,
+    manufacturing_checks,
+    tip_core_check,
+)
+from dogshape.sim.strength.materials import MATERIALS, STATIC_CYCLES, Material
+from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
+from dogshape.sim.strength.tolerance import (
+    Spread,
+    Tolerances,
+    clearance_check,
+    contact_check,
+    losses,
+)
+from dogshape.sim.units import MPA
+
+#: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
+LEAST_AREA = 1e-8
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Everything that a design is checked against.
+
+    ``seated_tolerance`` is how far short of full depth a shift may end, m.
+    """
+
+    load: LoadCase = field(default_factory=LoadCase)
+    material: Material = MATERIALS["16MnCr5"]
+    manufacturing: ManufacturingLimits = field(default_factory=ManufacturingLimits)
+    tolerances: Tolerances = field(default_factory=Tolerances)
+    seated_tolerance: float = 5e-5
+
+    @property
+    def root_radius(self) -> float:
+        """Radius of root fillets and tip edges, m."""
+        return self.manufacturing.root_radius
+
+    def with_root_radius(self, radius: float) -> Limits:
+        """Return the same limits for another radius of root and tip edges, m."""
+        return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
+
+    @property
+    def allowable_stress(self) -> float:
+        """Proof stress of the core over safety, Pa."""
+        return self.material.proof_stress / self.load.safety
+
+    @property
+    def static_root_stress(self) -> float:
+        """Local root stress that a few loads leave sound, over safety, Pa."""
+        return self.material.endurance(STATIC_CYCLES) / self.load.safety
+
+    @property
+    def fatigue_stress(self) -> float:
+        """Local root stress that the shifts of the life leave sound, over safety, Pa."""
+        load = self.load
+        return self.material.endurance(load.shifts) * load.reversal / load.safety_fatigue
+
+
+def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the mean pressure on a flank, Pa."""
+    area = flank_contact(dog, limits.root_radius, flank).area
+    return limits.load.force_per_dog(dog) / max(area, LEAST_AREA)
+
+
+def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the tension in the fillet below a loaded flank, Pa."""
+    return root_tension(dog, limits.root_radius, root_load(dog, limits, flank))
+
+
+def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
+    """Return the design load of the most loaded dog on a flank."""
+    level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
+    return Load(limits.load.force_per_dog(dog), flank, level)
+
+
+def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
+    """Return the tension at the root below the case, Pa."""
+    radius = limits.root_radius
+    depth = 1.0 + limits.material.case_depth / radius
+    decay = (depth**-2 + 3.0 * depth**-4) / 4.0
+    notch = notch_factor(dog, radius, flank)
+    return root_nominal(dog, root_load(dog, limits, flank)) * (1.0 + (notch - 1.0) * decay)
+
+
+def shear_stress(dog: Dog, load: LoadCase) -> float:
+    """Return the largest shear stress of the root, Pa."""
+    return 1.5 * load.force_per_dog(dog) / (dog.radial_width * dog.root_width)
+
+
+def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    """Return every check of a design that needs no simulation.
+
+    Values and limits are in the unit that each check names.
+    """
+    return tuple(check for group in _GROUPS for check in group(dog, limits))
+
+
+def keeps_limits(dog: Dog, limits: Limits) -> bool:
+    """Tell whether every check passes; the cheap ones first, no further than the first failure."""
+    return all(feasible(group(dog, limits)) for group in _GROUPS)
+
+
+def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
+    """Return by how much each margin can fall within the tolerances, by the check's name.
+
+    Contact ratio and clearance are left out: they have the tolerances in them already.
+    """
+
+    def checks(shape: Dog, root_radius: float) -> list[Check]:
+        case = limits.with_root_radius(root_radius)
+        return [check for group in _GROUPS[:-1] for check in group(shape, case)]
+
+    def margins(shape: Dog, root_radius: float) -> list[float]:
+        return [check.margin for check in checks(shape, root_radius)]
+
+    names = [check.name for check in checks(dog, limits.root_radius)]
+    spreads = losses(dog, limits.root_radius, limits.tolerances, margins)
+    return dict(zip(names, spreads, strict=True))
+
+
+_RULES = {
+    name: Rule(name, "load", meaning, formula, source, "MPa", key, True)
+    for name, meaning, formula, source, key in (
+        *(
+            (
+                f"flank_pressure_{flank}",
+                f"mean pressure on the {flank} flank",
+                "F/A, A what touches at full depth",
+                "DIN 5466-1; limit of the material set",
+                "material.allowable_pressure_MPa",
+            )
+            for flank in FLANKS
+        ),
+        *(
+            (
+                f"root_bending_{flank}",
+                f"tension in the fillet below the loaded {flank} flank",
+                "notch factor times nominal root stress, load at the load height",
+                "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
+                "material.bending_endurance_MPa",
+            )
+            for flank in FLANKS
+        ),
+        (
+            "shear_stress",
+            "shear stress of the root",
+            "1.5 F/(b s)",
+            "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+            "material.proof_stress_MPa",
+        ),
+        (
+            "equivalent_stress",
+            "equivalent stress of the core at the root, the worse flank",
+            "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
+            "von Mises; limit: proof stress of the core over safety",
+            "material.proof_stress_MPa",
+        ),
+        (
+            "root_fatigue",
+            "tension in the fillet, the worse flank, over the shifts of the life",
+            "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
+            "ISO 6336-3, ISO 6336-5",
+            "load.shifts",
+        ),
+    )
+}
+
+
+def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
+    core = max(core_stress(dog, limits, flank) for flank in FLANKS)
+    shear, allowable = shear_stress(dog, limits.load), limits.allowable_stress
+    pressure = limits.material.allowable_pressure
+    rows = (
+        *((f"flank_pressure_{f}", flank_pressure(dog, limits, f), pressure) for f in FLANKS),
+        *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
+        ("shear_stress", shear, allowable / math.sqrt(3.0)),
+        ("equivalent_stress", math.hypot(core, math.sqrt(3.0) * shear), allowable),
+        ("root_fatigue", max(tension.values()), limits.fatigue_stress),
+    )
+    return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
+
+
+#: Groups of checks, cheap and often failing ones first.
+_GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
+    lambda dog, limits: (
+        *manufacturing_checks(dog, limits.manufacturing),
+        tip_core_check(dog, limits.manufacturing, limits.material.case_depth),
+    ),
+    lambda dog, limits: locking_checks(dog, limits.load),
+    _load_checks,
+    lambda dog, limits: (
+        contact_check(dog, limits.root_radius, limits.tolerances, limits.seated_tolerance),
+        clearance_check(dog, limits.tolerances),
+    ),
+)

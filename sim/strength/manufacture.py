@@ -1,0 +1,188 @@
+"""What can be made: limits on the shape, before anything is loaded or simulated.
+
+A search left to itself runs to dogs that the chamfer has eaten and calls free
+flight a shift. These rules are checked first and cost nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dogshape.sim.errors import GeometryError, require_between
+from dogshape.sim.shift.flank import root_radius_room
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.units import MM
+
+
+@dataclass(frozen=True)
+class ManufacturingLimits:
+    """What the workshop can do; lengths in m.
+
+    Parameters
+    ----------
+    tip_width : narrower tips are bruised in handling and lose their shape in hardening.
+    tip_core : soft core that the case leaves of the tip, so that it does not harden through.
+    slot_width : diameter of the cutter, which has to reach the floor of the slot where
+        that is narrowest, at the inner radius.
+    cutter_reach : depth of the slot over the width of its floor; a slender cutter bends.
+    flank_height : of the braking flank, the lower one.
+    root_radius : with which roots are filleted and tip edges rounded.
+    chamfer_share : depth of the face at its edge over the height of the dog.
+    module : mean diameter over count; smaller dogs lose their shape in hardening.
+    """
+
+    tip_width: float = 1.5e-3
+    slot_width: float = 1.5e-3
+    cutter_reach: float = 3.0
+    flank_height: float = 1.5e-3
+    root_radius: float = 0.3e-3
+    tip_core: float = 0.5e-3
+    chamfer_share: float = 0.35
+    module: float = 1.25e-3
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("tip_width_mm", self.tip_width / MM, 0.05, 100.0),
+            ("slot_width_mm", self.slot_width / MM, 0.05, 100.0),
+            ("cutter_reach", self.cutter_reach, 0.1, 100.0),
+            ("flank_height_mm", self.flank_height / MM, 0.05, 100.0),
+            ("root_radius_mm", self.root_radius / MM, 0.02, 10.0),
+            ("tip_core_mm", self.tip_core / MM, 0.0, 100.0),
+            ("chamfer_share", self.chamfer_share, 0.0, 0.5),
+            ("module_mm", self.module / MM, 0.05, 100.0),
+        ):
+            require_between(f"manufacturing.{name}", value, low, high, "correct the limit")
+
+
+_RULES = {
+    name: Rule(name, "make", meaning, formula, source, unit, f"manufacturing.{key}", at_most)
+    for name, meaning, formula, source, unit, key, at_most in (
+        (
+            "tip_width",
+            "width of the tip at the inner radius",
+            "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
+            "handling and distortion in hardening (assumption)",
+            "mm",
+            "tip_width_mm",
+            False,
+        ),
+        (
+            "slot_width",
+            "width of the slot's floor at the inner radius",
+            "pitch at r_i less the root width there",
+            "smallest cutter (assumption)",
+            "mm",
+            "slot_width_mm",
+            False,
+        ),
+        (
+            "cutter_reach",
+            "depth of the slot over the width of its floor",
+            "h over the slot's width at the inner radius",
+            "reach of a short end mill, three diameters (assumption)",
+            "",
+            "cutter_reach",
+            True,
+        ),
+        (
+            "flank_height",
+            "height of the braking flank at the outer radius, where it is lowest",
+            "h - d, d depth of the face at its edge there",
+            "keeps a flank on the side that brakes (assumption)",
+            "mm",
+            "flank_height_mm",
+            False,
+        ),
+        (
+            "root_radius",
+            "largest root radius that fits into slot and tip",
+            "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
+            "geometry; wear of the cutter sets the limit (assumption)",
+            "mm",
+            "root_radius_mm",
+            False,
+        ),
+        (
+            "chamfer_share",
+            "depth of the face at its edge over the height of the dog",
+            "d/h",
+            "leaves a flank of two thirds (assumption)",
+            "",
+            "chamfer_share",
+            True,
+        ),
+        (
+            "module",
+            "mean diameter over the number of dogs",
+            "2 r/N",
+            "distortion in hardening (assumption)",
+            "mm",
+            "module_mm",
+            False,
+        ),
+    )
+}
+
+
+def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
+    """Return the manufacturability checks of a dog, lengths in mm."""
+    inner = dog.inner_radius
+    slot = dog.pitch_angle * inner - dog.root_width_at(inner)
+    lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
+    return (
+        _length("tip_width", dog.tip_width_at(inner), limits.tip_width),
+        _length("slot_width", slot, limits.slot_width),
+        Check(_RULES["cutter_reach"], dog.height / slot, limits.cutter_reach),
+        _length("flank_height", lowest, limits.flank_height),
+        _length("root_radius", root_radius_room(dog), limits.root_radius),
+        Check(_RULES["chamfer_share"], dog.edge_drop / dog.height, limits.chamfer_share),
+        _length("module", 2.0 * dog.mean_radius / dog.count, limits.module),
+    )
+
+
+def _length(name: str, value: float, limit: float) -> Check:
+    return Check(_RULES[name], value / MM, limit / MM)
+
+
+TIP_CORE_RULE = Rule(
+    "tip_core",
+    "make",
+    "soft core of the tip at the inner radius",
+    "width of the tip less a case depth from either side",
+    "a tip hardened through chips; limit an assumption",
+    "mm",
+    "manufacturing.tip_core_mm",
+    False,
+)
+
+
+def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> Check:
+    """Return the check of the core that a case of ``case_depth`` (m) leaves of the tip."""
+    core = dog.tip_width_at(dog.inner_radius) - 2.0 * case_depth
+    return Check(TIP_CORE_RULE, core / MM, limits.tip_core / MM)
+
+
+#: What helps a shape that breaks a rule.
+_REMEDIES = {
+    "tip_width": "use fewer or lower dogs or smaller side angles",
+    "slot_width": "use fewer or lower dogs or smaller side angles",
+    "cutter_reach": "use fewer or lower dogs or smaller side angles",
+    "flank_height": "use a smaller chamfer, more dogs or a higher dog",
+    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
+    "chamfer_share": "use a smaller chamfer, more dogs or a higher dog",
+    "module": "use fewer dogs or a larger diameter",
+}
+
+
+def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
+    """Raise GeometryError with the first rule that the dog breaks."""
+    for check in manufacturing_checks(dog, limits):
+        if not check.passed:
+            bound = "at most" if check.rule.at_most else "at least"
+            value = f"{check.value:.4g} {check.unit}".strip()
+            limit = f"{check.limit:.4g} {check.unit}".strip()
+            raise GeometryError(
+                f"{check.rule.meaning} is {value}, but it must be {bound} {limit} to be made; "
+                f"{_REMEDIES[check.name]}, or change {check.rule.key}."
+            )

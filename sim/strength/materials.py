@@ -1,0 +1,173 @@
+r"""Materials of a dog: named sets of strength values, each with its source.
+
+Standards and test pieces differ between the sets, so they do not rank the steels, and core
+values are of small pieces: a dog on a larger wheel has less (16MnCr5 490 MPa at 30 mm).
+Factors for notch sensitivity, roughness and size of ISO 6336-3 are taken as 1.
+
+All values hold at room to gearbox-oil temperature; none depends on it here.
+
+proof stress
+    :math:`R_{p0.2}` of the core in a small section (test blanks of 11 to 16 mm, as
+    thick as a dog with its rim).
+bending endurance
+    :math:`\sigma_{F,lim}` of ISO 6336-5, quality MQ. It is a nominal stress; the local
+    stress that a root endures is twice that, the reference notch of the tests having
+    a stress correction :math:`Y_{ST} = 2`.
+life
+    For fewer than 3e6 load cycles ISO 6336-3 allows
+    :math:`Y_{NT} = (3 \cdot 10^6/n)^x`, from ``static_factor`` at 1000 cycles down to 1;
+    beyond, 0.85 is reached at 1e10.
+surface
+    Vickers hardness sets what a rounded edge bears landing by landing (``sim.strength.landing``).
+case depth
+    To 550 HV: the peak of a notch has to decay within it.
+allowable pressure
+    Mean pressure of a flank that does not slide under load: 100 to 200 MPa for hard fixed
+    splines (DIN 5466-1 and its commentary); 0.7 of that for the thin case of nitriding,
+    0.8 for the softer one of induction hardening (assumptions).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dogshape.sim.errors import InputError, did_you_mean, require_between
+from dogshape.sim.units import MM, MPA
+
+STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
+STATIC_CYCLES, ENDURANCE_CYCLES, LONG_CYCLES = 1e3, 3e6, 1e10
+LONG_FACTOR = 0.85  #: Y_NT at LONG_CYCLES
+HARDNESS = 9.80665 * MPA  #: Pa of one HV
+YOUNG, POISSON = 210e9, 0.3  #: of steel; Pa
+
+
+@dataclass(frozen=True)
+class Material:
+    """Strength of the dogs' material.
+
+    Parameters
+    ----------
+    name, source : of the set, for reports.
+    proof_stress : of the core, Pa.
+    bending_endurance : nominal bending stress number of ISO 6336-5, Pa.
+    static_factor : of the endurance at 1000 load cycles.
+    allowable_pressure : mean pressure on a flank, Pa.
+    surface_hardness : Vickers hardness HV of the surface.
+    case_depth : of the hard layer, m.
+    """
+
+    name: str
+    source: str
+    proof_stress: float
+    bending_endurance: float
+    static_factor: float
+    allowable_pressure: float
+    surface_hardness: float
+    case_depth: float
+
+    def __post_init__(self) -> None:
+        for name, value, low, high in (
+            ("proof_stress_MPa", self.proof_stress / MPA, 10.0, 5000.0),
+            ("bending_endurance_MPa", self.bending_endurance / MPA, 10.0, 2000.0),
+            ("static_factor", self.static_factor, 1.0, 5.0),
+            ("allowable_pressure_MPa", self.allowable_pressure / MPA, 1.0, 5000.0),
+            ("surface_hardness_HV", self.surface_hardness, 80.0, 1500.0),
+            ("case_depth_mm", self.case_depth / MM, 0.0, 10.0),
+        ):
+            require_between(f"material.{name}", value, low, high, "correct the material")
+
+    def life_factor(self, cycles: float) -> float:
+        """Return Y_NT, the endurance at ``cycles`` over that at 3e6."""
+        if cycles <= ENDURANCE_CYCLES:
+            slope = math.log(self.static_factor) / math.log(ENDURANCE_CYCLES / STATIC_CYCLES)
+            return float((ENDURANCE_CYCLES / max(cycles, STATIC_CYCLES)) ** slope)
+        slope = -math.log(LONG_FACTOR) / math.log(LONG_CYCLES / ENDURANCE_CYCLES)
+        return float((ENDURANCE_CYCLES / min(cycles, LONG_CYCLES)) ** slope)
+
+    def endurance(self, cycles: float) -> float:
+        """Return the local root stress that ``cycles`` pulsating loads leave sound, Pa."""
+        return self.bending_endurance * STRESS_CORRECTION * self.life_factor(cycles)
+
+    @property
+    def edge_pressure(self) -> float:
+        """Pressure of Hertz that a rounded edge bears landing by landing, Pa.
+
+        Shakedown limit of a line contact, four times the yield stress in shear.
+        """
+        return 4.0 * self.case_yield / math.sqrt(3.0)
+
+    @property
+    def case_yield(self) -> float:
+        """Yield stress of the case, Pa: a third of its hardness (Tabor 1951)."""
+        return self.surface_hardness * HARDNESS / 3.0
+
+
+MATERIALS: dict[str, Material] = {
+    material.name: material
+    for material in (
+        Material(
+            "16MnCr5",
+            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+            "ISO 6336-5 MQ, lowest core hardness",
+            735.0 * MPA,
+            430.0 * MPA,
+            2.5,
+            200.0 * MPA,
+            700.0,
+            0.4 * MM,
+        ),
+        Material(
+            "20MnCr5",
+            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+            "ISO 6336-5 MQ, middle core hardness",
+            930.0 * MPA,
+            461.0 * MPA,
+            2.5,
+            200.0 * MPA,
+            700.0,
+            0.4 * MM,
+        ),
+        Material(
+            "18CrNiMo7-6",
+            "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+            "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
+            835.0 * MPA,
+            500.0 * MPA,
+            2.5,
+            200.0 * MPA,
+            720.0,
+            0.4 * MM,
+        ),
+        Material(
+            "42CrMo4",
+            "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
+            "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
+            900.0 * MPA,
+            369.0 * MPA,
+            2.5,
+            160.0 * MPA,
+            600.0,
+            1.0 * MM,
+        ),
+        Material(
+            "31CrMoV9",
+            "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
+            "ISO 6336-5 MQ, nitriding steel",
+            900.0 * MPA,
+            420.0 * MPA,
+            1.6,
+            140.0 * MPA,
+            750.0,
+            0.3 * MM,
+        ),
+    )
+}
+
+
+def material_of(name: str) -> Material:
+    """Return a named set; an unknown name raises InputError with the valid ones."""
+    if name not in MATERIALS:
+        hint = did_you_mean(name, MATERIALS)
+        raise InputError(f"material.set is '{name}', which is not a material set; {hint}")
+    return MATERIALS[name]

@@ -1,0 +1,182 @@
+r"""What is left of a design within its manufacturing tolerances.
+
+Every dimension *i* may be off by its tolerance either way, which takes at most
+:math:`d_i` from a margin. For independent deviations :math:`\sqrt{\sum d_i^2}` is the usual
+estimate (root sum of squares). The worst case is the margin with every dimension off to
+the side on which it takes something: exact where a margin rises or falls with a
+dimension all the way, which ``tests/verification/test_tolerance.py`` checks at all corners.
+
+Both rings are made alike, so one deviation holds for either.
+
+Default tolerances: height and diameters of ISO 2768-1 fine, the rest of ground or
+precision-forged dogs (assumptions).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.errors import DogshapeError, require_between
+from dogshape.sim.shift.flank import FLANKS, flank_contact
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.units import DEG, MM
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Largest deviation of each dimension either way, rad and m.
+
+    ``contact_ratio`` is the least share of the height that has to touch with all of them
+    at their worst and the rings short of full depth by the seated tolerance; ``clearance``
+    is the least gap between the crests in neutral, m.
+    """
+
+    chamfer: float = 0.25 * DEG
+    traction: float = 0.25 * DEG
+    braking: float = 0.25 * DEG
+    height: float = 0.05 * MM
+    outer_diameter: float = 0.15 * MM
+    inner_diameter: float = 0.15 * MM
+    axial_gap: float = 0.1 * MM
+    root_radius: float = 0.05 * MM
+    contact_ratio: float = 0.5
+    clearance: float = 0.3 * MM
+
+    def __post_init__(self) -> None:
+        for name in ("chamfer", "traction", "braking"):
+            value = getattr(self, name) / DEG
+            require_between(f"tolerance.{name}_deg", value, 0.0, 5.0, "give an angle in degrees")
+        lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap", "root_radius")
+        for name in (*lengths, "clearance"):
+            value = getattr(self, name) / MM
+            require_between(f"tolerance.{name}_mm", value, 0.0, 2.0, "give a length in mm")
+        ratio = self.contact_ratio
+        require_between("tolerance.contact_ratio", ratio, 0.0, 1.0, "give a share of the height")
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions with their tolerance, those without one left out."""
+        limits = ("contact_ratio", "clearance")
+        names = [f.name for f in fields(self) if f.name not in limits]
+        return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far a quantity moves within the tolerances, by dimension and at the worst."""
+
+    by_dimension: dict[str, float]
+    worst_case: float
+
+    @property
+    def root_sum_square(self) -> float:
+        """Root of the sum of the squares of all effects."""
+        return math.hypot(*self.by_dimension.values())
+
+
+Floats = NDArray[np.float64]
+SIDES = (-1.0, 1.0)
+SHARPEST = 2e-5  #: m of root radius; no edge is sharper
+Values = Callable[[Dog, float], Sequence[float]]  #: of a dog and its root radius in m
+
+
+def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tuple[Dog, float]:
+    """Return a dog and its root radius with some dimensions off by ``deviations`` (SI).
+
+    Raises GeometryError where that is no dog. An angle or length stops at zero, the root
+    radius at ``SHARPEST``.
+    """
+    off = {
+        name: max(0.0, getattr(dog, name) + deviation)
+        for name, deviation in deviations.items()
+        if name != "root_radius"
+    }
+    radius = max(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
+    return replace(dog, **off), radius
+
+
+def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values) -> list[Spread]:
+    """Return by how much each of ``values`` can fall.
+
+    A deviation that leaves no dog makes every loss infinite.
+    """
+    sizes = tolerances.dimensions
+
+    def fall(signs: Mapping[str, float]) -> Floats:
+        deviations = {name: sign * sizes[name] for name, sign in signs.items()}
+        try:
+            fallen: Floats = nominal - values(*moved(dog, root_radius, deviations))
+        except DogshapeError:
+            return np.full(len(nominal), math.inf)
+        return fallen
+
+    nominal = np.array(values(dog, root_radius))
+    # (dimensions, sides, values)
+    falls = np.array([[fall({name: side}) for side in SIDES] for name in sizes])
+    if not sizes:
+        return [Spread({}, 0.0) for _ in nominal]
+    worse = falls.argmax(axis=1)
+    corners = {
+        signs: fall(dict(zip(sizes, (SIDES[side] for side in signs), strict=True)))
+        for signs in {tuple(column) for column in worse.T}
+    }
+    return [
+        Spread(
+            dict(zip(sizes, np.maximum(falls[:, :, i].max(axis=1), 0.0).tolist(), strict=True)),
+            max(0.0, float(corners[tuple(worse[:, i])][i]), float(falls[:, :, i].max())),
+        )
+        for i in range(len(nominal))
+    ]
+
+
+def _contact(dog: Dog, root_radius: float) -> list[float]:
+    """Return the height that touches over the height of the dog, on either flank."""
+    return [flank_contact(dog, root_radius, flank).height / dog.height for flank in FLANKS]
+
+
+CONTACT_RULE = Rule(
+    "contact_ratio",
+    "tolerance",
+    "share of the height that touches on the worse flank, every tolerance at its worst",
+    "(height that touches - seated tolerance)/h less all losses",
+    "worst case of all dimensions; limit an assumption",
+    "",
+    "tolerance.contact_ratio",
+    False,
+)
+
+
+def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: float) -> Check:
+    """Return the check of the contact left after tolerances; ``seated`` tolerance in m."""
+    nominal = _contact(dog, root_radius)
+    left = [
+        here - seated / dog.height - spread.worst_case
+        for here, spread in zip(
+            nominal, losses(dog, root_radius, tolerances, _contact), strict=True
+        )
+    ]
+    return Check(CONTACT_RULE, max(min(left), -1.0), tolerances.contact_ratio)
+
+
+CLEARANCE_RULE = Rule(
+    "clearance",
+    "tolerance",
+    "gap between the crests in neutral, gap and both heights at their worst",
+    "axial gap - its tolerance - 2 tolerances of the height",
+    "dogs that meet in neutral ratchet; limit an assumption",
+    "mm",
+    "tolerance.clearance_mm",
+    False,
+)
+
+
+def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:
+    """Return the check of the gap that is left in neutral."""
+    left = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
+    return Check(CLEARANCE_RULE, left / MM, tolerances.clearance / MM)

@@ -1,0 +1,239 @@
+"""The surrogate of the expected time over one mix, for many designs at once.
+
+Terms are products, so the operating points are summed once and each design costs its
+covariance with the known designs alone. What the covariance of the points of each design
+would say is taken the same for all: its variances for the mean of the logarithm's exponential,
+and the shares of the points in the expected time for its error. Against
+``Surrogate.expected``, which leaves nothing out, times agree to 0.1 % and errors to a few
+percent.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from dogshape.surrogate.covariance import Array, Part
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.process import root_of
+from dogshape.surrogate.process_targets import point_coordinates, timed
+
+BETWEEN = 20  #: pairs of designs between which the typical variance is found
+CHUNK = 2000  #: designs that are worked out at a time
+FEW = 64  #: features that are summed at a time, so that they stay in the processor's cache
+
+
+class Over:
+    """A mix of operating points summed once: the expected time over designs alone."""
+
+    def __init__(self, surrogate: Surrogate, mix: Mix) -> None:
+        self.surrogate = surrogate
+        self.mix, data = mix, surrogate.data
+        process = surrogate.times
+        covariance = process.covariance
+        #: design of each row of the process, which lacks rows that never engaged
+        self._place_of_row = data.design_of_row[timed(data)]
+        self._known = surrogate.known
+        self._nodes = point_coordinates(mix.points)
+        rows = covariance.split(process.inputs)[1]
+        #: terms in the order of their features, rough ones last
+        self._terms = sorted(covariance.parts, key=lambda part: part.rough)
+        self._sizes = [1 if part.design is None else len(self._known) for part in self._terms]
+        #: whether a feature is a rough one, (f,) of bool
+        self._rough = np.repeat([part.rough for part in self._terms], self._sizes)
+        self._links = [part.point_factor(self._nodes, rows) for part in self._terms]
+        weighted = [link * process.weights for link in self._links]
+        summed = [self._by_design(*both) for both in zip(self._terms, weighted, strict=True)]
+        #: what each feature adds to the logarithm at each point, (f, q)
+        self._sums = np.concatenate(summed)
+        self._rest = self._typical_variance()
+        same = np.tile(self._known[:1], (len(self._nodes), 1))
+        self._alike = surrogate.share.alike(np.concatenate([same, self._nodes], axis=1))
+
+    def _typical_variance(self) -> Array:
+        """Return the variance at each point half way between known designs, mean, (q,)."""
+        known, count = self._known, len(self._nodes)
+        pairs = np.random.default_rng(0).integers(len(known), size=(2, BETWEEN))
+        halfway = 0.5 * (known[pairs[0]] + known[pairs[1]])
+        inputs = np.concatenate(
+            [np.repeat(halfway, count, axis=0), np.tile(self._nodes, (BETWEEN, 1))], axis=1
+        )
+        variance = self.surrogate.times.predict(inputs)[1]
+        typical: Array = variance.reshape(BETWEEN, count).mean(axis=0)
+        return typical
+
+    def times(self, x: Array) -> Array:
+        """Return the expected time at each point of designs (m, c), (m, q), s."""
+        return self._times(self._features(x))
+
+    def _times(self, features: Array) -> Array:
+        centre = self.surrogate.times.centre
+        times: Array = np.exp(centre + features @ self._sums + 0.5 * self._rest)
+        return times
+
+    def predict(self, x: Array, *, alone: bool = True) -> tuple[Array, Array]:
+        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s.
+
+        Not ``alone``, what was simulated of a design says of itself no more than of its nearest
+        neighbours: its own roughness is left out of the time, and stays in the error.
+        """
+        where = self.surrogate.coordinates(x)
+        found = [self._predict(where[k : k + CHUNK], alone) for k in range(0, len(x), CHUNK)]
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+
+    def _predict(self, x: Array, alone: bool) -> tuple[Array, Array]:
+        features = self._features(x)
+        if not alone:
+            features[:, self._rough] = 0.0
+        engaged, retries, lost = self._parts(x, features)
+        retry_error = np.sqrt(np.einsum("ij,ij->i", lost @ self._alike, lost))
+        error = np.sqrt((engaged**2) * self._relative_variance(features) + retry_error**2)
+        return engaged + retries, error
+
+    def _parts(self, x: Array, features: Array) -> tuple[Array, Array, Array]:
+        """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
+        data, mix = self.surrogate.data, self.mix
+        share, unsure = self.surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
+        retries = (1.0 - share) / share @ mix.weights * mix.retry
+        lost = np.sqrt(unsure) / share**2 * mix.weights * mix.retry
+        return self._times(features) @ mix.weights, retries, lost
+
+    def joint(self, x: Array, *, rough: bool = False) -> tuple[Array, Array]:
+        """Return expected times of designs (m, d), edge units, and the covariance of their errors.
+
+        (m,) in s and (m, m) in s2, retries included; of the smooth part, or with what is ``rough``.
+        """
+        where = self.surrogate.coordinates(x)
+        engaged, retries, lost = self._parts(where, self._features(where))
+        covariance = np.outer(engaged, engaged) * self.covariance(where, where, rough=rough)
+        covariance += lost @ self._alike @ lost.T * self.surrogate.share.near(where, where)
+        return engaged + retries, covariance
+
+    @cached_property
+    def _shares(self) -> Array:
+        """Share of each operating point in the expected time, mean over known designs, (q,)."""
+        parts = self.times(self._known).mean(axis=0) * self.mix.weights
+        shares: Array = parts / parts.sum()
+        return shares
+
+    @cached_property
+    def _quadratic(self) -> Array:
+        """Form whose value is the variance that the rows take away, (f, f), f features."""
+        process, count = self.surrogate.times, len(self._known)
+        place = self._place_of_row
+        blocks = []
+        for part, link in zip(self._terms, self._links, strict=True):
+            summed = self._shares @ link
+            block = np.zeros((len(place), count))
+            block[np.arange(len(place)), place] = summed
+            blocks.append(block if part.design is not None else summed[:, None])
+        wide = np.concatenate(blocks, axis=1)
+        form: Array = wide.T @ process.inverse @ wide
+        return form
+
+    def _feature(self, part: Part, x: Array) -> Array:
+        """Return a term's factor of designs (m, d) and the known ones; (m, 1) if it has none."""
+        if part.design is None:
+            return np.ones((len(x), 1))
+        return part.design_factor(x, self._known)
+
+    def _by_design(self, part: Part, link: Array) -> Array:
+        """Sum what rows (q, n) give, by their design, (k, q), or over all, (1, q)."""
+        if part.design is None:
+            whole: Array = link.sum(axis=1)[None, :]
+            return whole
+        summed = np.zeros((len(self._known), len(link)))
+        np.add.at(summed, self._place_of_row, link.T)
+        return summed
+
+    def _features(self, x: Array) -> Array:
+        """Return factors of designs (m, c) and the known ones, term by term, (m, f)."""
+        return np.concatenate([self._feature(part, x) for part in self._terms], axis=1)
+
+    @cached_property
+    def _alone(self) -> list[float]:
+        """Variance of each term's relative error before any data."""
+        nodes, shares = self._nodes, self._shares
+        return [float(shares @ part.point_factor(nodes, nodes) @ shares) for part in self._terms]
+
+    def relative_variance(self, x: Array) -> Array:
+        """Return the variance of the relative error of designs (m, c), (m,)."""
+        return self._relative_variance(self._features(x))
+
+    def _relative_variance(self, features: Array) -> Array:
+        kept = ~self._rough
+        smooth = features[:, kept]
+        known = np.einsum("ij,ij->i", smooth @ self._without_rough, smooth)
+        known += self._known_of_rough(features)
+        variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
+        return variance
+
+    @cached_property
+    def _without_rough(self) -> Array:
+        """Part of ``_quadratic`` that has no rough feature."""
+        form: Array = self._quadratic[np.ix_(~self._rough, ~self._rough)]
+        return form
+
+    def _known_of_rough(self, features: Array) -> Array:
+        """Return what rough features add to the variance that the rows take away, (m,).
+
+        Nearly all are nought, so that only the others are summed.
+        """
+        rough = features[:, self._rough]
+        rows, columns = np.nonzero(rough)
+        linked = np.empty(len(rows))
+        for k in range(0, len(rows), FEW):
+            few = slice(k, k + FEW)
+            np.einsum(
+                "ij,ij->i", features[rows[few]], self._of_rough[columns[few]], out=linked[few]
+            )
+        known: Array = np.zeros(len(features))
+        np.add.at(known, rows, linked * rough[rows, columns])
+        return known
+
+    @cached_property
+    def _of_rough(self) -> Array:
+        """Rows of ``_quadratic`` of rough features; pairs of one with another kind count twice."""
+        rows: Array = self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
+        return rows
+
+    def with_rows(self, x: Array, inputs: Array) -> Array:
+        """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
+
+        Their covariance before any data.
+        """
+        covariance = self.surrogate.times.covariance
+        designs, points = covariance.split(inputs)
+        total = np.zeros((len(x), len(inputs)))
+        for part in covariance.parts:
+            linked = self._shares @ part.point_factor(self._nodes, points)
+            total += part.design_factor(x, designs) * linked[None, :]
+        return total
+
+    def covariance(self, a: Array, b: Array, *, rough: bool = False) -> Array:
+        """Return the covariance of relative errors of designs (m, c) and (k, c), (m, k).
+
+        Of the smooth part alone, or with what is ``rough`` too.
+        """
+        taken = [float(rough or not part.rough) for part in self._terms]
+        total = np.zeros((len(a), len(b)))
+        for part, alone, counts in zip(self._terms, self._alone, taken, strict=True):
+            total += counts * alone * part.design_factor(a, b)
+        counted = np.repeat(taken, self._sizes)
+        left = self._features(a) * counted
+        right = left if b is a else self._features(b) * counted
+        covariance: Array = total - left @ self._quadratic @ right.T
+        return covariance
+
+    def sample(self, x: Array, rng: np.random.Generator) -> Array:
+        """Draw the smooth part of the expected time of designs (m, d), edge units, (m,), s.
+
+        Roughness is left out: a candidate is not to be chosen for the luck of its own draw.
+        """
+        where = self.surrogate.coordinates(x)
+        covariance = self.covariance(where, where)
+        root = root_of(covariance)
+        drawn: Array = self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))
+        return drawn

@@ -1,0 +1,1 @@
+"""Prove the product: blind check, second engine, finite elements, nested sampling."""

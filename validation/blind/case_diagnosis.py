@@ -1,0 +1,61 @@
+"""The diagnosis of a blind case, told of the gap between both engines and not told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.prediction.prediction import FlightEmulator
+from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
+from dogshape.sim.effect import Effect
+from dogshape.sim.effects import load
+from dogshape.validation.blind import sealed
+from dogshape.validation.blind.baselines import plain
+from dogshape.validation.blind.engine_gap import RULES, Moved, engines_apart
+from dogshape.validation.blind.stand import read_stand
+
+ENGINES = "engines.json"  #: beside blind cases
+LATER = ("later_s", "reversed_later_s")  #: its keys: with the sense of the table, and reversed
+
+
+def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
+    """Return the record of the diagnosis of a blind case, and what plain ways say of it.
+
+    Beside the diagnosis that a user gets, ``told`` has that of the same data once what both engines
+    differ by without any effect is known; it is measured with the first case of a set.
+    """
+    bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
+    bare, flights = emulator_of(bench, effects, means)
+    emulator = Moved(bare, *_engines_apart(folder, bare))
+    found = _with_plain(bench, bare, effects, None)
+    found["told"] = _with_plain(bench, emulator, effects, RULES)
+    flights.save()
+    return found
+
+
+def _with_plain(
+    bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules | None
+) -> dict[str, Any]:
+    """Diagnose with one emulator, and have the plain ways say what they make of it."""
+    found = diagnose(bench, emulator, effects, rules=rules).as_dict()
+    return {**found, "plain": plain(bench, emulator, effects)}
+
+
+def _engines_apart(folder: Path, emulator: SenseEmulator) -> tuple[list[float], list[float]]:
+    """Return what both engines differ by at the points of a case, s, in both senses.
+
+    It is kept beside the cases.
+    """
+    path = folder.parent.parent / ENGINES
+    if not path.exists():
+        stand, banks = read_stand(folder), (emulator.plain.bank, emulator.reversed.bank)
+        later = [engines_apart(stand, bank) for bank in banks]
+        sealed.write(path, json.dumps(dict(zip(LATER, later, strict=True))))
+    found = sealed.read(path, "remove it")
+    return found[LATER[0]], found[LATER[1]]

@@ -1,0 +1,268 @@
+r"""The stand with its truth as a MuJoCo model: which mechanism of MuJoCo is which effect.
+
+One dog of the sliding ring carries the whole ring and meets every dog of the output ring. In
+MuJoCo's direct format of contact parameters spring and damper are for the very mass that a
+contact moves, so one dog with all of it moves as all dogs do (``validation.second_model`` has the
+measurements behind impedance, cone and damping).
+
+======================= =====================================================================
+effect                  mechanism
+======================= =====================================================================
+sleeve friction, drag   ``frictionloss`` of the slide and of the hinge
+spline friction         ``frictionloss`` of the slide, set each step by the contact's torque
+damping, mass           ``damping`` and ``armature`` of the slide
+force factor, lag       ``gear`` and ``dyntype="filterexact"`` of the actuator
+compliance              a body of its own for the actuator and a tendon with stiffness
+free play               the same body and a tendon with limits
+detent                  a force on the slide, half a wave of a cosine, 1 mm wide
+friction of the dogs    pair coefficients, set each step by the slip
+dissipation, stiffness  spring and damper of the contact, from restitution and depth of a blow
+gap, chamfer            place and mesh of the dogs
+one dog higher          a second dog on the sliding ring that reaches farther
+======================= =====================================================================
+
+Delay, angles, mismatch, ripple and two stages are those of signals and initial values. Euler's
+rule takes the damping of a tendon explicitly; the implicit ones leave out what couples two bodies
+and so add its damping times the step to either mass (1 % of the way).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
+from dogshape.validation.blind.stand import Point, Stand, Truth
+
+STEP = 2e-5  #: s
+SHARPEST = 0.5 / STEP  #: 1/s, highest rate at which a contact takes away a normal speed
+DAMPING_RATIOS = (0.05, 12.0)  #: restitution from 0.86 to 0.002
+IMPEDANCE = 1e-3  #: small, or slipping contacts are pushed apart
+HOLD = 0.1  #: softness of held friction
+OVERHANG = 1e-3  #: m by which the sliding dog reaches beyond the output ring
+FORK = 0.15  #: share of the ring's mass that stands on the actuator's side of a linkage
+LINKAGE_DAMPING = 0.2  #: of the critical one
+STOP_RATE = 6e3  #: rad/s of a ring between the stops of its play
+REBOUND = 1e-3  #: m behind its start at which the ring meets a stop
+FLIGHT_STEP = 1e-4  #: s, the longest step that joints and stops must bear
+
+
+def dog_corners(stand: Stand, chamfer: float, reach: float = 0.0) -> np.ndarray:
+    """Return the eight corners (8, 3) of a dog in m, its ends moved out by ``reach``.
+
+    A flank holds the radial line at a quarter of the pitch half way up and leans inwards; the
+    face falls by the chamfer from the crest, the top edge of the traction flank.
+    """
+    half, quarter = 0.5 * stand.height, 0.25 * stand.pitch
+    up = np.array([0.0, 0.0, 1.0])
+    radii = (stand.inner_radius - reach, stand.outer_radius + reach)
+    along = {s: np.array([math.cos(quarter), s * math.sin(quarter), 0.0]) for s in (1, -1)}
+    out = {s: np.array([-math.sin(quarter), s * math.cos(quarter), 0.0]) for s in (1, -1)}
+    rise = {1: up - math.tan(stand.traction) * out[1], -1: up - math.tan(stand.braking) * out[-1]}
+    normal = math.cos(chamfer) * up - math.sin(chamfer) * out[1]
+    level = normal @ (half * rise[1])
+    points = []
+    for side in (1, -1):
+        for radius in radii:
+            foot = radius * along[side]
+            top = (level - normal @ foot) / (normal @ rise[side])
+            points += [foot - half * rise[side], foot + top * rise[side]]
+    return np.array(points)
+
+
+def restitution(approach: float) -> float:
+    r"""Return Hunt and Crossley's restitution e for ``approach`` = d v.
+
+    Their law gives :math:`a (1 + e) = \ln((1 + a)/(1 - a e))` with a = d v.
+    """
+    a = approach
+    if a < 1e-3:
+        return 1.0 - 2.0 * a / 3.0
+    highest = min(1.0, 1.0 / a) * (1.0 - 1e-12)
+
+    def left(e: float) -> float:
+        return a * (1.0 + e) - math.log1p(a) + math.log1p(-a * e)
+
+    return float(brentq(left, 0.0, highest)) if left(highest) < 0.0 else highest
+
+
+def damping_ratio(wanted: float) -> float:
+    """Return the damping ratio of a spring and damper that cannot pull with a restitution."""
+
+    def given(z: float) -> float:
+        root = math.sqrt(abs(1.0 - z * z))
+        if root < 1e-6:
+            return math.exp(-2.0)
+        if z < 1.0:
+            angle = math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)
+            return math.exp(-z / root * angle)
+        return math.exp(-z / root * math.log((z + root) / (z - root)))
+
+    low, high = DAMPING_RATIOS
+    if wanted >= given(low):
+        return low
+    return high if wanted <= given(high) else float(brentq(lambda z: given(z) - wanted, low, high))
+
+
+def deepest(ratio: float) -> float:
+    """Return the depth that a blow reaches, over speed times time (v/omega)."""
+    z, root = ratio, math.sqrt(abs(1.0 - ratio * ratio))
+    if root < 1e-6:
+        return math.exp(-1.0)
+    inverse = math.atan(root / z) if z < 1.0 else math.atanh(root / z)
+    return math.exp(-z / root * inverse)
+
+
+Reference = tuple[float, float]  #: stiffness and damping over mass, negative as MuJoCo wants them
+
+
+def contact_references(stand: Stand, truth: Truth, point: Point) -> tuple[Reference, Reference]:
+    """Return ``solref`` of the dogs at an operating point: on a flank, and face on face.
+
+    A flank is hit half way down, by mismatch and axial speed, by the mass that it feels; a face
+    at the end of the gap by the ring alone.
+    """
+    lean = stand.traction if point.mismatch >= 0.0 else stand.braking
+    mass = stand.mass + truth.added_mass
+    both = stand.sliding_inertia * stand.output_inertia
+    turning = stand.radius**2 * (stand.sliding_inertia + stand.output_inertia) / both
+    felt = 1.0 / (math.cos(lean) ** 2 * turning + math.sin(lean) ** 2 / mass)
+    around = abs(abs(point.mismatch) + truth.mismatch_offset) * stand.radius
+    gap = stand.gap + truth.gap_offset
+    axial = _axial_speed(truth, point, gap + 0.5 * stand.height, mass)
+    hit = math.cos(lean) * around + math.sin(lean) * axial
+    landing = _axial_speed(truth, point, gap, mass)
+    return _reference(stand, truth, felt, hit), _reference(stand, truth, mass, landing)
+
+
+def _reference(stand: Stand, truth: Truth, mass: float, speed: float) -> Reference:
+    r"""Return spring and damper that stop a mass in kg, at a speed in m/s, as the contact does.
+
+    The contact of the stand presses with k A x (1 + d v). From that follow the restitution and
+    the depth of a blow, :math:`x^2 = 2 m (dv - \ln(1 + dv))/(k A d^2)`.
+    """
+    area = (stand.outer_radius - stand.inner_radius) * 0.5 * stand.height * stand.count
+    approach = truth.dissipation * speed
+    depth = 2.0 * mass * (approach - math.log1p(approach)) / (truth.stiffness * area)
+    depth = math.sqrt(depth) / truth.dissipation
+    ratio = damping_ratio(restitution(approach))
+    rate = speed * deepest(ratio) / depth
+    # Beyond what the step bears the damping is less, and the speed of release stays.
+    damping = min(2.0 * ratio * rate, SHARPEST)
+    return -damping * min(rate / (2.0 * ratio), 0.25 / STEP), -damping
+
+
+def _axial_speed(truth: Truth, point: Point, way: float, mass: float) -> float:
+    """Return about the speed in m/s of the free ring after a way in m."""
+    force = max(1.0, truth.force_factor * point.force - truth.friction)
+    # A force that rises as t^2 at first makes F t^4 / (4 m T^2) of way.
+    time = (4.0 * max(way, 1e-5) * mass * point.rise**2 / force) ** 0.25
+    return float(3.6 * way / time)
+
+
+def model_text(stand: Stand, truth: Truth) -> str:
+    """Return the model as MJCF; contact parameters are those of ``contact_references`` later."""
+    travel = stand.gap + truth.gap_offset + stand.height
+    dogs = ["low", "high"] if truth.high_dog else ["low"]
+    pairs = "".join(
+        f'<pair geom1="{name}" geom2="output_{k}" condim="3" friction="0.1 0.1" '
+        f'solimp="{IMPEDANCE} {IMPEDANCE} 0.001" solref="-1 -1" '
+        f'solreffriction="0 {-1.5 * IMPEDANCE / STEP}"/>'
+        for name in dogs
+        for k in range(stand.count)
+    )
+    return f"""<mujoco>
+<compiler angle="radian"/>
+<option timestep="{STEP}" gravity="0 0 0" cone="elliptic" impratio="{1.0 / (IMPEDANCE * HOLD)}"
+ solver="Newton" jacobian="dense" tolerance="1e-12" ccd_tolerance="1e-9" integrator="Euler">
+ <flag refsafe="disable" multiccd="disable" island="disable" diagexact="enable"/>
+</option>
+<asset>{_meshes(stand, truth)}</asset>
+<worldbody>{_output(stand)}{_sliding(stand, truth, travel, dogs)}{_actuator(stand, truth)}
+</worldbody>
+<contact>{pairs}</contact>{_tendon(stand, truth)}
+<actuator><general joint="{"actuator" if truth.linkage else "shift"}"
+ gear="{truth.force_factor}" {_lag(truth)}/></actuator>
+</mujoco>"""
+
+
+def _meshes(stand: Stand, truth: Truth) -> str:
+    chamfer = stand.chamfer + truth.chamfer_offset
+    bodies = {"dog": dog_corners(stand, chamfer), "long": dog_corners(stand, chamfer, OVERHANG)}
+    return "".join(
+        f'<mesh name="{name}" vertex="{" ".join(f"{x:.12g}" for x in points.ravel())}"/>'
+        for name, points in bodies.items()
+    )
+
+
+def _output(stand: Stand) -> str:
+    geoms = "".join(
+        f'<geom name="output_{k}" type="mesh" mesh="dog" contype="0" conaffinity="0" '
+        f'euler="0 0 {k * stand.pitch:.15g}"/>'
+        for k in range(stand.count)
+    )
+    joint = '<joint name="output" type="hinge" axis="0 0 1"/>'
+    return f"<body>{_inertial(1.0, stand.output_inertia)}{joint}{geoms}</body>"
+
+
+def _sliding(stand: Stand, truth: Truth, travel: float, dogs: list[str]) -> str:
+    mass = stand.mass * (1.0 - FORK) if truth.linkage else stand.mass
+    armature = 0.0 if truth.linkage else truth.added_mass
+    rub = f'solreffriction="0 {-0.5 / FLIGHT_STEP}" solimpfriction="0.9999 0.9999 0.001"'
+    stop = f'solreflimit="{-(1e3**2)} -4e3" solimplimit="0.999 0.999 0.001"'
+    places = {"low": (0.0, 0.0), "high": (truth.high_dog, stand.count // 2 * stand.pitch)}
+    geoms = "".join(
+        f'<geom name="{name}" type="mesh" mesh="long" contype="0" conaffinity="0" '
+        f'pos="0 0 {-places[name][0]:.15g}" quat="{_turned_over(places[name][1])}"/>'
+        for name in dogs
+    )
+    return (
+        f'<body pos="0 0 {travel:.15g}">{_inertial(mass, stand.sliding_inertia)}'
+        f'<joint name="shift" type="slide" axis="0 0 -1" limited="true" range="{-REBOUND} 1" '
+        f'armature="{armature}" damping="{truth.damping}" frictionloss="{truth.friction}" '
+        f"{stop} {rub}/>"
+        f'<joint name="sliding" type="hinge" axis="0 0 1" frictionloss="{truth.drag_torque}" '
+        f"{rub}/>{geoms}</body>"
+    )
+
+
+def _turned_over(angle: float) -> str:
+    """Return the quaternion of a turn by pi about x and then by ``angle`` about z."""
+    return f"0 {math.cos(0.5 * angle):.15g} {math.sin(0.5 * angle):.15g} 0"
+
+
+def _actuator(stand: Stand, truth: Truth) -> str:
+    if not truth.linkage:
+        return ""
+    mass = stand.mass * FORK + truth.added_mass
+    joint = '<joint name="actuator" type="slide" axis="0 0 -1"/>'
+    return f"<body>{_inertial(mass, 1.0)}{joint}</body>"
+
+
+def _tendon(stand: Stand, truth: Truth) -> str:
+    """Return what joins actuator and ring: a spring, or two stops a play apart."""
+    if not truth.linkage:
+        return ""
+    near, far = stand.mass * (1.0 - FORK), stand.mass * FORK + truth.added_mass
+    if truth.free_play:
+        stop = f"{-(STOP_RATE**2)} {-2.0 * LINKAGE_DAMPING * STOP_RATE}"
+        how = (
+            f'limited="true" range="0 {truth.free_play}" solreflimit="{stop}" '
+            'solimplimit="0.999 0.999 0.001"'
+        )
+    else:
+        stiffness = 1.0 / truth.compliance
+        damping = 2.0 * LINKAGE_DAMPING * math.sqrt(stiffness * near * far / (near + far))
+        how = f'stiffness="{stiffness}" damping="{damping}" springlength="0"'
+    joints = '<joint joint="actuator" coef="1"/><joint joint="shift" coef="-1"/>'
+    return f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
+
+
+def _lag(truth: Truth) -> str:
+    return f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
+
+
+def _inertial(mass: float, polar: float) -> str:
+    """Return the inertia of a body; only its mass and its polar inertia act."""
+    return f'<inertial pos="0 0 0" mass="{mass:.15g}" diaginertia="{polar} {polar} {polar}"/>'

@@ -1,0 +1,280 @@
+"""Sealed cases: data and, apart, the key; then diagnoses from the data alone.
+
+    DIR/cases/case_00/      a data set; its name says nothing
+    DIR/manifest.json       how many, hashes of the key and of all data; made before any diagnosis
+    DIR/key.json            truth and a salt, without which its hash cannot be guessed
+    DIR/results/case_00.json  what was found
+    DIR/making/             while a set is made: what is finished, truth too; gone once it is sealed
+
+``run`` reads ``manifest.json`` and ``cases`` and never opens the key. It refuses data that are not
+those of the manifest, and goes on where it was stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+from dogshape.sim.errors import DogshapeError, InputError, StorageError
+from dogshape.sim.files import write_whole
+from dogshape.validation.blind.cases import Case, cases_of
+from dogshape.validation.blind.data import even_times, simulate, write_case
+from dogshape.validation.blind.stand import Point, Stand, read_points, read_stand
+
+Record = dict[str, Any]
+Diagnose = Callable[[Path], Record]
+Advance = Callable[[int], None]
+
+REFERENCE = {"small": 4, "full": 24}  #: even angles of the reference without any effect
+SMALL_FORCES = 2  #: a small set has so many forces, lowest and highest first
+MAKING = "making"
+FORMAT = 1
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What set to make: which, how large, from which stand, with which seed."""
+
+    base: Path
+    which: str = "published"
+    size: str = "full"
+    seed: int | None = None
+
+
+def points_for(wanted: Wanted) -> tuple[Point, ...]:
+    """Return the operating points of a set: all of the stand, or few of them."""
+    points = read_points(wanted.base)
+    if wanted.size == "full":
+        return points
+    forces = sorted({point.force for point in points})
+    speeds = sorted({point.mismatch for point in points})
+    few = {forces[0], forces[-1]}
+    some = {speeds[k] for k in (1, len(speeds) // 2, -1)} if len(speeds) > 2 else set(speeds)
+    return tuple(p for p in points if p.force in few and p.mismatch in some)
+
+
+def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = None) -> Record:
+    """Write a set of sealed cases and return its manifest; goes on where it was stopped.
+
+    Raises StorageError where the folder has a set already, InputError for an unknown set.
+    """
+    if (folder / "manifest.json").exists():
+        raise StorageError(f"{folder} has a set of cases already; give another folder")
+    cases = cases_of(wanted.which, wanted.size, wanted.seed)
+    stand, points = read_stand(wanted.base), points_for(wanted)
+    folder.mkdir(parents=True, exist_ok=True)
+    names = [f"case_{k:02d}" for k in range(len(cases))]
+    work = [
+        (folder / "cases" / name, wanted.base, case)
+        for name, case in zip(names, cases, strict=True)
+    ]
+    with pool(jobs) as submit:
+        pending = [_told(submit(_one, stand, points, *each), advance) for each in work]
+        reference = submit(even_times, stand, points, REFERENCE[wanted.size])
+        times = [future.result() for future in pending]
+        free = reference.result()
+    truths = {
+        name: {**case.record(), "times_s": mine}
+        for name, case, mine in zip(names, cases, times, strict=True)
+    }
+    manifest = _seal(folder, wanted, points, truths, free)
+    rmtree(folder / MAKING, ignore_errors=True)
+    return manifest
+
+
+def _seal(
+    folder: Path, wanted: Wanted, points: Sequence[Point], truths: Record, free: Any
+) -> Record:
+    """Write the key and the manifest."""
+    key = {
+        "format": FORMAT,
+        "salt": secrets.token_hex(16),
+        "seed": wanted.seed,
+        "points": [[p.mismatch, p.force, p.rise] for p in points],
+        "reference_s": free,
+        "cases": truths,
+    }
+    text = json.dumps(key, indent=1)
+    manifest = {
+        "format": FORMAT,
+        "set": wanted.which,
+        "size": wanted.size,
+        "cases": {name: hash_of(folder / "cases" / name) for name in truths},
+        "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
+    }
+    write(folder / "key.json", text)
+    write(folder / "manifest.json", json.dumps(manifest, indent=1))
+    return manifest
+
+
+def _one(
+    stand: Stand, points: tuple[Point, ...], folder: Path, base: Path, case: Case
+) -> list[list[float | None]]:
+    """Make a case, or take it as an interrupted run made it, and return its times."""
+    kept = folder.parent.parent / MAKING / f"{folder.name}.json"
+    asked = {**case.record(), "points": [[p.mismatch, p.force, p.rise] for p in points]}
+    if kept.exists() and (made := read(kept, "remove it"))["case"] == asked:
+        times: list[list[float | None]] = made["times_s"]
+        return times
+    times = write_case(folder, folder.name, base, case, simulate(stand, points, case))
+    kept.parent.mkdir(exist_ok=True)
+    write(kept, json.dumps({"case": asked, "times_s": times}))
+    return times
+
+
+def hash_of(folder: Path) -> str:
+    """Return a hash of all files of a folder, names and contents."""
+    total = hashlib.sha256()
+    for path in sorted(p for p in folder.rglob("*") if p.is_file()):
+        content = path.read_bytes()
+        total.update(f"{path.relative_to(folder).as_posix()} {len(content)}\n".encode())
+        total.update(content)
+    return total.hexdigest()
+
+
+def manifest_of(folder: Path) -> Record:
+    """Return the manifest of a set; StorageError where there is none or it is of another kind."""
+    found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
+    if found.get("format") != FORMAT or "cases" not in found:
+        raise StorageError(
+            f"{folder / 'manifest.json'} is no manifest of blind cases; make it again"
+        )
+    return found
+
+
+def run(
+    folder: Path,
+    diagnose: Diagnose,
+    jobs: int = 1,
+    advance: Advance | None = None,
+    first: Diagnose | None = None,
+) -> dict[str, Record]:
+    """Diagnose what is not diagnosed yet and return all results by case.
+
+    ``diagnose`` gets the folder of a case and returns the record of a diagnosis; where it refuses
+    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one. The
+    first case goes alone, by ``first`` where that is given, since it may have to make a bank of
+    simulations for all.
+    """
+    manifest = manifest_of(folder)
+    results = folder / "results"
+    results.mkdir(exist_ok=True)
+    left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
+    _require_untouched(folder, manifest, left)
+    (advance or ignore)(len(manifest["cases"]) - len(left))
+    for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
+        with pool(jobs if len(batch) > 1 else 1) as submit:
+            pending = [
+                _told(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
+            ]
+            for future in as_completed(pending):
+                future.result()
+    return {name: read(results / f"{name}.json", "run again") for name in manifest["cases"]}
+
+
+def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
+    begin = time.monotonic()
+    record: Record = {"key_sha256": manifest["key_sha256"]}
+    try:
+        record["diagnosis"] = diagnose(folder / "cases" / name)
+    except DogshapeError as error:
+        record["refused"] = str(error)
+    record["time_s"] = time.monotonic() - begin
+    write(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
+
+
+def _done(path: Path, manifest: Record) -> bool:
+    """Tell whether a result is there; one of another set of cases raises StorageError."""
+    if not path.exists():
+        return False
+    if read(path, "remove it").get("key_sha256") != manifest["key_sha256"]:
+        raise StorageError(f"{path} is the result of another set of cases; remove the results")
+    return True
+
+
+def _require_untouched(folder: Path, manifest: Record, names: Sequence[str]) -> None:
+    for name in names:
+        if hash_of(folder / "cases" / name) != manifest["cases"][name]:
+            raise StorageError(
+                f"{folder / 'cases' / name} is not as it was made; make the cases again"
+            )
+
+
+def opened(folder: Path) -> Record:
+    """Return the key, once its hash is that of the manifest; else StorageError."""
+    manifest = manifest_of(folder)
+    path = folder / "key.json"
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise StorageError(f"{path} cannot be read ({error.strerror}); bring the key") from error
+    if hashlib.sha256(content).hexdigest() != manifest["key_sha256"]:
+        raise StorageError(f"{path} is not the key that was sealed; bring that one")
+    found: Record = json.loads(content)
+    return found
+
+
+def results_of(folder: Path) -> dict[str, Record]:
+    """Return all results; InputError where cases are not diagnosed yet."""
+    manifest = manifest_of(folder)
+    paths = {name: folder / "results" / f"{name}.json" for name in manifest["cases"]}
+    left = [name for name, path in paths.items() if not _done(path, manifest)]
+    if left:
+        raise InputError(
+            f"{len(left)} of {len(paths)} cases are not diagnosed yet; go on with: "
+            "dogshape blind run DIR"
+        )
+    return {name: read(path, "remove it and run again") for name, path in paths.items()}
+
+
+def read(path: Path, remedy: str) -> Record:
+    """Read a JSON object; StorageError where that cannot be."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StorageError(f"{path} cannot be read ({type(error).__name__}); {remedy}") from error
+    if not isinstance(found, dict):
+        raise StorageError(f"{path} holds no JSON object; {remedy}")
+    return found
+
+
+def write(path: Path, text: str) -> None:
+    """Write a file as a whole or not at all."""
+    write_whole(path, text)
+
+
+def ignore(_: int) -> None:
+    """Count nothing."""
+
+
+def _told(future: Future[Any], advance: Advance | None) -> Future[Any]:
+    """Return the same future, which tells when it is done."""
+    if advance is not None:
+        future.add_done_callback(lambda _: advance(1))
+    return future
+
+
+@contextmanager
+def pool(jobs: int) -> Iterator[Callable[..., Future[Any]]]:
+    """Yield what hands work to so many processes, or does it at once for one."""
+    if jobs <= 1:
+        yield _at_once
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        yield pool.submit
+
+
+def _at_once(function: Callable[..., Any], *given: Any) -> Future[Any]:
+    future: Future[Any] = Future()
+    future.set_result(function(*given))
+    return future

@@ -1,0 +1,1 @@
+"""Compute the stress at the root of a dog by finite elements."""

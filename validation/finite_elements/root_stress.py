@@ -1,0 +1,395 @@
+r"""Stress at the root of one dog by finite elements, linear elastic, in three dimensions.
+
+One pitch of a ring (``validation.finite_elements.root_mesh``) in hexahedra with 27 nodes,
+isoparametric. The body's lower face is fixed, both cuts at the middle of the slots move alike in
+cylindrical coordinates (every dog is loaded the same), the outer face is free. A band of one flank
+carries a uniform pressure without friction:
+
+.. math::
+    \int \sigma(u) : \varepsilon(v)\,dV = -\int_{band} p\, n \cdot v\,dA, \qquad
+    \sigma = \lambda\, \mathrm{tr}\,\varepsilon\, I + 2 \mu\, \varepsilon
+
+- band "whole": what touches when both rings are at full depth. It lies evenly about the
+  median plane, since either ring lacks at its own tip what the other lacks at its
+  root: the fillet, or the edge drop on the braking side.
+- band "tip": the top fifth of the flank, the worst case.
+
+Pressure and lever follow from the load vector itself: its sum is the tangential force and
+its moment the lever, so that they belong to the stress whatever the mesh does to the
+band's ends.
+
+Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's
+face, where gradients are best, from the surface's own stretch in plane stress. Its largest
+value over the whole fillet counts, ends of the dog included: edges there are rectangular
+and free, so that the stress is finite. It is found between the
+inner end, for wide dogs, and the mean radius.
+
+The body rests on a hub: its inner face is held radially. Without it a deep body rolls
+outwards, as dogs carry their force on one side and pull the floor behind them, and the
+stress depends on how deep the body is thought to be: a tenth more on a ring of 15 dogs
+and a body one pitch deep, a third more on a ring of 6.
+
+scikit-fem brings mapping, shape functions and quadrature. It is an optional extra,
+``pip install 'dogshape[fem]'``.
+
+How far the numbers depend on the mesh, the body's depth and the cuts is printed by
+``python -m benchmarks.root_stress``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.flank import Flank
+from dogshape.sim.strength.materials import POISSON, YOUNG
+from dogshape.validation.finite_elements.plane_solver import PlaneSolver
+from dogshape.validation.finite_elements.root_mesh import (
+    SIDES,
+    Points,
+    RootShape,
+    Section,
+    make_section,
+    radial_planes,
+    ring_points,
+)
+
+Band = Literal["whole", "tip"]
+BANDS: tuple[Band, ...] = ("whole", "tip")
+Cut = Literal["periodic", "free", "fixed"]
+Matrix = Any  #: scipy's sparse matrix in compressed rows
+TIP_PART = 0.2  #: of the flank's height that the band at the tip takes
+FINENESS = 2  #: default: 8 cells over a fillet, 6 along the radius
+HUB_STIFFNESS = 1e11  #: N/m a node: thousands of times that of a cell
+DIRECT = 40_000  #: unknowns up to which one block holds all planes
+
+
+@dataclass(frozen=True)
+class RootStress:
+    """What a load does to the root of a dog.
+
+    Parameters
+    ----------
+    tension : largest first principal stress in the fillet of the loaded flank, Pa.
+    mises_loaded, mises_opposite : largest von Mises stress in the fillet of the loaded
+        flank and in the other one, which is pressed, Pa.
+    radius, angle : where the tension is, m and rad along the fillet from the floor.
+    mises_at_tension : von Mises stress at that place, Pa.
+    force, lever : tangential force, N, and height of its line above the floor, m.
+    axial : force of the flank towards the body, N.
+    unknowns, steps : of the system, and of the solver.
+    """
+
+    tension: float
+    mises_loaded: float
+    mises_opposite: float
+    radius: float
+    angle: float
+    mises_at_tension: float
+    force: float
+    lever: float
+    axial: float
+    unknowns: int
+    steps: int
+
+    @property
+    def mises(self) -> float:
+        """Largest von Mises stress in both fillets, Pa."""
+        return max(self.mises_loaded, self.mises_opposite)
+
+
+def fem_available() -> bool:
+    """Tell whether scikit-fem can be imported."""
+    try:
+        _skfem()
+    except InputError:
+        return False
+    return True
+
+
+def _skfem() -> Any:
+    try:
+        return import_module("skfem")
+    except ImportError as error:
+        message = "the finite elements need scikit-fem; install dogshape[fem]."
+        raise InputError(message) from error
+
+
+@lru_cache(maxsize=1)
+def _lattice() -> NDArray[np.int64]:
+    """Return the place (27, 3) of each local node on the lattice 0, 1, 2 of a cell."""
+    return np.asarray(np.round(2.0 * _skfem().ElementHex2().doflocs), dtype=np.int64)
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """Points on the surface of cells: nodes (c, 27), places and n dA (c, q, 3), shapes."""
+
+    nodes: NDArray[np.int64]
+    places: Points
+    area: Points
+    value: Points  # (27, 1 or c, q)
+    slope: Points  # (27, 3, c, q), 1/m
+
+
+class RootModel:
+    """One pitch of a ring, assembled and ready for any number of loads.
+
+    Parameters
+    ----------
+    shape : dog, fillet and depth of the body.
+    fineness : multiple of the coarsest mesh's cells in each direction.
+    cut : what holds at the middle of the slots.
+    """
+
+    def __init__(
+        self, shape: RootShape, fineness: int = FINENESS, cut: Cut = "periodic", hub: bool = True
+    ) -> None:
+        self.shape = shape
+        self.section: Section = make_section(shape, fineness)
+        self.radii = radial_planes(shape.dog, fineness)
+        self.points = ring_points(shape, self.section, self.radii, fineness)
+        self.cells = self._connect()
+        self.mesh, self.element = hexahedra(self.points, self.cells)
+        self.stiffness = assemble(self.mesh, self.element, self.cells, len(self.points))
+        if hub:
+            self.stiffness = self.stiffness + self._hub()
+        self.reduction = self._reduction(cut)
+        self.solver = PlaneSolver(
+            self.reduction.T @ self.stiffness @ self.reduction, self._blocks()
+        )
+
+    def _connect(self) -> NDArray[np.int64]:
+        """Return the nodes (cells, 3, 3, 3) of each cell: along, away from the surface, radius."""
+        plane, layers = self.section.cells, (len(self.radii) - 1) // 2
+        steps = self.section.nodes * np.arange(3)
+        stack = [plane[..., None] + 2 * k * self.section.nodes + steps for k in range(layers)]
+        cells = np.concatenate(stack)
+        corner = self.points[cells[:, 0, 0, 0]]
+        edges = [self.points[cells[(slice(None), *e)]] - corner for e in np.eye(3, dtype=int) * 2]
+        mirrored = np.linalg.det(np.stack(edges, axis=1)) < 0.0
+        cells[mirrored] = cells[mirrored][:, ::-1]
+        return np.asarray(cells)
+
+    def _hub(self) -> Matrix:
+        """Return stiff radial springs on the body's inner face, below the surface layer, N/m."""
+        inner = self.points[: self.section.nodes]
+        floor = -0.5 * self.shape.dog.height
+        held = np.flatnonzero(inner[:, 2] < floor - 1.01 * self.shape.layer)
+        radial = inner[held, :2] / np.hypot(*inner[held, :2].T)[:, None]
+        spring = HUB_STIFFNESS * radial[:, :, None] * radial[:, None, :]
+        unknown = 3 * held[:, None] + np.arange(2)
+        rows, columns = np.repeat(unknown, 2, axis=1), np.tile(unknown, (1, 2))
+        size = 3 * len(self.points)
+        return sp.csr_matrix((spring.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
+
+    def _reduction(self, cut: Cut) -> Matrix:
+        """Return the matrix from free unknowns to all; free ones keep their order."""
+        planes, nodes = len(self.radii), self.section.nodes
+        held = {"bottom": self.section.bottom, "left": self.section.left}
+        fixed = np.zeros(nodes, dtype=bool)
+        fixed[held["bottom"]] = True
+        if cut == "fixed":
+            fixed[self.section.left] = fixed[self.section.right] = True
+        slave = np.zeros(nodes, dtype=bool)
+        if cut == "periodic":
+            slave[self.section.left] = True
+        keep = np.repeat(~(fixed | slave), 3)
+        number = np.cumsum(keep) - 1
+        row, column, value = [np.flatnonzero(keep)], [number[keep]], [np.ones(keep.sum())]
+        if cut == "periodic":
+            angle = self.shape.dog.pitch_angle
+            c, s = math.cos(angle), math.sin(angle)
+            turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+            pairs = [
+                (a, b)
+                for a, b in zip(self.section.left, self.section.right, strict=True)
+                if not fixed[a]
+            ]
+            for a, b in pairs:
+                for i, j in zip(*np.nonzero(turn), strict=True):
+                    row.append(np.array([3 * a + i]))
+                    column.append(number[[3 * b + j]])
+                    value.append(turn[[i], [j]])
+        plane = sp.csr_matrix(
+            (np.concatenate(value), (np.concatenate(row), np.concatenate(column))),
+            shape=(3 * nodes, int(keep.sum())),
+        )
+        return sp.block_diag([plane] * planes, format="csr")
+
+    def _blocks(self) -> NDArray[np.int64]:
+        unknowns = self.reduction.shape[1]
+        group = len(self.radii) if unknowns <= DIRECT else 4
+        ends = np.arange(0, unknowns, group * unknowns // len(self.radii))
+        return np.append(ends, unknowns)
+
+    def _surface(self, plane_cells: NDArray[np.int64], along: int, radial: int) -> _Surface:
+        """Return what belongs to Gauss points on the surface of cells of the section."""
+        every, layers = len(self.section.cells), (len(self.radii) - 1) // 2
+        cells = np.concatenate([plane_cells + k * every for k in range(layers)])
+        (x, wx), (y, wy) = _gauss(along), _gauss(radial)
+        grid = [g.ravel() for g in np.meshgrid(x, [0.0], y, indexing="ij")]
+        rule = np.stack(grid), np.outer(wx, wy).ravel()
+        basis = _skfem().CellBasis(self.mesh, self.element, elements=cells, quadrature=rule)
+        inverse = np.moveaxis(basis.mapping.invDF(rule[0], tind=cells), (0, 1), (2, 3))
+        # n dA = -det(J) J^-T e for the face that the second local axis e leaves.
+        area = -basis.dx[..., None] * inverse[..., 1, :]
+        return _Surface(
+            _by_local(self.cells)[cells],
+            np.moveaxis(np.asarray(basis.global_coordinates()), 0, 2),
+            area,
+            np.stack([np.asarray(shape[0]) for shape in basis.basis]),
+            np.stack([shape[0].grad for shape in basis.basis]),
+        )
+
+    def load(self, flank: Flank, band: Band) -> Points:
+        """Return the nodal forces (nodes, 3) of a pressure of 1 Pa on a band, N."""
+        skin = self._surface(self.section.flank[flank], 24, 3)
+        x, y, z = np.moveaxis(skin.places, 2, 0)
+        low, high = self._band(flank, band, np.hypot(x, y))
+        pressed = skin.area * ((z >= low) & (z <= high))[..., None]
+        force = np.zeros((len(self.points), 3))
+        for local, value in enumerate(skin.value):
+            np.add.at(force, skin.nodes[:, local], -np.einsum("cq,cqi->ci", value, pressed))
+        return force
+
+    def _band(self, flank: Flank, band: Band, radius: Points) -> tuple[Points, Points]:
+        dog = self.shape.dog
+        ends = [dog.inner_radius, dog.outer_radius]
+        tops = np.interp(radius, ends, [self.shape.top(flank, r) for r in ends])
+        half = 0.5 * dog.height
+        if band == "tip":
+            return tops - TIP_PART * (tops + half), tops
+        reach = np.minimum(tops, half - self.shape.fillet_height(flank))
+        return -reach, reach
+
+    def solve(self, force: Points) -> tuple[Points, int]:
+        """Return the displacements (nodes, 3), m, and the solver's steps."""
+        free, steps = self.solver.solve(self.reduction.T @ force.reshape(-1))
+        return np.asarray(self.reduction @ free).reshape(-1, 3), steps
+
+    def surface_stress(
+        self, displacement: Points, plane_cells: NDArray[np.int64]
+    ) -> tuple[Points, Points]:
+        """Return places (n, 3) and stresses (n, 3, 3) on a part of the surface, m and Pa.
+
+        ``plane_cells`` are those of a fillet or a flank of the section.
+        """
+        skin = self._surface(plane_cells, 2, 2)
+        gradient = np.einsum("cni,njcq->cqij", displacement[skin.nodes], skin.slope, optimize=True)
+        normal = skin.area / np.linalg.norm(skin.area, axis=2, keepdims=True)
+        stress = skin_stress(gradient, normal)
+        return skin.places.reshape(-1, 3), stress.reshape(-1, 3, 3)
+
+    def stress(self, flank: Flank, band: Band, force: float) -> RootStress:
+        """Return the stress under a tangential ``force`` in N on a band of a flank."""
+        load = self.load(flank, band)
+        angle = np.arctan2(self.points[:, 1], self.points[:, 0])
+        tangential = -SIDES[flank] * (load[:, 1] * np.cos(angle) - load[:, 0] * np.sin(angle))
+        total = float(tangential.sum())
+        height = self.points[:, 2] + 0.5 * self.shape.dog.height
+        displacement, steps = self.solve(load * (force / total))
+        found = {
+            side: self.surface_stress(displacement, self.section.fillet[side]) for side in SIDES
+        }
+        places, stress = found[flank]
+        first = np.linalg.eigvalsh(stress)[:, -1]
+        peak = int(first.argmax())
+        mises = {side: float(von_mises(s).max()) for side, (_, s) in found.items()}
+        return RootStress(
+            tension=float(first[peak]),
+            mises_loaded=mises.pop(flank),
+            mises_opposite=mises.popitem()[1],
+            radius=float(np.hypot(*places[peak, :2])),
+            angle=self._fillet_angle(flank, places[peak, 2]),
+            mises_at_tension=float(von_mises(stress[peak])),
+            force=force,
+            lever=float(tangential @ height) / total,
+            axial=-float(load[:, 2].sum()) * force / total,
+            unknowns=self.reduction.shape[1],
+            steps=steps,
+        )
+
+    def _fillet_angle(self, flank: Flank, z: float) -> float:
+        risen = (z + 0.5 * self.shape.dog.height) / self.shape.root_radius
+        return min(math.acos(min(max(1.0 - risen, -1.0), 1.0)), self.shape.sweep(flank))
+
+
+def _by_local(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return nodes (cells, 27) in scikit-fem's local order."""
+    i, j, k = _lattice().T
+    return np.asarray(cells[:, i, j, k])
+
+
+def hexahedra(points: Points, cells: NDArray[np.int64]) -> tuple[Any, Any]:
+    """Return scikit-fem's mesh and element of cells (m, 3, 3, 3) of nodes ``points`` (n, 3)."""
+    skfem = _skfem()
+    local = _by_local(cells)
+    vertices, t = np.unique(local[:, :8], return_inverse=True)
+    straight = skfem.MeshHex(
+        np.ascontiguousarray(points[vertices].T), np.ascontiguousarray(t.reshape(-1, 8).T)
+    )
+    curved = skfem.MeshHex2.from_mesh(straight)
+    element = skfem.ElementHex2()
+    places = np.empty((3, len(points)))
+    places[:, skfem.Dofs(curved, element).element_dofs] = points[local].transpose(2, 1, 0)
+    return skfem.MeshHex2(places, curved.t), element
+
+
+def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> Matrix:
+    """Return the stiffness matrix, unknown ``3 node + direction``, N/m."""
+    lame, shear = _lame()
+    unknown = (3 * _by_local(cells)[:, :, None] + np.arange(3)).reshape(len(cells), 81)
+    total = sp.csr_matrix((3 * nodes, 3 * nodes))
+    for some in np.array_split(np.arange(len(cells)), max(1, len(cells) // 1000)):
+        basis = _skfem().CellBasis(mesh, element, elements=some, intorder=5)
+        slope = np.stack([shape[0].grad for shape in basis.basis])  # (27, 3, cells, points)
+        flat = slope.transpose(2, 0, 1, 3).reshape(len(some), 81, -1)
+        pair = (flat * basis.dx[:, None, :]) @ flat.transpose(0, 2, 1)
+        pair = pair.reshape(-1, 27, 3, 27, 3)
+        trace = np.einsum("eiaja->eij", pair)
+        local = lame * pair + shear * pair.transpose(0, 1, 4, 3, 2)
+        for a in range(3):
+            local[:, :, a, :, a] += shear * trace
+        rows = np.repeat(unknown[some], 81, axis=1).ravel()
+        columns = np.tile(unknown[some], (1, 81)).ravel()
+        total = total + sp.csr_matrix((local.ravel(), (rows, columns)), shape=total.shape)
+    return total
+
+
+def _lame() -> tuple[float, float]:
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    return YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)), shear
+
+
+def skin_stress(gradient: Points, normal: Points) -> Points:
+    """Return stresses (..., 3, 3) in Pa on a free surface with unit ``normal`` (..., 3).
+
+    What the surface's own stretch (of the displacement ``gradient`` (..., 3, 3)) makes in
+    plane stress: no traction holds exactly, and gradients into the depth, which a mesh
+    resolves last, do not enter.
+    """
+    flat = np.eye(3) - normal[..., :, None] * normal[..., None, :]
+    strain = flat @ (0.5 * (gradient + np.swapaxes(gradient, -1, -2))) @ flat
+    trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
+    return np.asarray(YOUNG / (1.0 + POISSON) * (strain + POISSON / (1.0 - POISSON) * trace * flat))
+
+
+def von_mises(stress: Points) -> Points:
+    """Return the von Mises stress (...) of stresses (..., 3, 3)."""
+    mean = np.trace(stress, axis1=-2, axis2=-1) / 3.0
+    deviator = stress - mean[..., None, None] * np.eye(3)
+    return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=(-2, -1))))
+
+
+def _gauss(count: int) -> tuple[Points, Points]:
+    points, weights = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (points + 1.0), 0.5 * weights
