@@ -18,8 +18,9 @@ import time
 import numpy as np
 
 from benchmarks.common import angles_of, default_study
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
 from dogshape.sim.shift.engagement import engage
@@ -93,7 +94,7 @@ def scatter(table: np.ndarray, count: np.ndarray) -> float:
 def reported(study: Study) -> None:
     """Run the program to one percent of reported standard error and print what it took."""
     start = time.process_time()
-    with ShiftProgress(1) as progress:
+    with WorkCounter(ProgressBar(), 1) as progress:
         executor = scratch_executor(1, progress.advance)
         result = expect_to(study, study.points, GOAL, executor, progress)
     took = time.process_time() - start

@@ -11,7 +11,7 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Study, require_variables
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.publish import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
@@ -54,7 +54,7 @@ from dogshape.surrogate.model import MIN_DESIGNS
 class Run:
     """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
 
-    Without ``report`` it ends with its result.
+    Without ``report`` it ends with its result. ``progress`` is told how far it is.
     """
 
     folder: StudyFolder
@@ -63,6 +63,7 @@ class Run:
     resume: bool = False
     cluster: str | None = None
     report: bool = True
+    progress: Progress = SILENT
 
 
 def run_study(study: Study, how: Run) -> dict[str, Any]:
@@ -97,7 +98,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
-    with ShiftProgress(most, most=True) as progress:
+    with WorkCounter(how.progress, most, most=True) as progress:
         progress.say(words)
 
         def after_round(line: str) -> None:
@@ -231,9 +232,7 @@ def _margins(design: Design) -> dict[str, Any]:
     }
 
 
-def _replicate(
-    search: Search, executor: Executor, progress: ShiftProgress
-) -> dict[str, Any] | None:
+def _replicate(search: Search, executor: Executor, progress: WorkCounter) -> dict[str, Any] | None:
     """Give designs more angles of which it is unclear whether they are on the front.
 
     Return what that took and changed, before anything is confirmed.
@@ -251,7 +250,7 @@ def _replicate(
     return replication_record(search, done, standings(search))
 
 
-def _confirm(search: Search, executor: Executor, progress: ShiftProgress) -> dict[str, Any] | None:
+def _confirm(search: Search, executor: Executor, progress: WorkCounter) -> dict[str, Any] | None:
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(search.study, count))
         progress.say(line)

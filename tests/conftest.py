@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.pipeline.progress import Count
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run
 from dogshape.sim.clutch_tables import dog_fields
@@ -94,6 +95,19 @@ def small_study() -> Study:
 def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: Any) -> Run:
     """A run of a study in a folder that ends with its result; most tests read no report."""
     return Run(StudyFolder(folder), jobs, storage, report=False, **more)
+
+
+@dataclass(frozen=True)
+class Listener:
+    """A progress that keeps what it is told."""
+
+    said: list[str]
+
+    def update(self, count: Count) -> None:
+        """Ignore a count."""
+
+    def say(self, line: str) -> None:
+        self.said.append(line)
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ The package brings the bank of the published clutch at the operating points of i
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, require_times
@@ -27,7 +27,7 @@ from dogshape.diagnosis.prediction.sense_bank import (
     reversed_bench,
     reversed_plan,
 )
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.lock import writing
@@ -44,10 +44,6 @@ BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"
 
 
-def _silent(_: str) -> None:
-    """Say nothing."""
-
-
 @dataclass(frozen=True)
 class Means:
     """With what a diagnosis is made.
@@ -57,13 +53,13 @@ class Means:
     bank : folder of banks.
     effects : folder of the user's own effects, None without.
     jobs : worker processes, 0 for one a core.
-    say : takes a line for the user.
+    progress : is told how far the simulations are.
     """
 
     bank: Path = BANK
     effects: Path | None = None
     jobs: int = 0
-    say: Callable[[str], None] = field(default=_silent)
+    progress: Progress = SILENT
 
 
 def brought(name: str) -> Path:
@@ -89,7 +85,9 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
     """Raise EffectError, with its file, for an effect of the user's that cannot be run."""
     own = own_files(means.effects) if means.effects else {}
     if means.effects and not own:
-        means.say(f"{means.effects} has no effect: no file NAME.py without an underscore before it")
+        means.progress.say(
+            f"{means.effects} has no effect: no file NAME.py without an underscore before it"
+        )
     base = Setting(bench.clutch, bench.cells[0].point)
     for name, path in own.items():
         try:
@@ -142,17 +140,17 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         return made(_none_left)
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
-    means.say(_announced(left, _finished(lacking, kept), means))
+    means.progress.say(_announced(left, _finished(lacking, kept), means))
     how = "the same command goes on from there"
     with (
         writing(means.bank),
-        ShiftProgress(left) as progress,
+        WorkCounter(means.progress, left) as progress,
         progress.kept_in(means.bank, how),
     ):
         journal = ShiftJournal(kept)
         executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
         banks = made(executor.run)
-        journal.say_unfinished(means.say)
+        journal.say_unfinished(means.progress.say)
         return banks
 
 

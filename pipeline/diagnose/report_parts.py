@@ -15,7 +15,7 @@ from dogshape.diagnosis.report.phase_times import PhaseGap, along, overall
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.consequence import Consequence, consequence, shifts_of, studied
 from dogshape.pipeline.diagnose.extras import Extras
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import content_key
@@ -87,7 +87,7 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
     values = tuple(interval.mean for interval in found.intervals[cause].values())
     work = work_folder(folder, "so-what", given.config_hash)
     with (
-        ShiftProgress(shifts_of(given, designs)) as progress,
+        WorkCounter(means.progress, shifts_of(given, designs)) as progress,
         kept_shifts(work, progress, means.jobs) as executor,
     ):
         return consequence(

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect, scratch_executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.lock import writing
@@ -32,7 +32,7 @@ def work_folder(root: Path, name: str, *asked: Any) -> Path:
 
 @contextmanager
 def kept_shifts(
-    folder: Path, progress: ShiftProgress, jobs: int = 0, cluster: str | None = None
+    folder: Path, progress: WorkCounter, jobs: int = 0, cluster: str | None = None
 ) -> Iterator[Executor]:
     """Give an executor whose finished shifts stay in ``folder`` until the work is done.
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -38,7 +38,7 @@ def expect_to(
     points: Sequence[OperatingPoint],
     precision: float,
     executor: Executor,
-    progress: ShiftProgress,
+    progress: WorkCounter,
 ) -> Precise:
     """Return the expectation over ``points`` to a relative standard error ``precision``.
 

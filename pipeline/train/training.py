@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -40,11 +40,17 @@ from dogshape.surrogate.store import Stored, save
 from dogshape.surrogate.validation import QUICK, validate
 from dogshape.surrogate.validation_figures import LEAST, Validation, predict, ranked
 
-Say = Callable[[str], None]  #: prints a line for people
+Say = Callable[[str], None]  #: takes a sentence for people
 FILLED = 1200  #: rows that parameters are fitted to where a folder was filled for it: minutes
 
 
-def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = None) -> None:
+def fill(
+    study: Study,
+    folder: StudyFolder,
+    jobs: int,
+    cluster: str | None = None,
+    progress: Progress = SILENT,
+) -> None:
     """Simulate designs that fill their space, and references; go on where a call was stopped."""
     settings = study.file.surrogate
     connect(cluster)
@@ -53,24 +59,30 @@ def fill(study: Study, folder: StudyFolder, jobs: int, cluster: str | None = Non
         designs = first_designs(study, settings.designs)
         total = settings.designs * settings.points * settings.angles
         keeping = "the same command goes on"
-        with ShiftProgress(total) as progress, progress.kept_in(folder.root, keeping):
+        with WorkCounter(progress, total) as counter, counter.kept_in(folder.root, keeping):
             shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
-            _fill(study, designs, Executor(shifts, jobs, progress.advance, cluster))
-            executor = Executor(apart_from_them, jobs, progress.advance, cluster)
+            _fill(study, designs, Executor(shifts, jobs, counter.advance, cluster))
+            executor = Executor(apart_from_them, jobs, counter.advance, cluster)
             apart = [d for d in reference_designs(study, settings.references) if d not in designs]
             both = [*apart, *_best(study, folder, progress.say)]
-            simulate_references(study, both, executor, progress.extend)
+            simulate_references(study, both, executor, counter.extend)
             for journal in (shifts, apart_from_them):
                 journal.say_unfinished(progress.say)
 
 
-def ask_more(folder: StudyFolder, inquiry: Inquiry, jobs: int, cluster: str | None = None) -> None:
+def ask_more(
+    folder: StudyFolder,
+    inquiry: Inquiry,
+    jobs: int,
+    cluster: str | None = None,
+    progress: Progress = SILENT,
+) -> None:
     """Simulate more about a question into a folder that has shifts already."""
     connect(cluster)
     study = folder.stored_study()
-    with folder.writing(), ShiftProgress(inquiry.shifts) as progress:
-        executor = Executor(ShiftJournal(folder.shifts), jobs, progress.advance, cluster)
-        with progress.kept_in(folder.root, "the same command goes on"):
+    with folder.writing(), WorkCounter(progress, inquiry.shifts) as counter:
+        executor = Executor(ShiftJournal(folder.shifts), jobs, counter.advance, cluster)
+        with counter.kept_in(folder.root, "the same command goes on"):
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 
 
@@ -97,7 +109,7 @@ def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]
 
 
 def train(
-    folder: StudyFolder, out: Path | None = None, *, choose: bool = False, say: Say = print
+    folder: StudyFolder, out: Path | None = None, *, choose: bool = False, say: Say = SILENT.say
 ) -> Stored:
     """Fit the surrogate to what a folder holds, judge it and write it.
 

@@ -10,10 +10,11 @@ from typing import Any
 import pytest
 from rich.console import Group
 
+from dogshape.pipeline.cli.console import columns, emit
+from dogshape.pipeline.cli.progress_bar import ProgressBar, say
 from dogshape.pipeline.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.console import columns, emit
-from dogshape.pipeline.progress import ShiftProgress, say
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.sim.bundled import bundled_root
 from tests.conftest import Said
 
@@ -38,7 +39,7 @@ def test_tables_and_lines_print_names_as_they_are(
 @pytest.mark.parametrize("name", NAMES)
 def test_progress_prints_names_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     say(f"kept in {name}")
-    with ShiftProgress(1) as progress:
+    with WorkCounter(ProgressBar(), 1) as progress:
         progress.say(f"finished shifts are in {name}")
     err = capsys.readouterr().err
     assert f"kept in {name}" in err

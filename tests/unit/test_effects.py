@@ -28,7 +28,7 @@ from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.units import suffix_of
-from tests.conftest import Said
+from tests.conftest import Listener, Said
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -306,7 +306,7 @@ def test_a_wrong_effect_is_refused_before_anything_is_simulated(
 def test_a_folder_without_effects_is_said(tmp_path: Path) -> None:
     said: list[str] = []
     (tmp_path / "_notes.py").write_text("x = 1")
-    means = Means(effects=tmp_path, say=said.append)
+    means = Means(effects=tmp_path, progress=Listener(said))
     _require_working(EFFECTS, load_bench("mq200_stand"), means)
     assert said == [f"{tmp_path} has no effect: no file NAME.py without an underscore before it"]
 

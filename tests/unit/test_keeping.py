@@ -13,15 +13,16 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.prediction.bank import Plan, blocks_of
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
 from dogshape.pipeline.store.journal import append
 from dogshape.sim.effects import load
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
-from tests.conftest import Said
+from tests.conftest import Listener, Said
 from tests.made_up import few_cells, made_up
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
@@ -108,7 +109,7 @@ def test_the_same_command_twice_at_once_is_told(
     tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = work_folder(tmp_path, "expect", "abc", 3)
-    with ShiftProgress(1) as progress, kept_shifts(folder, progress, 1) as first:
+    with WorkCounter(ProgressBar(), 1) as progress, kept_shifts(folder, progress, 1) as first:
         with kept_shifts(folder, progress, 1) as second:
             assert second.journal.path != first.journal.path
         assert folder.exists(), "the folder of the first is left alone"
@@ -126,9 +127,11 @@ def test_shifts_that_are_known_say_nothing_of_the_time_left(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seconds = iter([0.0, 1.0, 10.0, 20.0])
-    monkeypatch.setattr("dogshape.pipeline.progress.LINE_EVERY", 0.0)
-    monkeypatch.setattr("dogshape.pipeline.progress.time.monotonic", lambda: next(seconds, 20.0))
-    progress = ShiftProgress(100)
+    monkeypatch.setattr("dogshape.pipeline.cli.progress_bar.LINE_EVERY", 0.0)
+    monkeypatch.setattr(
+        "dogshape.pipeline.cli.progress_bar.time.monotonic", lambda: next(seconds, 20.0)
+    )
+    progress = WorkCounter(ProgressBar(), 100)
     progress.known(50)
     progress.advance(5)
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
@@ -150,7 +153,7 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     rows = [_whole(g, r) for g, r in zip(done.inputs, made_up([done])[0], strict=True)]
     append(tmp_path / "shifts.jsonl", *rows)
     said: list[str] = []
-    bank_of(bench, {"actuation_delay": effect}, Means(tmp_path, jobs=1, say=said.append))
+    bank_of(bench, {"actuation_delay": effect}, Means(tmp_path, jobs=1, progress=Listener(said)))
     # The baseline with the reversed sense, at the same angles, is lacking besides.
     left = whole - len(rows) + len(done.angles)
     assert f"lacks {left} shifts ({len(rows)} more are there" in said[0]

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from dogshape.pipeline.cli.progress_bar import ProgressBar, duration
 from dogshape.pipeline.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.progress import ShiftProgress, duration
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -30,13 +31,13 @@ def test_shifts_are_announced_with_all_that_is_planned() -> None:
 def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.pipeline.progress.LINE_EVERY", 0.0)
-    with ShiftProgress(10, most=True) as progress:
+    monkeypatch.setattr("dogshape.pipeline.cli.progress_bar.LINE_EVERY", 0.0)
+    with WorkCounter(ProgressBar(), 10, most=True) as progress:
         progress.advance(4)
         progress.rest(3)
         progress.advance(1)
         progress.advance(5)
-    with ShiftProgress(2) as exact:
+    with WorkCounter(ProgressBar(), 2) as exact:
         exact.advance(1)
     said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
     assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]

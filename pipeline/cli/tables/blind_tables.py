@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.console import columns
+from dogshape.pipeline.cli.console import columns
 
 Record = Mapping[str, Any]
 

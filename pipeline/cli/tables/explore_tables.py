@@ -7,7 +7,8 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.cli.console import columns
+from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.pipeline.reports.surrogate.variable_labels import axis
 
 Row = dict[str, Any]

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.console import columns
+from dogshape.pipeline.cli.console import columns
 from dogshape.sim.units import MM, MPA
 from dogshape.validation.finite_elements.root_check import RootCheck
 

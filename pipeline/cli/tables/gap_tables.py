@@ -10,9 +10,10 @@ from rich.table import Table
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, plain
 from dogshape.diagnosis.report.wording import chance, told
+from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.cli.tables.validate_tables import examined_lines
-from dogshape.pipeline.console import columns, in_ms
 from dogshape.pipeline.reports.gap.odds_matrix import class_in_words
+from dogshape.pipeline.reports.kit.text import in_ms
 
 SHOWN = 6  #: hypotheses in the table
 LEAST = 0.001  #: probability from which one is shown

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.console import columns
+from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.search.tolerance_effects import KINDS, Within
 from dogshape.sim.strength.checks import GROUPS, Check, feasible, smallest_margin
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.console import in_ms
+from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.surrogate.query import Answer
 from dogshape.surrogate.validation_figures import Validation

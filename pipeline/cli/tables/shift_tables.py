@@ -6,7 +6,8 @@ import math
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.cli.console import columns
+from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.pipeline.reports.shift.story import event_facts, load_facts, phase_title
 from dogshape.sim.shift.engagement import Engagement
 from dogshape.sim.statistics.expectation import Expectation

@@ -8,8 +8,9 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.table import Table
 
+from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.pipeline.reports.study.design_names import (
     check_name,
     designs_shown,

@@ -8,7 +8,8 @@ from rich.console import Group, RenderableType
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import Comparison, Difference
-from dogshape.pipeline.console import columns, in_ms
+from dogshape.pipeline.cli.console import columns
+from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.units import RPM
 
 FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make

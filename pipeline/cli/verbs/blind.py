@@ -10,10 +10,11 @@ from typing import Annotated
 
 import typer
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Jobs, Json
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.blind_tables import made_lines, run_table, score_table
-from dogshape.pipeline.console import emit, verb
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
 from dogshape.validation.blind.score import score as score_of
@@ -54,7 +55,7 @@ def make(
     """
     wanted = Wanted(_base(bench), which, size, seed)
     points_for(wanted)  # refuses a bad stand before anything is simulated
-    with ShiftProgress(_count(wanted), unit="cases") as progress:
+    with WorkCounter(ProgressBar(), _count(wanted), unit="cases") as progress:
         manifest = make_cases(folder, wanted, _processes(jobs), progress.advance)
     emit(manifest, json, lambda: made_lines(folder, manifest))
 
@@ -70,7 +71,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     # It loads the simulation, which neither making nor scoring needs.
     diagnose_folder = import_module("dogshape.validation.blind.case_diagnosis").diagnose_folder
     alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
-    with ShiftProgress(total, unit="cases") as progress:
+    with WorkCounter(ProgressBar(), total, unit="cases") as progress:
         found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)
     emit({"cases": found}, json, lambda: run_table(found))
 
@@ -82,7 +83,7 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
     Example: dogshape blind score results/blind --json
     """
-    with ShiftProgress(0) as progress:
+    with WorkCounter(ProgressBar(), 0) as progress:
         found = score_of(folder, progress, _processes(jobs))
     emit(found, json, lambda: score_table(found))
 

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from rich.console import RenderableType
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
     Json,
     OneForce,
@@ -20,11 +21,10 @@ from dogshape.pipeline.cli.options import (
     SurrogateFile,
     points_of,
 )
+from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.cli.tables.prediction_tables import answer_text, filled_lines, many_text
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.console import emit, verb
-from dogshape.pipeline.progress import say
 from dogshape.pipeline.search.tolerance_effects import (
     checks_within,
     margins_within,

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Json, Sets, StudyArg, SurrogateFile
 from dogshape.pipeline.cli.tables.explore_tables import explored_text
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.console import emit, verb
 from dogshape.pipeline.reports.surrogate.page import write_page
 from dogshape.pipeline.reports.surrogate.record import explored
 from dogshape.pipeline.reports.surrogate.slices import bases_of, rivals_of

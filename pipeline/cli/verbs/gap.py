@@ -12,15 +12,15 @@ import typer
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import headline
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Jobs, Json
+from dogshape.pipeline.cli.progress_bar import ProgressBar, say
 from dogshape.pipeline.cli.tables.gap_tables import diagnosis_table
 from dogshape.pipeline.cli.tables.validate_tables import examined_record
-from dogshape.pipeline.console import emit, verb
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.consequence import studied
 from dogshape.pipeline.diagnose.extras import Extras, so_what
 from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
-from dogshape.pipeline.progress import say
 from dogshape.pipeline.reports.gap.publish import publish
 from dogshape.pipeline.store.lock import writing
 
@@ -52,7 +52,7 @@ def gap(
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
-    given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, say)
+    given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, ProgressBar())
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
     with writing(out) if out is not None else nullcontext():

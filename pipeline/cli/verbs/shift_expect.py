@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.console import Group
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
     Cluster,
     Jobs,
@@ -24,10 +25,10 @@ from dogshape.pipeline.cli.options import (
     point_of,
     points_of,
 )
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.shift_tables import expectation_table, shift_table
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.console import emit, verb
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.reports.shift.animation import write_animation, write_trace
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import Executor
@@ -54,7 +55,7 @@ Mismatch = Annotated[
     ),
 ]
 Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
-Simulate = Callable[[ShiftProgress], AbstractContextManager[Executor]]
+Simulate = Callable[[WorkCounter], AbstractContextManager[Executor]]
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
 
@@ -166,7 +167,10 @@ def expect(
 def _expect_to(
     given: Study, points: tuple[OperatingPoint, ...], precision: float, simulate: Simulate
 ) -> Expectation:
-    with ShiftProgress(FIRST * len(points)) as progress, simulate(progress) as executor:
+    with (
+        WorkCounter(ProgressBar(), FIRST * len(points)) as progress,
+        simulate(progress) as executor,
+    ):
         precise = expect_to(given, points, precision, executor, progress)
         error = numerical_error(precise.blocks, precise.rows, executor.run)
     return replace(precise.expectation, numerical_error=error)
@@ -182,7 +186,10 @@ def _expect_at(
     else:
         blocks = even_blocks(given.clutch, points, count, seed, uncertainty=unsure)
     shifts = sum(len(b.angles) for b in blocks)
-    with ShiftProgress(shifts + repeated(shifts)) as progress, simulate(progress) as executor:
+    with (
+        WorkCounter(ProgressBar(), shifts + repeated(shifts)) as progress,
+        simulate(progress) as executor,
+    ):
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)
     result = expectation_of(given, points, rows, even=not listed)

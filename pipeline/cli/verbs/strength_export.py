@@ -9,14 +9,15 @@ from typing import Annotated, Any
 import typer
 from rich.console import Group, RenderableType
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.console import emit, verb
 from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.search.tolerance_effects import checks_within, margins_within
 from dogshape.pipeline.simulate.design import Design, design_of, notes_of
 from dogshape.pipeline.simulate.evaluation import evaluate
@@ -85,7 +86,7 @@ def _landed(given: Study, jobs: int) -> Design:
         return design_of(given, {})
     folder = work_folder(SHIFTS, "strength", given.config_hash)
     with (
-        ShiftProgress(len(given.points) * settings.angles) as progress,
+        WorkCounter(ProgressBar(), len(given.points) * settings.angles) as progress,
         kept_shifts(folder, progress, jobs) as executor,
     ):
         (found,) = evaluate(given, [dog], executor, [whole_plan(given)], settings.seed)

@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Cluster, Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.study_tables import study_table, validation_text
 from dogshape.pipeline.config.study_file import load_study, require_variables
-from dogshape.pipeline.console import emit, verb
-from dogshape.pipeline.progress import ShiftProgress
 from dogshape.pipeline.reports.study.publish import publish
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.store.output_files import require_targets
@@ -52,7 +52,8 @@ def study(
     overrides += [f"search.seed={seed}"] if seed is not None else []
     given = load_study(study, overrides)
     folder = StudyFolder(out or default_out(given))
-    result = run_study(given, Run(folder, jobs, storage, resume, cluster, not no_report))
+    progress = ProgressBar()
+    result = run_study(given, Run(folder, jobs, storage, resume, cluster, not no_report, progress))
     path = None if no_report else folder.report
     keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
     data = {key: result[key] for key in keys} | {"report": path and str(path)}
@@ -103,6 +104,7 @@ def fit(
     Example: dogshape fit results/mq200
     """
     require_targets({"--out": out})
+    progress = ProgressBar()
     asked = None if question is None else Inquiry(question, shifts)
     folder = StudyFolder(Path(where))
     if folder.manifest.is_file() and set_:
@@ -113,11 +115,10 @@ def fit(
         given = load_study(where, set_)
         folder = StudyFolder(space_out(given))
         require_variables(given)
-        fill(given, folder, jobs, cluster)
+        fill(given, folder, jobs, cluster, progress)
     if asked is not None:
-        ask_more(folder, asked, jobs, cluster)
-    with ShiftProgress(0) as progress:
-        stored = train(folder, out, choose=choose, say=progress.say)
+        ask_more(folder, asked, jobs, cluster, progress)
+    stored = train(folder, out, choose=choose, say=progress.say)
     path = out or folder.surrogate
     data = {
         **stored.validation.as_dict(),

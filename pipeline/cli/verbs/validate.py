@@ -8,15 +8,16 @@ import typer
 
 from dogshape.diagnosis.bench.bench_data import load_bench, require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
+from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Jobs, Json, angles_of
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.validate_tables import (
     comparison_table,
     difference_record,
     engaged_record,
     examined_record,
 )
-from dogshape.pipeline.console import emit, verb
-from dogshape.pipeline.progress import ShiftProgress
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS, kept_shifts, work_folder
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.numerical_error import repeated
@@ -50,7 +51,7 @@ def validate(
     shifts = len(given.cells) * len(listed or own or range(count))
     folder = work_folder(SHIFTS, "validate", given.name, clutch_record(given.clutch), angles)
     with (
-        ShiftProgress(shifts + repeated(shifts)) as progress,
+        WorkCounter(ProgressBar(), shifts + repeated(shifts)) as progress,
         kept_shifts(folder, progress, jobs) as executor,
     ):
         result = compare(given, executor.run, chosen, checked=True)

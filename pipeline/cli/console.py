@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-import math
 import sys
 from collections.abc import Callable
 from typing import Any, ParamSpec
@@ -54,11 +53,6 @@ def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
     Every console of the program comes from here; ``[v2]`` in a path is no markup.
     """
     return Console(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
-
-
-def in_ms(seconds: float | None) -> str:
-    """Return a time in ms to a tenth, or a dash where there is none."""
-    return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
 
 
 def columns(*names: str) -> Table:
