@@ -1,6 +1,7 @@
 """Progress of long work: what a library tells whoever waits for it.
 
-A library prints nothing. It counts into a ``WorkCounter``, which tells a ``Progress``: the command line's bar (``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
+A library prints nothing. It counts into a ``WorkCounter``, which tells a ``Progress``: the command
+line's bar (``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
 """
 
 from __future__ import annotations

@@ -166,4 +166,4 @@ def test_a_quick_answer_loads_nothing_slow(arguments: list[str]) -> None:
 def test_one_place_makes_consoles() -> None:
     """It turns markup off: names and paths of users have square brackets."""
     making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
-    assert making == [ROOT / "pipeline" / "console.py"]
+    assert making == [ROOT / "pipeline" / "cli" / "console.py"]
