@@ -1,1 +1,61 @@
-"""Simulate, search, check and diagnose dog clutches."""
+"""Simulate, search, check and diagnose dog clutches.
+
+A problem is a frozen value, a verb turns it into a frozen result that carries it:
+
+>>> import dogshape as ds
+>>> study = ds.Study("mq200", chamfer_deg=11, count=18)
+>>> study.shift(mismatch_rpm=50, force_N=469, angle_deg=10).time_s  # doctest: +SKIP
+0.0747
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from dogshape.expectation import Expectation
+    from dogshape.pipeline.progress import Progress
+    from dogshape.result import Result
+    from dogshape.shift import Shift
+    from dogshape.sim.effect import BenchTest, Effect, Parameter
+    from dogshape.sim.errors import DogshapeError, InputError
+    from dogshape.study import Study
+
+__all__ = [
+    "BenchTest",
+    "DogshapeError",
+    "Effect",
+    "Expectation",
+    "InputError",
+    "Parameter",
+    "Progress",
+    "Result",
+    "Shift",
+    "Study",
+]
+
+#: Module of each public name. They are loaded when asked for, since simulation, search and pages
+#: take seconds to load and the command line wants none of them for a quick answer.
+_HOMES = {
+    "BenchTest": "dogshape.sim.effect",
+    "DogshapeError": "dogshape.sim.errors",
+    "Effect": "dogshape.sim.effect",
+    "Expectation": "dogshape.expectation",
+    "InputError": "dogshape.sim.errors",
+    "Parameter": "dogshape.sim.effect",
+    "Progress": "dogshape.pipeline.progress",
+    "Result": "dogshape.result",
+    "Shift": "dogshape.shift",
+    "Study": "dogshape.study",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"dogshape has no '{name}'; it has {', '.join(__all__)}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

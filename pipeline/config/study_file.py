@@ -145,13 +145,15 @@ def physics_of(record: Record, variables: Sequence[str], file: StudyFile) -> Rec
     return {**fixed, "rise_force_N": table.force_N, "rise_s": table.rise_s}
 
 
-def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
+def load_study(
+    where: str | Path, overrides: Iterable[str] | Mapping[str, Any] | None = None
+) -> Study:
     """Read and validate a study.
 
     Parameters
     ----------
     where : TOML file, folder with ``study.toml`` or name of a bundled study.
-    overrides : ``KEY=VALUE`` with dotted keys, later ones win.
+    overrides : ``KEY=VALUE`` with dotted keys, later ones win; or values by dotted keys.
 
     Raises
     ------
@@ -163,9 +165,11 @@ def load_study(where: str | Path, overrides: list[str] | None = None) -> Study:
         data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
-    for override in overrides or []:
-        _override(data, override)
-    source = f"{path} with --set" if overrides else str(path)
+    pairs = overrides.items() if isinstance(overrides, Mapping) else map(_pair, overrides or ())
+    source = str(path)
+    for key, value in pairs:
+        _override(data, key, value)
+        source = f"{path} with --set"
     return build_study(validate(StudyFile, data, source))
 
 
@@ -190,23 +194,30 @@ def bundled_studies() -> list[str]:
     return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
 
 
-def _override(data: dict[str, Any], text: str) -> None:
+def _pair(text: str) -> tuple[str, Any]:
+    """Read ``KEY=VALUE``, the value as TOML or else as text."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
-    *tables, last = key.strip().split(".")
-    table = data
-    for name in tables:
-        table = table.setdefault(name, {})
-        if not isinstance(table, dict):
-            raise InputError(f"--set {text}: {name} is a value and not a table; check the key")
     try:
         read = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
         read = {"v": value.strip()}
     if set(read) != {"v"}:
         raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
-    table[last] = read["v"]
+    return key.strip(), read["v"]
+
+
+def _override(data: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key of a study file's tables."""
+    *tables, last = key.split(".")
+    table = data
+    for name in tables:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            wrong = f"--set {key}={value}: {name} is a value and not a table"
+            raise InputError(f"{wrong}; check the key")
+    table[last] = value
 
 
 def build_study(file: StudyFile) -> Study:

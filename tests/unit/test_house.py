@@ -59,8 +59,9 @@ SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "
 #: What the truth of blind cases may have of the project: no physics, no effects.
 APART = {"sim.errors", "sim.units"}
 TRUTH = ("stand", "mujoco_model", "mujoco_shift", "true_effects", "cases", "data")
-#: Verbs of proof are adapters of it; nothing else of the product imports ``validation``.
-PROOF = "pipeline/cli/"
+#: The command line is an adapter of the public package and of the proof; nothing else of the
+#: product imports either.
+ADAPTER, ADAPTED = "pipeline/cli/", ("dogshape", "validation")
 MODULES = sorted(path for house in ALLOWED for path in (ROOT / house).rglob("*.py"))
 
 
@@ -73,14 +74,30 @@ def _named(path: Path) -> str:
 NAMES = {_named(path) for path in MODULES}
 
 
-def _imports(path: Path) -> Iterator[str]:
-    """Yield all modules that a file imports, anywhere in it; of the project without its name."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def _short(module: str) -> str:
+    """Return a module without ``dogshape``, but for those of the public package itself."""
+    inner = module.removeprefix("dogshape.")
+    return inner if inner.split(".")[0] in ALLOWED else module
+
+
+def _imports(path: Path, *, types: bool = True) -> Iterator[str]:
+    """Yield all modules that a file imports, anywhere in it; of the project without its name.
+
+    Without ``types`` what only the type checker reads is left out.
+    """
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    checked = [
+        n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)
+    ]
+    skipped = set() if types else {inner for n in checked for inner in ast.walk(n)}
+    for node in ast.walk(tree):
+        if node in skipped:
+            continue
         if isinstance(node, ast.Import):
-            yield from (alias.name.removeprefix("dogshape.") for alias in node.names)
+            yield from (_short(alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            module = (node.module or "").removeprefix("dogshape.")
+            module = _short(node.module or "")
             for alias in node.names:
                 inner = f"{module}.{alias.name}"
                 yield inner if inner in NAMES else module
@@ -97,13 +114,16 @@ def test_imports_keep_to_the_rooms(path: Path) -> None:
     name = path.relative_to(ROOT).as_posix()
     house, *inside = name.split("/")
     order = ORDER.get(house, ())
+    runs = set(_imports(path, types=False))
     for imported in _imports(path):
         other, *rest = imported.split(".")
         if other not in ALLOWED:
-            assert name.startswith(GUARDED.get(other, ("",))), f"{name} imports {other}"
+            assert imported not in runs or name.startswith(GUARDED.get(other, ("",))), (
+                f"{name} imports {other}"
+            )
         elif other != house:
-            proof = other == "validation" and name.startswith(PROOF)
-            assert proof or other in ALLOWED[house], f"{name} imports {imported}"
+            adapts = other in ADAPTED and name.startswith(ADAPTER)
+            assert adapts or other in ALLOWED[house], f"{name} imports {imported}"
         elif inside[0] in order and rest and rest[0] in order:
             assert order.index(rest[0]) <= order.index(inside[0]), f"{name} imports {imported}"
 

@@ -19,11 +19,11 @@ from dogshape.pipeline.cli.options import (
     Sets,
     StudyArg,
     SurrogateFile,
-    points_of,
 )
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.cli.tables.prediction_tables import answer_text, filled_lines, many_text
+from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.search.tolerance_effects import (
     checks_within,

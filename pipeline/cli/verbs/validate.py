@@ -22,6 +22,7 @@ from dogshape.pipeline.simulate.kept_shifts import SHIFTS, kept_shifts, work_fol
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.numerical_error import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
+from dogshape.sim.units import DEG
 
 
 @verb
@@ -40,7 +41,8 @@ def validate(
     Example: dogshape validate mq200_adams
     """
     given = load_bench(bench, correct or ())
-    count, listed = angles_of(angles, ANGLES)
+    count, degrees = angles_of(angles, ANGLES)
+    listed = tuple(angle * DEG for angle in degrees)
     if len(listed or range(count)) < 3:
         raise InputError(
             f"--angles is '{angles}', but a comparison needs at least three; give more"

@@ -41,20 +41,23 @@ PANELS = (0.36, 0.3, 0.34)  #: shares of displacement, speed and force
 
 def write_trace(result: Engagement, path: Path) -> None:
     """Write the time series of a shift as CSV, columns as in bench traces."""
-    t = result.trace
-    table = pd.DataFrame(
+    with naming(path):
+        trace_frame(result.trace).to_csv(path, index=False, float_format="%.9g")
+
+
+def trace_frame(trace: Trace) -> pd.DataFrame:
+    """Tabulate the time series of a shift, columns as in bench traces."""
+    return pd.DataFrame(
         {
-            "t_s": t.time,
-            "displacement_mm": t.displacement / MM,
-            "force_N": t.shift_force,
-            "sliding_speed_rpm": t.sliding_speed / RPM,
-            "output_speed_rpm": t.output_speed / RPM,
-            "relative_angle_deg": t.relative_angle / DEG,
-            "contact_force_N": t.contact_force,
+            "t_s": trace.time,
+            "displacement_mm": trace.displacement / MM,
+            "force_N": trace.shift_force,
+            "sliding_speed_rpm": trace.sliding_speed / RPM,
+            "output_speed_rpm": trace.output_speed / RPM,
+            "relative_angle_deg": trace.relative_angle / DEG,
+            "contact_force_N": trace.contact_force,
         }
     )
-    with naming(path):
-        table.to_csv(path, index=False, float_format="%.9g")
 
 
 def write_animation(
@@ -168,6 +171,14 @@ def _panels() -> list[tuple[float, float]]:
         panels.append((top, bottom))
         top = bottom
     return panels
+
+
+def curves(result: Engagement) -> go.Figure:
+    """Draw displacement, speeds and forces over time, with the phases behind them."""
+    figure = _curves(result, _series(result.trace))
+    for row, title in enumerate(("displacement, mm", "speed, 1/min", "force, N"), start=1):
+        figure.update_yaxes(title=title, row=row)
+    return figure.update_layout(paper_bgcolor="white")
 
 
 def _curves(result: Engagement, series: dict[str, NDArray[np.float64]]) -> go.Figure:

@@ -1,0 +1,46 @@
+"""What all results have in common: how they show themselves and become data."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Result(ABC):
+    """Answer to a problem, which it carries; frozen, so that it stays what was computed."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that the command line prints with ``--json``, fit for JSON."""
+
+    @abstractmethod
+    def to_frame(self) -> pd.DataFrame:
+        """Give the result as a table, columns named with their units."""
+
+    @property
+    @abstractmethod
+    def facts(self) -> dict[str, str]:
+        """What one reads first, each with its unit."""
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{name} {value}" for name, value in self.facts.items())
+        return f"{type(self).__name__}({told})"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
+            for name, value in self.facts.items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+
+def ms(seconds: float | None, error: float | None = None) -> str:
+    """Write a time in ms, with its standard error where it has one."""
+    if seconds is None:
+        return "-"
+    told = f"{seconds * 1e3:.1f}"
+    return f"{told} ms" if error is None else f"{told} ± {error * 1e3:.1f} ms"

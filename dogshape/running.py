@@ -1,0 +1,50 @@
+"""Where simulations run, and where finished ones wait while the work goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
+from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+
+
+@dataclass(frozen=True)
+class Where:
+    """Where shifts run, and where finished ones are kept until all of the work is done.
+
+    Parameters
+    ----------
+    jobs : worker processes, 0 for one a core.
+    cluster : address of a Dask scheduler, None to run here.
+    keep : folder in which a run that was stopped leaves its finished shifts; None keeps none.
+    progress : is told how far the work is.
+    """
+
+    jobs: int = 0
+    cluster: str | None = None
+    keep: Path | None = None
+    progress: Progress = SILENT
+
+    @contextmanager
+    def executor(self, name: str, asked: tuple[Any, ...], shifts: int) -> Iterator[Running]:
+        """Give what simulates the shifts of one question, and counts them."""
+        with WorkCounter(self.progress, shifts) as counter:
+            if self.keep is None:
+                yield Running(scratch_executor(self.jobs, counter.advance, self.cluster), counter)
+                return
+            folder = work_folder(self.keep, name, *asked)
+            with kept_shifts(folder, counter, self.jobs, self.cluster) as executor:
+                yield Running(executor, counter)
+
+
+@dataclass(frozen=True)
+class Running:
+    """An executor with the counter that it counts into."""
+
+    executor: Executor
+    counter: WorkCounter

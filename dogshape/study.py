@@ -1,0 +1,106 @@
+"""A study as a problem: a clutch, how it is operated, and what is asked of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.progress import SILENT, Progress
+
+if TYPE_CHECKING:
+    from dogshape.expectation import Expectation
+    from dogshape.shift import Shift
+
+
+@dataclass(frozen=True, init=False, repr=False)
+class Study:
+    """A study: what is built, how it is operated and what is searched.
+
+    Parameters
+    ----------
+    where : TOML file, folder with ``study.toml``, or name of a study that the package brings.
+    settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``.
+    dog : keys of the dog, ``chamfer_deg=11, count=18``.
+
+    Raises
+    ------
+    InputError
+        With the file, the key, the value and the rule.
+
+    Examples
+    --------
+    >>> Study("mq200", chamfer_deg=11, count=18).name
+    'mq200'
+    """
+
+    config: StudyConfig
+
+    def __init__(
+        self, where: str | Path, settings: Mapping[str, Any] | None = None, /, **dog: float
+    ) -> None:
+        changed = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
+        object.__setattr__(self, "config", load_study(where, changed))
+
+    @property
+    def name(self) -> str:
+        """Name of the study."""
+        return self.config.name
+
+    @property
+    def dog(self) -> dict[str, float]:
+        """Keys of the dog with their values, in the units that their names end in."""
+        return dict(self.config.file.dog.model_dump())
+
+    # A verb loads what it needs: simulation, search and pages take seconds that no other wants.
+
+    def shift(
+        self,
+        *,
+        mismatch_rpm: float,
+        force_N: float,
+        angle_deg: float,
+        force_rise_s: float | None = None,
+        all_dogs: bool = False,
+    ) -> Shift:
+        """Simulate one shift (``dogshape.shift.simulate_shift``)."""
+        from dogshape.shift import simulate_shift  # noqa: PLC0415
+
+        return simulate_shift(
+            self.config, mismatch_rpm, force_N, angle_deg, force_rise_s, all_dogs=all_dogs
+        )
+
+    def expect(
+        self,
+        *,
+        mismatch_rpm: float | None = None,
+        force_N: float | None = None,
+        force_rise_s: float | None = None,
+        angles: int | Sequence[float] | None = None,
+        precision: float | None = None,
+        jobs: int = 0,
+        cluster: str | None = None,
+        keep: str | Path | None = None,
+        progress: Progress = SILENT,
+    ) -> Expectation:
+        """Simulate the expected shift time (``dogshape.expectation.simulate_mean``).
+
+        ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
+        """
+        from dogshape.expectation import simulate_mean  # noqa: PLC0415
+        from dogshape.running import Where  # noqa: PLC0415
+
+        where = Where(jobs, cluster, None if keep is None else Path(keep), progress)
+        point = mismatch_rpm, force_N, force_rise_s
+        return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
+
+    def __repr__(self) -> str:
+        dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
+        return f"Study({self.name}: {dog}; {self.config.operating_text})"
+
+    def _repr_html_(self) -> str:
+        return f"<code>{escape(repr(self))}</code>"
