@@ -135,13 +135,18 @@ def sections(text: str) -> Iterator[tuple[str, int, int]]:
 
 
 def unvouched(
-    file: str, text: str, entries: Sequence[Entry], results: Mapping[str, Sequence[tuple[str, str]]]
+    file: str,
+    text: str,
+    entries: Sequence[Entry],
+    results: Mapping[str, Sequence[tuple[str, str]]],
+    written: Sequence[tuple[int, int]] = (),
 ) -> list[Finding]:
     """List the figures in the sections of results that have neither an entry nor a reason.
 
     Parameters
     ----------
     results : patterns with a reason each, by heading; other sections are not looked at.
+    written : begin and end of what is written from a source as a whole (``benchmarks.blocks``).
     """
     covered = [
         m.span(k + 1)
@@ -160,7 +165,7 @@ def unvouched(
         ]
         places = {m.span() for form in (FIGURE, DECIMAL) for m in form.finditer(text, begin, end)}
         for place, stop in sorted(places):
-            if not any(a < stop and place < b for a, b in (*covered, *allowed)):
+            if not any(a < stop and place < b for a, b in (*covered, *allowed, *written)):
                 words = " ".join(text[max(place - 30, begin) : stop + 15].split())
                 found.append(
                     Finding(

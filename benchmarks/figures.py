@@ -4,14 +4,17 @@
     python -m benchmarks.figures            put what the sources give in their place
 
 ``benchmarks.published`` has the table of figures: kept results, docs/evidence or a quick
-computation. ``benchmarks.sections`` says which sections hold results: every number in them that has
-a unit or a decimal point needs an entry, or a pattern with a reason.
+computation. Some passages are written as a whole (``benchmarks.blocks``). ``benchmarks.sections``
+says which sections hold results: every number in them that has a unit or a decimal point needs an
+entry, or a pattern with a reason.
 """
 
 from __future__ import annotations
 
 import sys
 
+from benchmarks.blind_table import BLOCKS
+from benchmarks.blocks import filled, outdated, spans
 from benchmarks.entries import ROOT, Finding, differences, rewritten, unvouched
 from benchmarks.published import ENTRIES
 from benchmarks.sections import RESULTS
@@ -28,7 +31,9 @@ def checked() -> list[Finding]:
     for file in documents():
         text = (ROOT / file).read_text(encoding="utf-8")
         entries = [entry for entry in ENTRIES if entry.file == file]
-        found += differences(text, entries) + unvouched(file, text, entries, RESULTS.get(file, {}))
+        blocks = [block for block in BLOCKS if block.file == file]
+        found += outdated(text, blocks) + differences(text, entries)
+        found += unvouched(file, text, entries, RESULTS.get(file, {}), spans(text, blocks))
     return found
 
 
@@ -38,7 +43,8 @@ def main() -> int:
         for file in documents():
             path = ROOT / file
             old = path.read_text(encoding="utf-8")
-            new = rewritten(old, [entry for entry in ENTRIES if entry.file == file])
+            new = filled(old, [block for block in BLOCKS if block.file == file])
+            new = rewritten(new, [entry for entry in ENTRIES if entry.file == file])
             if new != old:
                 path.write_text(new, encoding="utf-8")
                 print(f"{file} written")

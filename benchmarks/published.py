@@ -6,9 +6,11 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from benchmarks.blind_table import SCORE, has_both
 from benchmarks.entries import Entry
 from benchmarks.kept import bank_shifts, gap, numbers, result, surrogate, trial
 
+README = "README.md"
 MS = 1e3
 PERCENT = 100.0
 
@@ -104,33 +106,46 @@ _FINE, _FINE_SEEN = _ALL, "gap of two sampling errors or more (77)"
 _SPAN = "{:.0f} % ({:.0f} to {:.0f})"
 
 BLIND = [
-    ("blind", _ALL, 0, f"is the most probable hypothesis | {_SPAN} |"),
-    ("blind", _SEEN, 0, f"48 % (40 to 57) | {_SPAN} | |"),
-    ("blind", _ALL, 3, f"the truth is in the leading class | {_SPAN} |"),
-    ("blind", _SEEN, 3, f"55 % (47 to 64) | {_SPAN} | 95 %"),
-    ("blind", _ALL, 9, f"no more and no less | {_SPAN} |"),
-    ("blind", _SEEN, 9, f"82 % (67 to 91) | {_SPAN} | 98 %"),
-    ("blind", _ALL, 12, f"90 % set of hypotheses holds the truth | {_SPAN} |"),
-    ("blind", _SEEN, 12, f"67 % (58 to 74) | {_SPAN} | 90 %"),
-    ("blind", "pairs: both causes found", 0, f"pairs: both found | {_SPAN} |"),
-    ("blind", "outside the list: unknown, or refused", 0, f"list: unknown | {_SPAN} |"),
-    ("blind", "visible, outside the list: unknown, or refused", 0, f"(16 to 56) | {_SPAN} | 90 %"),
-    ("blind", "outside the list: an effect named", 0, f"list: an effect named | {_SPAN} |"),
-    ("blind", "ambiguous: settled by the advised test", 0, f"case; wrongly | {_SPAN};"),
-    ("blind", "ambiguous: settled wrongly", 0, f"44 % (32 to 58); {_SPAN} |"),
-    ("blind", "visible and ambiguous: settled by the advised test", 0, f"(11 to 32) | {_SPAN};"),
-    ("blind", "visible and ambiguous: settled wrongly", 0, f"52 % (35 to 67); {_SPAN} | 80 %"),
-    ("blind", "visible single effects: the diagnosis", 0, f"smallest RMSE | | {_SPAN};"),
-    ("blind", "visible single effects: smallest RMSE", 0, f"86 % (71 to 94); {_SPAN} |"),
-    ("blind_fine", _FINE, 3, f"the truth is in the leading class in {_SPAN} of all"),
-    ("blind_fine", _FINE, 9, f"what is named is the truth in {_SPAN},"),
-    ("blind_fine", _FINE, 12, f"the 90 % set holds it in {_SPAN} of all"),
-    ("blind_fine", _FINE_SEEN, 12, f"and {_SPAN} of the visible ones"),
+    (_ALL, 0, f"is the most probable hypothesis | {_SPAN} |"),
+    (_SEEN, 0, f"48 % (40 to 57) | {_SPAN} | |"),
+    (_ALL, 3, f"the truth is in the leading class | {_SPAN} |"),
+    (_SEEN, 3, f"55 % (47 to 64) | {_SPAN} | 95 %"),
+    (_ALL, 9, f"no more and no less | {_SPAN} |"),
+    (_SEEN, 9, f"82 % (67 to 91) | {_SPAN} | 98 %"),
+    (_ALL, 12, f"90 % set of hypotheses holds the truth | {_SPAN} |"),
+    (_SEEN, 12, f"67 % (58 to 74) | {_SPAN} | 90 %"),
+    ("pairs: both causes found", 0, f"pairs: both found | {_SPAN} |"),
+    ("outside the list: unknown, or refused", 0, f"list: unknown | {_SPAN} |"),
+    ("visible, outside the list: unknown, or refused", 0, f"(16 to 56) | {_SPAN} | 90 %"),
+    ("outside the list: an effect named", 0, f"list: an effect named | {_SPAN} |"),
+    ("ambiguous: settled by the advised test", 0, f"case; wrongly | {_SPAN};"),
+    ("ambiguous: settled wrongly", 0, f"44 % (32 to 58); {_SPAN} |"),
+    ("visible and ambiguous: settled by the advised test", 0, f"(11 to 32) | {_SPAN};"),
+    ("visible and ambiguous: settled wrongly", 0, f"52 % (35 to 67); {_SPAN} | 80 %"),
+    ("visible single effects: the diagnosis", 0, f"smallest RMSE | | {_SPAN};"),
+    ("visible single effects: smallest RMSE", 0, f"86 % (71 to 94); {_SPAN} |"),
+]
+FINE = [
+    (_FINE, 3, f"the truth is in the leading class in {_SPAN} of all"),
+    (_FINE, 9, f"what is named is the truth in {_SPAN},"),
+    (_FINE, 12, f"the 90 % set holds it in {_SPAN} of all"),
+    (_FINE_SEEN, 12, f"and {_SPAN} of the visible ones"),
 ]
 
 
 def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
     return lambda: _share(numbers(table, label), first)
+
+
+#: README on a score with one way to diagnose; one with both is ``benchmarks.blind_table``'s.
+ONE_WAY = [
+    *(Entry(README, text, _blind("blind", label, first)) for label, first, text in BLIND),
+    Entry(
+        README,
+        "calibration error of the leading hypothesis | {:.2f} ({:.2f} to {:.2f}) |",
+        lambda: numbers("blind", "calibration error of the leading one")[:3],
+    ),
+]
 
 
 STAND_TOP = ("actuation_delay", "actuation_lag", "drag_torque")
@@ -214,7 +229,6 @@ def _best() -> Any:
     return result("mq200")["best"]
 
 
-README = "README.md"
 ENTRIES: list[Entry] = [
     # README: What it found
     Entry(
@@ -445,12 +459,8 @@ ENTRIES: list[Entry] = [
     Entry(README, "oil damping of {:.0f} N s/m", _adams("viscous_damping", "damping_Ns_m")),
     Entry(README, "dry friction of {:.0f} N that", _adams("sleeve_friction", "friction_N")),
     # README: the blind score
-    *(Entry(README, text, _blind(table, label, first)) for table, label, first, text in BLIND),
-    Entry(
-        README,
-        "calibration error of the leading hypothesis | {:.2f} ({:.2f} to {:.2f}) |",
-        lambda: numbers("blind", "calibration error of the leading one")[:3],
-    ),
+    *([] if has_both(SCORE) else ONE_WAY),
+    *(Entry(README, text, _blind("blind_fine", label, first)) for label, first, text in FINE),
     # README: Commands, the surrogate
     Entry(
         README,

@@ -38,7 +38,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"A drag of\s+1 N m and more", "low end of the interval, rounded"),
             (r"detent \(4 % each\)|within 2 ms of it", "rounded from gap_stand.json"),
             (r"2352 shifts more", "what the command announces"),
-            (r"130 (?:sealed )?cases", "size of the set, in the labels of blind.txt"),
+            (r"\d+ (?:sealed )?cases", "size of the set, in the labels of blind.txt"),
             (r"the\s90 % set", "level of the set of hypotheses"),
             (r"a\s+probability of 0\.9 is", "an example"),
             (rf"(?m:{TARGET})", "aims, set before the score"),

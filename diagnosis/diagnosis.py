@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.inference.classes import Confusion, confusable, confusion, invisible
+from dogshape.diagnosis.inference.classes import (
+    Confusion,
+    confusable,
+    confusion,
+    invisible,
+    structured,
+)
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.next_test import (
     Foretold,
@@ -98,6 +104,7 @@ class Diagnosis:
             "summary": in_words(self.found),
             "hypotheses": [self._hypothesis(h) for h in self.belief],
             "confusable": confusable(self.confusion, aliases),
+            "classes": structured(self.confusion),
             "gap": {
                 "hypothesis": list(self.leading),
                 "baseline_rmse_s": self.before_after.baseline,

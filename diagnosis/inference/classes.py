@@ -123,8 +123,18 @@ def invisible(scored: Sequence[Scored], metric: Metric) -> dict[str, float]:
     return found
 
 
+def structured(found: Confusion) -> list[list[list[str]]]:
+    """List the classes of more than one hypothesis, each hypothesis as its effects."""
+    return [[list(h) for h in group] for group in found.classes if len(group) > 1]
+
+
+def in_short(effects: Sequence[str]) -> str:
+    """Write a hypothesis as ``confusable`` has it."""
+    return " + ".join(effects) or "none"
+
+
 def confusable(found: Confusion, aliases: Mapping[str, Sequence[str]]) -> list[list[str]]:
     """Return classes of more than one as names, and effects with what is never told from them."""
-    groups = [[" + ".join(h) or "none" for h in g] for g in found.classes if len(g) > 1]
+    groups = [[in_short(h) for h in group] for group in structured(found)]
     named = {name for hypothesis in found.hypotheses for name in hypothesis}
     return groups + [[name, *aliases[name]] for name in sorted(named) if aliases.get(name)]

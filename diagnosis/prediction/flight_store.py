@@ -21,6 +21,7 @@ from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.shift_records import clutch_record, content_key
 from dogshape.sim.versions import engine
+from dogshape.sim.writers import adding
 
 
 @dataclass
@@ -52,20 +53,24 @@ class FlightStore:
         return self.fresh[key]
 
     def save(self) -> None:
-        """Write what is fresh to the last file, as a whole or not at all."""
+        """Add what is fresh to the last file, which is written as a whole or not at all.
+
+        Runs that save to the same file do so one after the other, so that each keeps its tables.
+        Raises StorageError where it cannot be read or written.
+        """
         if not self.fresh or not self.paths:
             return
         path = self.paths[-1]
-        mine, file = {**(_read(path) if path.exists() else {}), **self.fresh}, io.BytesIO()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+        with adding(path):
+            mine, file = {**(_read(path) if path.exists() else {}), **self.fresh}, io.BytesIO()
             kept = {key: table.astype(np.float32) for key, table in mine.items()}
             np.savez_compressed(file, **kept)  # type: ignore[arg-type]  # keys are no options
-            write_whole(path, file.getvalue())
-        except OSError as error:
-            raise StorageError(
-                f"{path} cannot be written ({error.strerror}); make room or give another folder"
-            ) from error
+            try:
+                write_whole(path, file.getvalue())
+            except OSError as error:
+                raise StorageError(
+                    f"{path} cannot be written ({error.strerror}); make room or give another folder"
+                ) from error
         self.fresh.clear()
 
 

@@ -30,7 +30,6 @@ from dogshape.diagnosis.prediction.sense_bank import (
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.store.lock import writing
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
@@ -39,6 +38,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.writers import writing
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 TIMES, FLIGHTS = "bank.json", "flights.npz"

@@ -17,10 +17,10 @@ from typing import Any
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect, scratch_executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.store.lock import writing
 from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
+from dogshape.sim.writers import writing
 
 SHIFTS = Path("results") / "shifts"  #: folder of unfinished commands that have none of their own
 

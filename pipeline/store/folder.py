@@ -24,11 +24,11 @@ from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.pipeline.config.study_file import Study, build_study
-from dogshape.pipeline.store.lock import writing
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
+from dogshape.sim.writers import writing
 
 
 class StudyFolder:

@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +20,15 @@ from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import Series
 from dogshape.validation.blind.intervals import calibration, mean, share
 from dogshape.validation.blind.mujoco_shift import Shift
+from dogshape.validation.blind.pair_refit import Seen
+from dogshape.validation.blind.pair_visibility import Size
 from dogshape.validation.blind.score import VISIBLE, score, scored
 from dogshape.validation.blind.stand import Point, Stand
 
-PAIR_SIZES = {"actuation_delay": 40.0, "moving_mass": 2.5}
+PAIR_SIZES = {
+    "actuation_delay": Size(beside=40.0, before=60.0, after=30.0),
+    "moving_mass": Size(beside=2.5, before=3.0, after=2.2),
+}
 FREE = [[0.1, 0.2, 0.3, 0.4]]
 
 
@@ -66,7 +72,7 @@ RESULTS = {
     ),
     "case_01": _found(
         {("viscous_damping",): 0.6, ("sleeve_friction",): 0.35, (): 0.05}, "ambiguous", [],
-        confusable=[["viscous_damping", "sleeve_friction"], ["moving_mass", "time zero"]],
+        classes=[[["viscous_damping"], ["sleeve_friction"]], [["moving_mass"], []]],
     ),
     "case_02": _found({MASS: 0.85, (): 0.15}, "effect", ["moving_mass"]),
     "case_03": _found({("actuation_delay",): 0.7, ("actuation_delay", "moving_mass"): 0.3},
@@ -110,6 +116,24 @@ def test_figures_count_what_they_say() -> None:
     json.dumps(found, allow_nan=False)
 
 
+def test_classes_are_those_of_the_record_and_no_reading_of_words() -> None:
+    """An effect whose name has a plus, and a record that has names alone."""
+    odd, pair = ("lag + play",), ("actuation_lag", "moving_mass")
+    chances: dict[tuple[str, ...], float] = {odd: 0.5, pair: 0.3, (): 0.2}
+    confusable = [["lag + play", "actuation_lag + moving_mass"], ["lag + play", "none"]]
+    classes = [[list(odd), list(pair)]]
+    truth = _truth("single", {}, 0.3, causes=list(pair))
+    for more in ({"classes": classes, "confusable": [["none"]]}, {"confusable": confusable[:1]}):
+        result = _found(chances, "ambiguous", [], **more)
+        mark = mark_of("case_00", truth, {"reference_s": FREE}, result)
+        assert mark.group == {odd, pair}
+        assert mark.right_class
+    # What stands beside an effect without being a hypothesis is in no class.
+    alias = _found({MASS: 0.9, (): 0.1}, "effect", [], confusable=[["moving_mass", "time zero"]])
+    mark = mark_of("case_00", truth, {"reference_s": FREE}, alias)
+    assert mark.group == {MASS}
+
+
 def test_chance_alone_has_no_size_whatever_skips_a_slot() -> None:
     """Ten draws at 28 points, a late one and two odd points among them, against 24 others."""
     generator = np.random.default_rng(5)
@@ -142,9 +166,15 @@ def test_what_no_method_can_see_counts_apart() -> None:
     marks = [mark_of(n, CASES[n], key, RESULTS[n]) for n in CASES]
     seen = scored(marks, None, {"case_03": PAIR_SIZES})["all"]
     assert seen["top_class_as_seen"]["value"] == seen["top_class"]["value"]
-    hidden = scored(marks, None, {"case_03": {**PAIR_SIZES, "moving_mass": 1.5}})
+    small = {**PAIR_SIZES, "moving_mass": Size(beside=1.5, before=3.0, after=2.2)}
+    hidden = scored(marks, None, {"case_03": small})
     assert hidden["all"]["top_class_as_seen"]["value"] == pytest.approx(4 / 5)
     assert hidden["pairs_both_visible"]["n"] == 0
+    assert hidden["pairs_visible_after_refit"]["n"] == 1
+    done = {**PAIR_SIZES, "moving_mass": Size(beside=2.5, before=3.0, after=1.9)}
+    taken_over = scored(marks, None, {"case_03": done})
+    assert taken_over["pairs_both_visible"]["n"] == 1
+    assert taken_over["pairs_visible_after_refit"]["n"] == 0
     none = [mark_of("case_01", CASES["case_01"], key, _found({(): 0.9, MASS: 0.1}, "none", []))]
     assert scored(none)["all"]["top_class"]["value"] == 0.0
     assert scored(none)["all"]["top_class_as_seen"]["value"] == 1.0
@@ -185,6 +215,10 @@ def test_calibration_error_of_probabilities_that_are_true_as_often_as_they_say()
     assert calibration([[(0.95, False)]] * 5)["value"] == pytest.approx(0.95)
 
 
+def _not_asked(_: Path) -> Seen:
+    raise AssertionError("all pairs are known")
+
+
 def _sealed(folder: Path) -> Path:
     """A set with made-up data, sealed as ``make`` does it."""
     for name in CASES:
@@ -195,9 +229,8 @@ def _sealed(folder: Path) -> Path:
     digest = hashlib.sha256(text.encode()).hexdigest()
     (folder / "key.json").write_text(text)
     # What was simulated of the pairs for an earlier score.
-    (folder / "partners.json").write_text(
-        json.dumps({"key": digest, "sizes": {"case_03": PAIR_SIZES}})
-    )
+    kept = {effect: asdict(size) for effect, size in PAIR_SIZES.items()}
+    (folder / "partners.json").write_text(json.dumps({"key": digest, "sizes": {"case_03": kept}}))
     manifest = {"format": sealed.FORMAT, "cases": hashes, "key_sha256": digest}
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
@@ -230,10 +263,13 @@ def test_a_run_never_opens_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "manifest.json" in opened
     assert sum(told) == len(CASES)
     (folder / "key.json").write_bytes(key)
-    found = score(folder)
+    found = score(folder, _not_asked)
     assert found["cases"] == len(CASES)
     assert found["pairs_both_visible"]["n"] == 1
     assert found["marks"][3]["weaker_effect_in_errors"] == 2.5
+    assert found["marks"][3]["weaker_effect_after_refit_in_errors"] == 2.2
+    mass = found["marks"][3]["pair"]["moving_mass"]
+    assert mass["log_likelihood_ratio_after_refit"] == pytest.approx(0.5 * 2.2**2)
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
@@ -247,7 +283,7 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         sealed.run(folder, stopped)
     with pytest.raises(InputError, match=r"3 of 5 cases are not diagnosed yet.*blind run"):
-        score(folder)
+        score(folder, _not_asked)
     again: list[str] = []
 
     def counted(case: Path) -> dict[str, Any]:
@@ -268,7 +304,7 @@ def test_another_key_or_other_data_are_refused(tmp_path: Path) -> None:
     text = (folder / "key.json").read_text()
     (folder / "key.json").write_text(text.replace("moving_mass", "free_play"))
     with pytest.raises(StorageError, match="not the key that was sealed"):
-        score(folder)
+        score(folder, _not_asked)
 
 
 def test_results_of_another_set_are_refused(tmp_path: Path) -> None:

@@ -103,7 +103,7 @@ def test_what_stands_in_the_class_of_the_truth_settles_it_too() -> None:
     assert _told(case, even).top is None
     result = _direct({friction: [0.0, 0.0], LAG: [0.0, 0.7]})
     assert (_told(case, result).wrong, _told(case, result).settled) == (True, False)
-    found = _told(case, result | {"confusable": [["sleeve_friction", "moving_mass"]]})
+    found = _told(case, result | {"classes": [[["sleeve_friction"], ["moving_mass"]]]})
     assert (found.wrong, found.settled, found.exact) == (False, True, False)
 
 

@@ -136,6 +136,8 @@ def test_aliases_stay_ambiguous_and_the_next_test_parts_them() -> None:
     record = found.as_dict()
     assert record["next_test"]["name"] == "force at the sleeve over time"
     assert ["actuation_delay", "a shifted time zero of the record"] in record["confusable"]
+    assert record["classes"] == [[["actuation_delay"], ["actuation_lag"]]]
+    assert ["actuation_delay", "actuation_lag"] in record["confusable"]
 
 
 def test_the_next_test_says_what_each_hypothesis_foretells() -> None:

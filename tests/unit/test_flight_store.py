@@ -1,12 +1,17 @@
 """Tables of flights: kept once, read again, and never taken for another bench's."""
 
+from contextlib import suppress
 from dataclasses import replace
+from multiprocessing import get_context
 from pathlib import Path
+from threading import BrokenBarrierError
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction import flight_store
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.diagnosis.prediction.flight_table import FlightTables
@@ -38,6 +43,44 @@ def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
     path.write_bytes(b"not an archive")
     with pytest.raises(StorageError, match="not a file of flights"):
         FlightStore((path,)).get("a")
+
+
+def _save_slowly(path: Path, key: str, ready: Any, between: Any) -> None:
+    """Add a table; between reading and writing the file, wait for the other process."""
+    read = flight_store._read
+
+    def read_and_wait(file: Path) -> dict[str, Any]:
+        found = read(file)
+        # Held up by a lock, the other one does not come here before this one is done.
+        with suppress(BrokenBarrierError):
+            between.wait(timeout=1.0)
+        return found
+
+    flight_store._read = read_and_wait
+    store = FlightStore((path,))
+    store.add(key, TABLE)
+    ready.wait(timeout=60.0)
+    store.save()
+
+
+def test_two_runs_that_save_at_once_keep_the_tables_of_both(tmp_path: Path) -> None:
+    """Each would read the file before the other has written it, and leave out its table."""
+    path = tmp_path / "flights.npz"
+    first = FlightStore((path,))
+    first.add("old", TABLE)
+    first.save()
+    context = get_context("spawn")
+    ready, between = context.Barrier(2), context.Barrier(2)
+    runs = [
+        context.Process(target=_save_slowly, args=(path, key, ready, between)) for key in ("a", "b")
+    ]
+    for run in runs:
+        run.start()
+    for run in runs:
+        run.join(timeout=120.0)
+    assert [run.exitcode for run in runs] == [0, 0]
+    kept = FlightStore((path,))
+    assert {key for key in ("old", "a", "b") if kept.get(key) is not None} == {"old", "a", "b"}
 
 
 def test_a_stored_table_is_not_flown_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dogshape.sim.bundled import bundled_root
 from dogshape.validation.blind.mujoco_shift import Draw, Engine
-from dogshape.validation.blind.pair_visibility import ANGLES, even_means, sizes_of
+from dogshape.validation.blind.pair_visibility import ANGLES, added_by, beside, even_means
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.true_effects import truth_of
 from dogshape.validation.second_engine import engine_available
@@ -23,14 +24,15 @@ ERROR = float(np.std(FREE[0], ddof=1)) / math.sqrt(10)
 def test_a_dead_time_adds_itself_to_every_mean() -> None:
     needed(engine_available(), "mujoco")
     stand, points = read_stand(BASE), read_points(BASE)[16:17]
-    case = {
+    case: dict[str, Any] = {
         "parameters": {
             "actuation_delay": {"delay_s": 0.004},
             "force_scale": {"force_factor": 0.6},
         },
         "times_s": [[0.1] * 10],
     }
-    found = sizes_of(stand, points, case, {"reference_s": FREE})
+    added = added_by(stand, points, case["parameters"])
+    found = {name: beside(one, case, {"reference_s": FREE}) for name, one in added.items()}
     assert min(found, key=lambda name: found[name]) == "actuation_delay"
     assert found["actuation_delay"] == pytest.approx(0.004 / ERROR, rel=1e-6)
 

@@ -164,7 +164,7 @@ def told(name: str, case: Record, result: Record, stage: Callable[[], Stage]) ->
         kind=test["kind"],
         outcome=outcome,
         truth=truth,
-        group=class_of(truth, result.get("confusable", [])),
+        group=class_of(truth, result),
         chances=updated(chances, test["foretold"], outcome) if outcome else {},
     )
 

@@ -10,6 +10,7 @@ from typing import Any
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import FlightEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
@@ -18,6 +19,7 @@ from dogshape.sim.effects import load
 from dogshape.validation.blind import sealed
 from dogshape.validation.blind.baselines import plain
 from dogshape.validation.blind.engine_gap import RULES, Moved, engines_apart
+from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import read_stand
 
 ENGINES = "engines.json"  #: beside blind cases
@@ -37,6 +39,13 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     found["told"] = _with_plain(bench, emulator, effects, RULES)
     flights.save()
     return found
+
+
+def seen_by(folder: Path, jobs: int = 0) -> Seen:
+    """Return with what ``diagnose_folder`` diagnoses a blind case as a user gets it."""
+    bench, effects = load_bench(folder), load(None)
+    emulator, _ = emulator_of(bench, effects, Means(jobs=jobs))
+    return Seen(emulator, effects, settings_of(bench))
 
 
 def _with_plain(

@@ -12,13 +12,14 @@ with *c* what chance alone gives.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
+from dogshape.diagnosis.inference.classes import in_short
 from dogshape.diagnosis.prediction.outliers import Array, bulk
 
 Record = dict[str, Any]
@@ -141,7 +142,7 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
         verdict=found.get("verdict", "refused"),
         causes=tuple(found.get("causes", ())),
         chances=chances,
-        group=class_of(top, found.get("confusable", [])),
+        group=class_of(top, found),
         credible=_credible(found, chances),
         shrink=gap.get("shrink"),
         true_shrink=shrinks.get(causes),
@@ -188,19 +189,24 @@ def sampling_error(free: Sequence[float | None], count: int) -> float:
     return max(LEAST, spread) / math.sqrt(count)
 
 
-def names_of(effects: Sequence[str]) -> Names:
+def names_of(effects: Iterable[str]) -> Names:
     """Return a hypothesis as marks have it, in alphabetical order."""
     return tuple(sorted(effects))
 
 
-def _parsed(text: str) -> Names:
-    return () if text == "none" else names_of(text.split(" + "))
-
-
-def class_of(one: Names, confusable: Sequence[Sequence[str]]) -> frozenset[Names]:
-    """Return all that stands in a class with a hypothesis, itself too, by the record's words."""
-    groups = [{_parsed(text) for text in group} for group in confusable]
+def class_of(one: Names, found: Record) -> frozenset[Names]:
+    """List all that stands in a class with a hypothesis, itself too, by the record."""
+    groups = [{names_of(effects) for effects in group} for group in _classes(found)]
     return frozenset({one}.union(*(group for group in groups if one in group)))
+
+
+def _classes(found: Record) -> list[list[list[str]]]:
+    """List the classes of a record, each hypothesis as its effects."""
+    if "classes" in found:
+        return list(found["classes"])
+    # Records had names alone, of which some are no hypotheses (``in_short``).
+    known = {in_short(h["effects"]): h["effects"] for h in found.get("hypotheses", ())}
+    return [[known[n] for n in group if n in known] for group in found.get("confusable", ())]
 
 
 def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:

@@ -1,21 +1,23 @@
-r"""How much of a pair's gap each of its effects makes that the other does not.
+r"""How much of a pair's gap each of its effects makes that the other does not, by two yardsticks.
 
-A pair whose weaker effect moves the means by less than they scatter looks like the stronger one
-alone, to any method. With :math:`\bar t` the means of the pair and :math:`\bar t_e` those without
-the effect *e*, at even angles of the same engine, the size of *e* beside its partner is the root
-mean square over the operating points of
+With :math:`\bar t` the means of the pair and :math:`\bar t_e` those without the effect *e*, at even
+angles of the same engine, the size of *e* *beside* its partner is the root mean square over the
+operating points of
 
 .. math:: z = (\bar t - \bar t_e) / (\sigma_0 / \sqrt n),
 
-:math:`\sigma_0/\sqrt n` the sampling error of the case's means. A pair can be seen whole where both
-effects have at least two sampling errors.
+:math:`\sigma_0/\sqrt n` the sampling error of the case's means. It says what the effect moves while
+its partner stays as it is, and not what can be found: with other values the partner alone may do
+much the same. What is left after that, in standard errors of all operating points together, is the
+second yardstick (``validation.blind.pair_refit``).
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,36 +27,73 @@ from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.validation.blind.advised_test import stage_of
 from dogshape.validation.blind.case_marks import counted, sampling_error
 from dogshape.validation.blind.data import even_times
+from dogshape.validation.blind.pair_refit import Seen, left_by
 from dogshape.validation.blind.sealed import Advance, ignore, manifest_of, pool, read, write
 from dogshape.validation.blind.stand import Point, Stand, Truth
 from dogshape.validation.blind.true_effects import truth_of
 
 Record = dict[str, Any]
-Sizes = dict[str, float]  #: by effect
 
 ANGLES = 8  #: even ones, at each operating point
 KEPT = "partners.json"  #: beside the cases
 
 
+@dataclass(frozen=True)
+class Size:
+    """How large an effect of a pair is beside its partner, in standard errors.
+
+    Parameters
+    ----------
+    beside : of a mean, root mean square over the operating points, with the partner held.
+    before, after : of all operating points together, without another fit of the partner and with
+        the best one (``validation.blind.pair_refit``).
+    """
+
+    beside: float
+    before: float
+    after: float
+
+    def as_dict(self) -> Record:
+        """Return what the score says of it."""
+        return {
+            "beside_in_errors": self.beside,
+            "before_refit_in_errors": self.before,
+            "after_refit_in_errors": self.after,
+            "log_likelihood_ratio_after_refit": 0.5 * self.after**2,
+        }
+
+
+Sizes = dict[str, Size]  #: by effect
+
+
 def partner_gaps(
-    folder: Path, key: Record, jobs: int = 1, advance: Advance | None = None
+    folder: Path,
+    key: Record,
+    seen: Callable[[Path], Seen],
+    jobs: int = 1,
+    advance: Advance | None = None,
 ) -> dict[str, Sizes]:
-    """Return for each pair of a set the size of each effect beside the other, in sampling errors.
+    """Compute for each pair of a set the size of each effect beside the other.
 
     It takes 45 s of processor time a pair at 28 operating points. What is finished is kept in the
-    folder; ``advance`` counts shifts.
+    folder; ``advance`` counts shifts. ``seen`` says with what the folder of a pair is diagnosed;
+    one answer is for all.
     """
     path, seal = folder / KEPT, manifest_of(folder)["key_sha256"]
-    found = _kept(folder)
+    found, left = _kept(folder), _left(folder, key)
+    if not left:
+        return found
+    mine = seen(folder / "cases" / next(iter(left)))
     with pool(jobs) as submit:
         pending = {}
-        for name, case in _left(folder, key).items():
+        for name, case in left.items():
             stage = stage_of(folder, key, name)
-            pending[submit(sizes_of, stage.stand, stage.points, case, key)] = name
+            pending[submit(added_by, stage.stand, stage.points, case["parameters"])] = name
         for future in as_completed(pending):
             name = pending[future]
-            found[name] = future.result()
-            write(path, json.dumps({"key": seal, "sizes": found}, indent=1))
+            found[name] = sizes_of(future.result(), key["cases"][name], key, mine)
+            kept = {n: {e: asdict(size) for e, size in sizes.items()} for n, sizes in found.items()}
+            write(path, json.dumps({"key": seal, "sizes": kept}, indent=1))
             (advance or ignore)(_shifts(key["cases"][name], key))
     return found
 
@@ -65,12 +104,16 @@ def shifts_left(folder: Path, key: Record) -> int:
 
 
 def _kept(folder: Path) -> dict[str, Sizes]:
-    """Return what is known of this set; of another set it tells nothing."""
+    """Read what is known of this set; of another set, or by one yardstick, it tells nothing."""
     path = folder / KEPT
     kept = read(path, "remove it") if path.exists() else {}
     if kept.get("key") != manifest_of(folder)["key_sha256"]:
         return {}
-    return dict(kept["sizes"])
+    return {
+        name: {effect: Size(**size) for effect, size in sizes.items()}
+        for name, sizes in kept["sizes"].items()
+        if all(isinstance(size, dict) for size in sizes.values())
+    }
 
 
 def _left(folder: Path, key: Record) -> dict[str, Record]:
@@ -84,18 +127,36 @@ def _shifts(case: Record, key: Record) -> int:
     return (1 + len(case["parameters"])) * len(key["points"]) * ANGLES
 
 
-def sizes_of(stand: Stand, points: Sequence[Point], case: Record, key: Record) -> Sizes:
-    """Return the size of each effect of a pair beside the other, in sampling errors."""
-    every = case["parameters"]
+def added_by(
+    stand: Stand, points: Sequence[Point], every: Mapping[str, Any]
+) -> dict[str, np.ndarray]:
+    """Simulate what each effect of a pair adds to its partner's mean times, s, (points,).
+
+    ``every`` are the parameters by effect. NaN where no shift engages with either.
+    """
     whole = even_means(stand, points, truth_of(every, {}))
+    return {
+        name: whole - even_means(stand, points, truth_of(_others(every, name), {}))
+        for name in every
+    }
+
+
+def _others(every: Mapping[str, Any], name: str) -> dict[str, Any]:
+    return {other: values for other, values in every.items() if other != name}
+
+
+def sizes_of(added: Mapping[str, np.ndarray], case: Record, key: Record, seen: Seen) -> Sizes:
+    """Compute the size of each effect of a pair from what it adds, s, (points,)."""
+    left = left_by(seen, case, key["points"], added)
+    return {n: Size(beside(d, case, key), left[n].before, left[n].after) for n, d in added.items()}
+
+
+def beside(added: np.ndarray, case: Record, key: Record) -> float:
+    """Compute the size of what is added to means, s, (points,), in their sampling errors."""
     given = zip(key["reference_s"], case["times_s"], strict=True)
     errors = np.array([sampling_error(free, len(mine)) for free, mine in given])
-    sizes = {}
-    for name in every:
-        rest = {other: values for other, values in every.items() if other != name}
-        z = (whole - even_means(stand, points, truth_of(rest, {}))) / errors
-        sizes[name] = float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist())))
-    return sizes
+    z = added / errors
+    return float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist())))
 
 
 def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarray:

@@ -1,7 +1,10 @@
 """The score of a diagnosis on sealed cases: opened once, every figure with its interval.
 
 Shares have Wilson's 95 % interval, means a bootstrap's over cases. ``visible`` are the cases whose
-gap is at least two sampling errors of the means (root mean square over the operating points).
+gap is at least two sampling errors of the means (root mean square over the operating points). A
+pair's effect is so beside its partner held as it is; by the other yardstick it has to have two
+standard errors in all after the best fit of its partner alone
+(``validation.blind.pair_visibility``).
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dogshape.diagnosis.inference.classes import in_short
 from dogshape.sim.errors import InputError
 from dogshape.validation.blind.advised_test import (
     Advised,
@@ -23,6 +27,7 @@ from dogshape.validation.blind.advised_test import (
 )
 from dogshape.validation.blind.case_marks import Mark, Names, mark_of
 from dogshape.validation.blind.intervals import calibration, mean, median, share
+from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.pair_visibility import Sizes, partner_gaps, shifts_left
 from dogshape.validation.blind.sealed import opened, results_of
 
@@ -43,11 +48,17 @@ class Progress(Protocol):
         """Count finished shifts."""
 
 
-def score(folder: Path, progress: Progress | None = None, jobs: int = 1) -> Record:
+def score(
+    folder: Path,
+    seen: Callable[[Path], Seen],
+    progress: Progress | None = None,
+    jobs: int = 1,
+) -> Record:
     """Open the key of a set whose cases are all diagnosed, and score.
 
     Makes the tests that were advised where a case is ambiguous, and what each effect of a pair
-    makes by itself.
+    makes by itself. ``seen`` says with what a pair's folder
+    is diagnosed.
 
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
@@ -57,7 +68,7 @@ def score(folder: Path, progress: Progress | None = None, jobs: int = 1) -> Reco
         progress.extend(shifts_left(folder, key) + shifts_asked(results))
     advance = None if progress is None else progress.advance
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    sizes = partner_gaps(folder, key, jobs, advance)
+    sizes = partner_gaps(folder, key, seen, jobs, advance)
     found = scored(marks, advised_tests(folder, key, results, advance), sizes)
     told = {n: _told(result) for n, result in results.items()}
     beside = [mark_of(n, truth, key, told[n]) for n, truth in key["cases"].items()]
@@ -87,11 +98,12 @@ def scored(
 ) -> Record:
     """Return all figures from the marks of the cases.
 
-    ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs in sampling
-    errors, both by case.
+    ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs, both by
+    case.
     """
     told, pairs = advised or {}, sizes or {}
-    least = {name: min(mine.values()) for name, mine in pairs.items()}
+    least = {name: min(size.beside for size in mine.values()) for name, mine in pairs.items()}
+    after = {name: min(size.after for size in mine.values()) for name, mine in pairs.items()}
     marks = [replace(m, also=looks_like(m, pairs.get(m.name, {}))) for m in marks]
     visible = [m for m in marks if m.gap >= VISIBLE]
     return {
@@ -107,6 +119,9 @@ def scored(
         "pairs": _pairs(marks),
         "pairs_visible": _pairs(visible),
         "pairs_both_visible": _pairs([m for m in marks if least.get(m.name, 0.0) >= VISIBLE]),
+        "pairs_visible_after_refit": _pairs(
+            [m for m in marks if after.get(m.name, 0.0) >= VISIBLE]
+        ),
         "outside": _outside(marks),
         "outside_visible": _outside(visible),
         "advised_test": {
@@ -120,7 +135,7 @@ def scored(
             "mean": mean(m.time for m in marks),
             "largest": max((m.time for m in marks), default=None),
         },
-        "marks": [_row(m, told.get(m.name), least.get(m.name)) for m in marks],
+        "marks": [_row(m, told.get(m.name), pairs.get(m.name)) for m in marks],
     }
 
 
@@ -131,7 +146,7 @@ def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
     """
     if mark.gap < VISIBLE:
         return ((),)
-    hidden = {name for name, size in sizes.items() if size < VISIBLE}
+    hidden = {name for name, size in sizes.items() if size.beside < VISIBLE}
     return (tuple(n for n in mark.truth if n not in hidden),) if hidden else ()
 
 
@@ -199,6 +214,7 @@ def _outside(marks: Sequence[Mark]) -> Record:
             n: share(m.verdict in ("unknown", "refused") for m in mine if n in m.outside)
             for n in names
         },
+        "named_by_kind": {n: share(m.named for m in mine if n in m.outside) for n in names},
     }
 
 
@@ -257,15 +273,12 @@ def _confusion(marks: Sequence[Mark]) -> dict[str, dict[str, int]]:
     """Return how often each top was found, by truth."""
     table: dict[str, Counter[str]] = {}
     for mark in marks:
-        table.setdefault(_text(mark.truth), Counter())[_text(mark.top)] += 1
+        table.setdefault(in_short(mark.truth), Counter())[in_short(mark.top)] += 1
     return {truth: dict(table[truth].most_common()) for truth in sorted(table)}
 
 
-def _text(names: Names) -> str:
-    return " + ".join(names) or "none"
-
-
-def _row(mark: Mark, advised: Advised | None, weaker: float | None) -> Record:
+def _row(mark: Mark, advised: Advised | None, sizes: Sizes | None) -> Record:
+    every = (sizes or {}).values()
     return {
         "case": mark.name,
         "kind": mark.kind,
@@ -274,7 +287,9 @@ def _row(mark: Mark, advised: Advised | None, weaker: float | None) -> Record:
         "truth": list(mark.truth),
         "outside": list(mark.outside),
         "gap_in_errors": mark.gap if np.isfinite(mark.gap) else None,
-        "weaker_effect_in_errors": weaker,
+        "weaker_effect_in_errors": min((size.beside for size in every), default=None),
+        "weaker_effect_after_refit_in_errors": min((size.after for size in every), default=None),
+        "pair": {name: size.as_dict() for name, size in (sizes or {}).items()},
         "verdict": mark.verdict,
         "top": list(mark.top),
         "probability": mark.chances.get(mark.top),

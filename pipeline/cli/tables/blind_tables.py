@@ -39,9 +39,10 @@ def run_table(results: Mapping[str, Record]) -> RenderableType:
 
 def score_table(found: Record) -> RenderableType:
     """Return the leading figures with their intervals, as a user gets them and told the engine."""
-    table = columns("figure", "not told (a user's)", "told the engine's baseline", "n")
+    table = columns("figure", "not told (a user's)", "n", "told the engine's baseline", "n")
     for (words, figure), (_, beside) in zip(_rows(found), _rows(found["told"]), strict=True):
-        table.add_row(words, _figure(figure), _figure(beside), str(figure["n"]))
+        both = (cell for one in (figure, beside) for cell in (_figure(one), str(one["n"])))
+        table.add_row(words, *both)
     test, others = found["advised_test"], columns("advised test, not told", "value (95 %)", "n")
     for words, figure in (
         ("ambiguous: settled", test["all"]["settled"]),
@@ -89,9 +90,15 @@ def _rows(found: Record) -> list[tuple[str, Any]]:
         ("pairs: both causes found", found["pairs"]["both_found"]),
         ("pairs: one or both found", found["pairs"]["one_found_or_both"]),
         ("visible pairs: both causes found", found["pairs_visible"]["both_found"]),
+        ("pairs, each effect visible: both found", found["pairs_both_visible"]["both_found"]),
+        (
+            "pairs, second effect visible after refit of the first: both found",
+            found["pairs_visible_after_refit"]["both_found"],
+        ),
         ("outside the list: unknown, or refused", found["outside"]["recognised"]),
         ("outside the list: an effect named", found["outside"]["wrong_effect_named"]),
         *((f"outside, {n}: recognised", one) for n, one in found["outside"]["by_kind"].items()),
+        *((f"outside, {n}: named", one) for n, one in found["outside"]["named_by_kind"].items()),
         ("held-out shrink of the true hypothesis", found["shrink"]["true"]),
         ("held-out shrink of the leading one where wrong", found["shrink"]["leading_where_wrong"]),
         ("one effect: the diagnosis", found["plain"]["singles"]["diagnosis"]),

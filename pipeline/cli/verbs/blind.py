@@ -17,6 +17,7 @@ from dogshape.pipeline.cli.tables.blind_tables import made_lines, run_table, sco
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
+from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.score import score as score_of
 from dogshape.validation.blind.sealed import Wanted, manifest_of, points_for
 from dogshape.validation.blind.sealed import make as make_cases
@@ -68,7 +69,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind run results/blind
     """
     total = len(manifest_of(folder)["cases"])
-    # It loads the simulation, which neither making nor scoring needs.
+    # It loads the simulation, which making and scoring without pairs do not need.
     diagnose_folder = import_module("dogshape.validation.blind.case_diagnosis").diagnose_folder
     alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
@@ -83,8 +84,13 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
     Example: dogshape blind score results/blind --json
     """
+
+    def seen_by(case: Path) -> Seen:
+        found: Seen = import_module("dogshape.validation.blind.case_diagnosis").seen_by(case, jobs)
+        return found
+
     with WorkCounter(ProgressBar(), 0) as progress:
-        found = score_of(folder, progress, _processes(jobs))
+        found = score_of(folder, seen_by, progress, _processes(jobs))
     emit(found, json, lambda: score_table(found))
 
 

@@ -22,7 +22,7 @@ from dogshape.pipeline.diagnose.consequence import studied
 from dogshape.pipeline.diagnose.extras import Extras, so_what
 from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
 from dogshape.pipeline.reports.gap.publish import publish
-from dogshape.pipeline.store.lock import writing
+from dogshape.sim.writers import writing
 
 
 @verb
