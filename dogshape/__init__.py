@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dogshape.expectation import Expectation
+    from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
     from dogshape.result import Result
     from dogshape.shift import Shift
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BenchTest",
+    "Diagnosis",
     "DogshapeError",
     "Effect",
     "Expectation",
@@ -33,12 +35,14 @@ __all__ = [
     "Result",
     "Shift",
     "Study",
+    "diagnose",
 ]
 
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
 #: take seconds to load and the command line wants none of them for a quick answer.
 _HOMES = {
     "BenchTest": "dogshape.sim.effect",
+    "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
@@ -48,6 +52,7 @@ _HOMES = {
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
     "Study": "dogshape.study",
+    "diagnose": "dogshape.gap",
 }
 
 

@@ -29,23 +29,6 @@ def difference_record(d: Difference) -> dict[str, Any]:
     }
 
 
-def examined_record(bench: Bench) -> dict[str, Any]:
-    """Return what was corrected in a data set and what looks odd in it."""
-    return {
-        "corrections": [str(correction) for correction in bench.corrections],
-        "warnings": [
-            {
-                "quantity": finding.quantity,
-                "found": finding.found,
-                "looks_like": finding.looks_like,
-                "correction": finding.correction,
-                "sentence": finding.sentence,
-            }
-            for finding in bench.warnings
-        ],
-    }
-
-
 def examined_lines(bench: Bench) -> list[str]:
     """Return the same in words, a line each."""
     made = ", ".join(str(correction) for correction in bench.corrections)

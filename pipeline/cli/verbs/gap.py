@@ -2,27 +2,17 @@
 
 from __future__ import annotations
 
-from contextlib import nullcontext
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.wording import headline
+from dogshape.gap import diagnose
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Jobs, Json
-from dogshape.pipeline.cli.progress_bar import ProgressBar, say
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.gap_tables import diagnosis_table
-from dogshape.pipeline.cli.tables.validate_tables import examined_record
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
-from dogshape.pipeline.diagnose.consequence import studied
-from dogshape.pipeline.diagnose.extras import Extras, so_what
-from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
-from dogshape.pipeline.reports.gap.publish import publish
-from dogshape.sim.writers import writing
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 
 
 @verb
@@ -52,31 +42,9 @@ def gap(
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
-    given, means = load_bench(bench, correct or ()), Means(bank, effects, jobs, ProgressBar())
-    if study is not None:
-        studied(study)  # refuses a study without a result before the long work
-    with writing(out) if out is not None else nullcontext():
-        found = diagnosed(given, means)
-        extras = Extras() if out is None else extras_of(found)
-        report, price = _reported(found, out, extras), None
-        if study is not None:
-            say(_before_price(found, report))
-            price = price_of(found, study, means, out or bank)
-            report = _reported(found, out, replace(extras, so_what=so_what(price)))
-    record = {
-        **found.as_dict(),
-        **examined_record(given),
-        "so_what": price.record if price else None,
-        "report": str(report) if report else None,
-    }
-    emit(record, json, lambda: diagnosis_table(found, record))
-
-
-def _reported(found: Diagnosis, out: Path | None, extras: Extras) -> Path | None:
-    """Write the report into a folder where one is given; return its path."""
-    return None if out is None else publish(found, out, extras)
-
-
-def _before_price(found: Diagnosis, report: Path | None) -> str:
-    where = f"written to {report}" if report else "not written, for want of --out"
-    return f"{headline(found.found)}. The diagnosis is {where}; next: what ignoring the cause costs"
+    found = diagnose(
+        bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study, jobs=jobs,
+        progress=ProgressBar(),
+    )  # fmt: skip
+    record = found.to_dict()
+    emit(record, json, lambda: diagnosis_table(found.inference, record))

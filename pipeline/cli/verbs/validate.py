@@ -8,6 +8,7 @@ import typer
 
 from dogshape.diagnosis.bench.bench_data import load_bench, require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
+from dogshape.diagnosis.report.examined import examined_record
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Jobs, Json, angles_of
 from dogshape.pipeline.cli.progress_bar import ProgressBar
@@ -15,7 +16,6 @@ from dogshape.pipeline.cli.tables.validate_tables import (
     comparison_table,
     difference_record,
     engaged_record,
-    examined_record,
 )
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS, kept_shifts, work_folder

@@ -20,13 +20,16 @@ def publish(diagnosis: Diagnosis, folder: Path, extras: Extras | None = None) ->
     The folder is made where it is missing; files of these names are written anew.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    page = render("gap.html.j2", **content_of(diagnosis, extras or Extras()))
-    written = {
-        RECORD: record_text(diagnosis) + "\n",
-        TABLE: table(cells_of(diagnosis)),
-        REPORT: page,
-    }
+    write_page(diagnosis, folder / REPORT, extras)
+    written = {RECORD: record_text(diagnosis) + "\n", TABLE: table(cells_of(diagnosis))}
     for name, text in written.items():
         with naming(folder / name):
             (folder / name).write_text(text, encoding="utf-8")
     return folder / REPORT
+
+
+def write_page(diagnosis: Diagnosis, path: Path, extras: Extras | None = None) -> None:
+    """Write the report alone, one HTML file that opens offline."""
+    page = render("gap.html.j2", **content_of(diagnosis, extras or Extras()))
+    with naming(path):
+        path.write_text(page, encoding="utf-8")

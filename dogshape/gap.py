@@ -1,0 +1,166 @@
+"""Diagnosis of a bench data set: which unmodelled effect makes it differ from the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import nullcontext
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.diagnosis.bench.bench_data import Bench as BenchData
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.diagnosis import Diagnosis as Inference
+from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.diagnosis.report.examined import examined_record
+from dogshape.diagnosis.report.wording import headline
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
+from dogshape.pipeline.diagnose.consequence import Consequence, studied
+from dogshape.pipeline.diagnose.extras import Extras, so_what
+from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
+from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.reports.gap.before_after import before_figure
+from dogshape.pipeline.reports.gap.hypothesis_cards import short
+from dogshape.pipeline.reports.gap.point_rows import cells_of
+from dogshape.pipeline.reports.gap.publish import publish, write_page
+from dogshape.result import Result, ms
+from dogshape.sim.writers import writing
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Result):
+    """Causes of a gap with their probabilities, what they explain, and the next test.
+
+    Parameters
+    ----------
+    inference : what the data say of each hypothesis, with the data set.
+    consequence : what the cause means for the best designs of a study; None where none was asked.
+    folder : where report, record and table were written; None where nowhere.
+    """
+
+    inference: Inference
+    consequence: Consequence | None = None
+    folder: Path | None = None
+
+    @property
+    def verdict(self) -> str:
+        """``effect``, ``none``, ``unknown`` or ``ambiguous``."""
+        return self.inference.verdict.kind
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Effects that are part of the cause by the verdict."""
+        return tuple(self.inference.verdict.causes)
+
+    @property
+    def probabilities(self) -> pd.Series:
+        """Probability of each hypothesis, the most probable first; names joined by ``+``."""
+        import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
+
+        named = {" + ".join(h) or "none": p for h, p in self.inference.belief.items()}
+        return pd.Series(named, name="probability").rename_axis("hypothesis")
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Verdict in words, gap before and after, and the next test."""
+        found = self.inference
+        return {
+            "data": found.bench.name,
+            "verdict": headline(found.found),
+            "gap": ms(found.before_after.baseline),
+            "left where the fit never saw it": ms(found.before_after.held_out),
+            "next test": found.tests[0].name,
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that ``dogshape gap --json`` prints."""
+        return {
+            **self.inference.as_dict(),
+            **examined_record(self.inference.bench),
+            "so_what": self.consequence.record if self.consequence else None,
+            "report": str(self.folder / "report.html") if self.folder else None,
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each operating point: bench, simulation, gap, prediction, in s."""
+        import pandas as pd  # noqa: PLC0415
+
+        return pd.DataFrame([asdict(cell) for cell in cells_of(self.inference)])
+
+    def plot(self) -> go.Figure:
+        """Draw bench times with the simulation before and after the leading hypothesis."""
+        found = self.inference
+        leading = "" if found.leading == NONE else short(found, found.leading)
+        return before_figure(cells_of(found), leading.replace("<br>", " "))
+
+    def report(self, path: str | Path) -> Path:
+        """Write the report as one page that opens offline; give its path."""
+        write_page(self.inference, Path(path), self._extras)
+        return Path(path)
+
+    @property
+    def _extras(self) -> Extras:
+        found = extras_of(self.inference)
+        if self.consequence is None:
+            return found
+        return replace(found, so_what=so_what(self.consequence))
+
+
+def diagnose(
+    bench: str | Path | BenchData,
+    *,
+    correct: Sequence[str] = (),
+    out: str | Path | None = None,
+    bank: str | Path = BANK,
+    effects: str | Path | None = None,
+    study: str | None = None,
+    jobs: int = 0,
+    progress: Progress = SILENT,
+) -> Diagnosis:
+    """Find which unmodelled effect makes a bench differ from the simulation.
+
+    Parameters
+    ----------
+    bench : folder of a data set, name of one that the package brings, or one that was read.
+    correct : corrections of units and axes that the user confirms, ``"time=ms"``.
+    out : folder for ``report.html``, ``gap.json`` and ``cells.csv``; None writes nothing.
+    bank : folder of simulations that diagnoses share.
+    effects : folder with effects of the user's own.
+    study : study, or folder of its results, whose best designs are simulated with the cause.
+    jobs : worker processes, 0 for one a core.
+    progress : is told how far the simulations are.
+
+    Raises
+    ------
+    InputError, DataError, EffectError
+        For a data set, an effect or a study that cannot be used, with the remedy.
+    """
+    given = bench if isinstance(bench, BenchData) else load_bench(str(bench), correct)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
+    folder = None if out is None else Path(out)
+    if study is not None:
+        studied(study)  # refuses a study without a result before the long work
+    with writing(folder) if folder is not None else nullcontext():
+        found = Diagnosis(diagnosed(given, means), None, folder)
+        extras = Extras() if folder is None else extras_of(found.inference)
+        if folder is not None:
+            publish(found.inference, folder, extras)
+        if study is None:
+            return found
+        progress.say(_before_price(found))
+        price = price_of(found.inference, study, means, folder or Path(bank))
+        if folder is not None:
+            publish(found.inference, folder, replace(extras, so_what=so_what(price)))
+    return replace(found, consequence=price)
+
+
+def _before_price(found: Diagnosis) -> str:
+    where = "not written, for want of --out"
+    if found.folder is not None:
+        where = f"written to {found.folder / 'report.html'}"
+    told = headline(found.inference.found)
+    return f"{told}. The diagnosis is {where}; next: what ignoring the cause costs"
