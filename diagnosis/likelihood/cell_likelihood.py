@@ -287,6 +287,10 @@ def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     # Between two modes the curve bends upwards; a parabola must not rise above the modes.
     most = parts[..., 0] - share[..., 0] + 0.5 * score[..., 0] ** 2
     below = np.maximum(most - log, 0.5)
+    # The number of late ones that are found says already that there are no more.
+    missed = np.log1p(-np.clip(said.missed, 1e-12, 0.5)) if said.missed.any() else 0.0
+    found = ((seen.freedom > 0) & (seen.in_means == 0))[:, None]
+    log = log - np.where(found, share[..., 0] - missed, 0.0)
     return log, first, np.maximum(second, 0.5 * first**2 / below)
 
 
@@ -300,12 +304,12 @@ def _waits(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Ar
     waits = _late_numbers(seen, said)
     ways = gammaln(hidden + 1) - gammaln(waits + 1) - gammaln(np.maximum(hidden - waits, 0.0) + 1)
     log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
-    log_share = np.where(waits <= hidden, log_share, -1e9)
+    log_share = np.where((waits <= hidden) & seen.hides(waits), log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, said)
     whole = _spread(seen, said, sampled) ** 2 / n + said.error**2
     # Of very many late shifts the number is normal: one part with its mean and variance.
-    expected = _in_means(seen)[:, None] * said.late
+    expected = seen.in_means[:, None] * said.late
     crowded = (expected > CROWD)[..., None]
     number = np.where(crowded, expected[..., None], waits)
     varied = np.where(crowded, (expected * (1.0 - said.late))[..., None], 0.0)
@@ -321,18 +325,12 @@ def _waits(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Ar
     return log_share, (seen.mean[:, None, None] - centre) / width, width
 
 
-def _in_means(seen: Observed) -> Array:
-    """Count the shifts of which only a mean is known, (cells,)."""
-    own = np.where(seen.freedom > 0, seen.freedom + 1.0, 0.0)
-    return np.maximum(0.0, seen.n - own)
-
-
 def _late_numbers(seen: Observed, said: Said) -> Array:
     """List the numbers of late shifts that the density of a mean counts, 0, 1, ..., (parts,).
 
     Of single shifts the late ones are found, but for few.
     """
-    number = _in_means(seen)[:, None]
+    number = seen.in_means[:, None]
     share = np.where(number * said.late > CROWD, 0.0, said.late)
     most = binom.isf(RARE, number, share).max(initial=0.0)
     return np.arange(max(float(HIDDEN), most) + 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
 from dogshape.diagnosis.bench.reading import Cell
-from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.diagnosis.prediction.outliers import MOST, bulk
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.clutch import Clutch
 
@@ -69,6 +69,23 @@ class Observed:
     def tried(self) -> Array:
         """Number of shifts known to have been tried, (cells,)."""
         return self.engaged + self.failed
+
+    @property
+    def in_means(self) -> Array:
+        """Number of shifts of which only a mean is known, (cells,)."""
+        own = np.where(self.freedom > 0, self.freedom + 1.0, 0.0)
+        return np.maximum(0.0, self.n - own)
+
+    def hides(self, waits: Array) -> np.ndarray:
+        """Tell which further numbers of late shifts may go unseen, (cells, 1, parts).
+
+        Any may within means. Of single shifts those behind a quantile of theirs are found, unless
+        so many are late that it lies among them (``diagnosis.prediction.outliers``).
+        """
+        found = np.array([times.size for times in self.late])[:, None, None]
+        many = waits + found > (1.0 - MOST) * (self.shifts[:, None, None] - 1.0)
+        hidden: np.ndarray = (waits == 0.0) | many | (self.in_means > 0)[:, None, None]
+        return hidden
 
     @property
     def time(self) -> Array:
