@@ -57,8 +57,11 @@ def _module(path: Path) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception as error:
+        remedy = "correct it or take it away"
+        if isinstance(error, ModuleNotFoundError) and error.name == "sim":
+            remedy = "write 'from dogshape import Effect, Parameter, BenchTest'"
         raise InputError(
-            f"{path} cannot be run ({type(error).__name__}: {error}); correct it or take it away"
+            f"{path} cannot be run ({type(error).__name__}: {error}); {remedy}"
         ) from error
     return module
 
@@ -66,7 +69,7 @@ def _module(path: Path) -> ModuleType:
 def _effect(module: ModuleType, path: Path) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
-        raise InputError(f"{path} defines no EFFECT; define one of the type sim.effect.Effect")
+        raise InputError(f"{path} defines no EFFECT; define one of the type dogshape.Effect")
     if effect.name != path.stem:
         raise InputError(
             f"{path} defines the effect '{effect.name}', but an effect has the name of its file; "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import combinations
@@ -222,6 +223,15 @@ def test_a_users_file_is_an_effect(tmp_path: Path, setting: Setting) -> None:
 def test_mistakes_in_a_users_file(tmp_path: Path, file: str, text: str, words: str) -> None:
     (tmp_path / file).write_text(text)
     with pytest.raises(InputError, match=words):
+        load(tmp_path)
+
+
+def test_an_effect_written_for_other_folders_says_what_to_import(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "sim", None)
+    (tmp_path / "mine.py").write_text("from sim.effect import Effect\n")
+    with pytest.raises(InputError, match="write 'from dogshape import Effect, "):
         load(tmp_path)
 
 
