@@ -58,7 +58,7 @@ def _module(path: Path) -> ModuleType:
         spec.loader.exec_module(module)
     except Exception as error:
         remedy = "correct it or take it away"
-        if isinstance(error, ModuleNotFoundError) and error.name == "sim":
+        if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "sim":
             remedy = "write 'from dogshape import Effect, Parameter, BenchTest'"
         raise InputError(
             f"{path} cannot be run ({type(error).__name__}: {error}); {remedy}"

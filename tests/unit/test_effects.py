@@ -229,7 +229,7 @@ def test_mistakes_in_a_users_file(tmp_path: Path, file: str, text: str, words: s
 def test_an_effect_written_for_other_folders_says_what_to_import(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(sys.modules, "sim", None)
+    monkeypatch.setitem(sys.modules, "sim", None)  # a checkout has a folder of that name
     (tmp_path / "mine.py").write_text("from sim.effect import Effect\n")
     with pytest.raises(InputError, match="write 'from dogshape import Effect, "):
         load(tmp_path)
