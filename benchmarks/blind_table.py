@@ -1,4 +1,4 @@
-"""Read the score of the blind check, and write what README.md says of it.
+"""Read the score of the blind check, and write what docs/results.md says of it.
 
 ``docs/evidence/blind.txt`` is what ``dogshape blind score`` prints, below the commands. Scores from
 before both ways to diagnose were scored have other columns; of these nothing is written here.
@@ -18,7 +18,7 @@ SCORE = ROOT / "docs" / "evidence" / "blind.txt"
 HEAD = "not told (a user's)"
 FIGURE = re.compile(r"(-?[\d.]+) \((-?[\d.]+) to (-?[\d.]+)\)")
 NOTHING = "-"
-WIDTH = 105  #: letters of a line of README.md
+WIDTH = 105  #: letters of a line
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _rows(score: Score) -> list[_Row]:
 
 
 def passage(path: Path = SCORE) -> str | None:
-    """Write what README.md says of a score; None for one with one way to diagnose.
+    """Write what docs/results.md says of a score; None for one with one way to diagnose.
 
     Raises
     ------
@@ -171,11 +171,11 @@ def _line(row: _Row, score: Score) -> str:
 
 def _intro(cases: int) -> list[str]:
     words = (
-        f"**Does the diagnosis find what is there?** {cases} sealed cases: each effect alone at "
+        f"{cases} sealed cases: each effect alone at "
         "three strengths, pairs, nothing, and things outside the list, as means, single shifts and "
         "traces. The data come from MuJoCo, which shares no physics with the simulation; the hash "
-        "of the key was published before the one run ([all figures](docs/evidence/blind.txt), "
-        "[what they mean](docs/blind.md)). *Not told* is the diagnosis that a user gets; *told* is "
+        "of the key was published before the one run ([all figures](evidence/blind.txt), "
+        "[what they mean](blind.md)). *Not told* is the diagnosis that a user gets; *told* is "
         "the same once it knows what both engines differ by without any effect, which no stand "
         "tells. Over all cases, barely visible effects included, with 95 % intervals:"
     )
@@ -186,4 +186,4 @@ def _intro(cases: int) -> list[str]:
     return lines
 
 
-BLOCKS = (Block("README.md", "blind score", passage),)
+BLOCKS = (Block("docs/results.md", "blind score", passage),)
