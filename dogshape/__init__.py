@@ -15,24 +15,30 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dogshape.expectation import Expectation
+    from dogshape.fitted import Fitted, fit
     from dogshape.pipeline.progress import Progress
     from dogshape.result import Result
     from dogshape.shift import Shift
     from dogshape.sim.effect import BenchTest, Effect, Parameter
     from dogshape.sim.errors import DogshapeError, InputError
     from dogshape.study import Study
+    from dogshape.study_result import StudyResult, load_result
 
 __all__ = [
     "BenchTest",
     "DogshapeError",
     "Effect",
     "Expectation",
+    "Fitted",
     "InputError",
     "Parameter",
     "Progress",
     "Result",
     "Shift",
     "Study",
+    "StudyResult",
+    "fit",
+    "load_result",
 ]
 
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
@@ -42,12 +48,16 @@ _HOMES = {
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
+    "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
     "Study": "dogshape.study",
+    "StudyResult": "dogshape.study_result",
+    "fit": "dogshape.fitted",
+    "load_result": "dogshape.study_result",
 }
 
 
