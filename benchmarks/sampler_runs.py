@@ -26,7 +26,8 @@ from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import front, open_search
+from dogshape.pipeline.search.search import open_search
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -108,14 +109,13 @@ def _own(folder: Path, points: int | None, seed: int, designs: int) -> Record:
     guide = DogGuide(study)
     root = StudyFolder(folder)
     journal = ShiftJournal(root.shifts)
-    opened = open_search(study, root, None, False)
-    opened.guide = guide
+    opened = open_search(study, root, None, False, guide=guide)
     record, begun = Record(trials), time.process_time()
 
-    def after_round(_: str) -> None:
-        declared = [dict(trial.params) for trial in front(opened)]
+    def after_round(_: str, state: SearchState) -> None:
+        declared = [dict(trial.params) for trial in state.front]
         spent = time.process_time() - begun
-        record.steps.append(Step(len(journal.rows), spent, len(opened.simulated), declared))
+        record.steps.append(Step(len(journal.rows), spent, len(state.simulated), declared))
 
     run(opened, sampler_factory(study, guide), Executor(journal, 1), after_round)
     return record

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dogshape.expectation import Expectation
+    from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
     from dogshape.result import Result
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from dogshape.sim.effect import BenchTest, Effect, Parameter
     from dogshape.sim.errors import DogshapeError, InputError
     from dogshape.study import Study
+    from dogshape.study_result import StudyResult, load_result
 
 __all__ = [
     "BenchTest",
@@ -29,13 +31,17 @@ __all__ = [
     "DogshapeError",
     "Effect",
     "Expectation",
+    "Fitted",
     "InputError",
     "Parameter",
     "Progress",
     "Result",
     "Shift",
     "Study",
+    "StudyResult",
     "diagnose",
+    "fit",
+    "load_result",
 ]
 
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
@@ -46,13 +52,17 @@ _HOMES = {
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
+    "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
     "Study": "dogshape.study",
+    "StudyResult": "dogshape.study_result",
     "diagnose": "dogshape.gap",
+    "fit": "dogshape.fitted",
+    "load_result": "dogshape.study_result",
 }
 
 

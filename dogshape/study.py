@@ -15,6 +15,7 @@ from dogshape.pipeline.progress import SILENT, Progress
 if TYPE_CHECKING:
     from dogshape.expectation import Expectation
     from dogshape.shift import Shift
+    from dogshape.study_result import StudyResult
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -97,6 +98,33 @@ class Study:
         where = Where(jobs, cluster, None if keep is None else Path(keep), progress)
         point = mismatch_rpm, force_N, force_rise_s
         return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
+
+    def search(
+        self,
+        out: str | Path | None = None,
+        *,
+        trials: int | None = None,
+        seed: int | None = None,
+        jobs: int = 0,
+        cluster: str | None = None,
+        storage: str | None = None,
+        resume: bool = False,
+        report: bool = True,
+        progress: Progress = SILENT,
+    ) -> StudyResult:
+        """Search for the best shape (``dogshape.study_result.search_study``).
+
+        ``out`` is the folder of the results, by default ``results/NAME``. ``trials`` and ``seed``
+        stand for ``search.trials`` and ``search.seed``; ``storage`` is a PostgreSQL that machines
+        share. The report takes a minute or more.
+        """
+        from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
+        from dogshape.pipeline.study import Run  # noqa: PLC0415
+        from dogshape.study_result import search_study, with_effort  # noqa: PLC0415
+
+        config = with_effort(self.config, trials, seed)
+        folder = StudyFolder(default_out(config) if out is None else Path(out))
+        return search_study(config, Run(folder, jobs, storage, resume, cluster, report, progress))
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())

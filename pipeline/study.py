@@ -1,4 +1,4 @@
-"""A whole study: search, replication, confirmation at fresh angles, surrogate, report."""
+"""A whole study: search, replication, confirmation at new angles, surrogate, report."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from dogshape.pipeline.search.repair import repair
 from dogshape.pipeline.search.replication import replicate, replication_record
 from dogshape.pipeline.search.rounds import SamplerOf, run
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, best_trial, front, open_search, value_of
+from dogshape.pipeline.search.search import Search, open_search
+from dogshape.pipeline.search.state import SearchState, spent_on
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
 from dogshape.pipeline.search.trials import UNKNOWN
 from dogshape.pipeline.simulate.design import (
@@ -67,7 +68,7 @@ class Run:
 
 
 def run_study(study: Study, how: Run) -> dict[str, Any]:
-    """Run or resume a study; return its result, which is also in ``result.json``."""
+    """Run or resume a study; give its result, which is also in ``result.json``."""
     objectives_of(study)
     require_variables(study)
     brought = joining(study, lambda _: None) if study.file.search.use_known else None
@@ -77,8 +78,8 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study, folder, how.storage, how.resume, digest_of(brought))
-        search.guide = guide
+        known = digest_of(brought)
+        search = open_search(study, folder, how.storage, how.resume, known=known, guide=guide)
         with closing(search.claims), kept(how.storage, folder):
             result, say = _searched(search, sampler_of, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
@@ -94,26 +95,27 @@ def run_study(study: Study, how: Run) -> dict[str, Any]:
 def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
     """Run a search to its end, replicate what is unclear of it and confirm its best.
 
-    Return the result and how to say more.
+    Give the result and how to say more.
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
     with WorkCounter(how.progress, most, most=True) as progress:
         progress.say(words)
 
-        def after_round(line: str) -> None:
+        def after_round(line: str, state: SearchState) -> None:
             progress.say(line)
-            write_json(folder.result, collect(search, journal))
+            write_json(folder.result, collect(state, journal))
 
         executor = Executor(journal, how.jobs, progress.advance, how.cluster)
         with progress.kept_in(folder.root, "--resume goes on"):
-            repair(search, executor, progress.say)
-            run(search, sampler_of, executor, after_round)
-            replication = _replicate(search, executor, progress)
-            confirmation = _confirm(search, executor, progress)
-    if search.claims.worker is not None:
-        write_json(folder.others, {"rows": search.rows})
-    result = collect(search, journal, replication)
+            findings = repair(search, executor, progress.say)
+            state = run(search, sampler_of, executor, after_round, findings)
+            replication, state = _replicate(state, executor, progress)
+            confirmation, state = _confirm(state, executor, progress)
+    if state.shared:
+        state = search.read(state.findings)  # with what the others told meanwhile
+        write_json(folder.others, {"rows": state.rows})
+    result = collect(state, journal, replication)
     if confirmation is not None:
         chosen = confirmation["chosen"]
         result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
@@ -136,14 +138,16 @@ def _learn(
 
 
 def _most(search: Search) -> tuple[int, str]:
-    """Return the number of shifts that the rest of a study takes at most, and what they are."""
+    """Count the shifts that the rest of a study takes at most, and describe them."""
     study, settings = search.study, search.study.file.search
-    left = max(0, settings.trials - len(search.trials))
+    trials = search.trials()
+    left = max(0, settings.trials - len(trials))
+    spent = spent_on(study, [trial for trial in trials if simulated(trial)])
     partial = search.guide is not None and search.guide.partial
-    new = not any(trial.user_attrs.get("prototype") for trial in search.trials)
+    new = not any(trial.user_attrs.get("prototype") for trial in trials)
     confirm = most_confirmed(study)
     most = most_to_search(study, left, partial, left > 0 and new)
-    again = most_to_replicate(study, search.spent + most)
+    again = most_to_replicate(study, spent + most)
     most += again + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
     return most, (
@@ -154,14 +158,12 @@ def _most(search: Search) -> tuple[int, str]:
 
 
 def collect(
-    search: Search, journal: ShiftJournal, replication: dict[str, Any] | None = None
+    state: SearchState, journal: ShiftJournal, replication: dict[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return what a search has found so far, with the record of its replication after that."""
-    study = search.study
-    stand, best, shown = standings(search), best_trial(search), front(search)
-    # Last, so that it has every trial of the others, whatever runs elsewhere tell meanwhile.
-    rows = {trial.number: row_of(search, trial) for trial in search.trials}
-    for number, standing in stand.items():
+    """Record the state of a search, with the record of its replication after that."""
+    study, best = state.study, state.best
+    rows = {trial.number: row_of(state, trial) for trial in state.trials}
+    for number, standing in standings(state).items():
         rows[number] |= {
             "low": standing.low,
             "high": standing.high,
@@ -174,10 +176,10 @@ def collect(
         "leading": leading(study).name,
         "quantile": study.file.search.quantile,
         "best": rows[best.number] if best is not None else None,
-        "front": [rows[trial.number] for trial in shown],
+        "front": [rows[trial.number] for trial in state.front],
         "trials": list(rows.values()),
-        "n_simulated_designs": len(distinct(search.simulated)),
-        "n_simulated_shifts": search.shifts(journal.finished),
+        "n_simulated_designs": len(distinct(state.simulated)),
+        "n_simulated_shifts": state.shifts(journal.finished),
         "failed_shifts": failed_shifts(journal),
         "replication": replication,
         "confirmation": None,
@@ -189,19 +191,19 @@ def collect(
 
 
 def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
-    """Return how many shifts of a journal failed, by the reason; they have no time."""
+    """Count the failed shifts of a journal, by the reason; they have no time."""
     failed = [row for row in journal.rows.values() if row["outcome"] == Outcome.DIVERGED.value]
     reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
-def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
-    """Return a design as a flat row; times are None where it was not simulated."""
-    study = search.study
-    design = search.design(trial)
+def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
+    """Record a design as a flat row; times are None where it was not simulated."""
+    study = state.study
+    design = state.design(trial)
     told = simulated(trial)
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
-    found = {name: value_of(search, trial, name) if told else (None, None) for name in names}
+    found = {name: state.value(trial, name) if told else (None, None) for name in names}
     return {
         "trial": trial.number,
         "prototype": bool(trial.user_attrs.get("prototype", False)),
@@ -212,7 +214,7 @@ def row_of(search: Search, trial: FrozenTrial) -> dict[str, Any]:
         "standard_errors": {name: error for name, (_, error) in found.items()},
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
-        "shifts": sum(search.plan(trial)) if told else 0,
+        "shifts": sum(state.plan(trial)) if told else 0,
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible and told,
         "failed": design.failed or ([] if told else [UNKNOWN]),
@@ -232,27 +234,31 @@ def _margins(design: Design) -> dict[str, Any]:
     }
 
 
-def _replicate(search: Search, executor: Executor, progress: WorkCounter) -> dict[str, Any] | None:
+def _replicate(
+    state: SearchState, executor: Executor, progress: WorkCounter
+) -> tuple[dict[str, Any] | None, SearchState]:
     """Give designs more angles of which it is unclear whether they are on the front.
 
-    Return what that took and changed, before anything is confirmed.
+    Give the record of that, before anything is confirmed, and the state that follows.
     """
-    study = search.study
-    if best_trial(search) is None or not study.file.search.replicate:
-        return None
+    study = state.study
+    if state.best is None or not study.file.search.replicate:
+        return None, state
     confirm = most_to_confirm(study, most_confirmed(study))
 
     def told(left: int, line: str) -> None:
         progress.rest(left + confirm)
         progress.say(line)
 
-    done = replicate(search, executor, told)
-    return replication_record(search, done, standings(search))
+    done, state = replicate(state, executor, told)
+    return replication_record(state, done), state
 
 
-def _confirm(search: Search, executor: Executor, progress: WorkCounter) -> dict[str, Any] | None:
+def _confirm(
+    state: SearchState, executor: Executor, progress: WorkCounter
+) -> tuple[dict[str, Any] | None, SearchState]:
     def told(count: int, line: str) -> None:
-        progress.rest(most_to_confirm(search.study, count))
+        progress.rest(most_to_confirm(state.study, count))
         progress.say(line)
 
-    return confirm(search, executor, told)
+    return confirm(state, executor, told)

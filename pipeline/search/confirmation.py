@@ -1,8 +1,8 @@
-"""Confirmation: designs of the front at every operating point and at fresh relative angles.
+"""Confirmation: designs of the front, re-simulated at every operating point and at new angles.
 
 A search picks designs that were also lucky, and more angles find harder landings. So prototype and
-first designs of the front are simulated at angles which the search did not use. A design that
-fails a check there beats no other: it leaves the front, those that it alone hid are on it, and
+first designs of the front are re-simulated at angles which the search did not use. A design that
+fails a check there beats no other: it leaves the front, those that it alone dominated join it, and
 more are confirmed, until so many as are wanted pass, or ``MOST_CONFIRMED`` times as many were
 simulated. All of it follows from trials and shifts, so that a run that was cut off ends as it
 would have.
@@ -17,7 +17,7 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.search.search import Search, best_trial, front, leading_loss
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
 from dogshape.pipeline.simulate.evaluation import FRESH, Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -29,50 +29,54 @@ from dogshape.sim.shift.geometry import Dog
 Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
 
 
-def confirm(search: Search, executor: Executor, told: Told) -> dict[str, Any] | None:
-    """Simulate prototype and designs of an ended search at angles that it did not use.
+def confirm(
+    state: SearchState, executor: Executor, told: Told
+) -> tuple[dict[str, Any] | None, SearchState]:
+    """Re-simulate prototype and designs of an ended search at angles that it did not use.
 
-    Every operating point is simulated, whatever the search left out. Designs that fail a check
-    are ``search.unfit`` afterwards. None where no design passes every check of the search.
+    Every operating point is simulated, whatever the search left out. Give the record, None where
+    no design passes every check of the search, and the state without designs that fail a check.
     """
-    study, found = search.study, dict[int, Simulated]()
+    study, found = state.study, dict[int, Simulated]()
     params: dict[int, dict[str, float]] = {}
-    while trials := _next(search, found):
-        told(len(trials), _line(search, len(trials)))
+    while trials := _next(state, found):
+        told(len(trials), _line(state, len(trials)))
         these = {trial.number: dict(trial.params) for trial in trials}
-        new = simulated_afresh(study, these, executor)
+        new = resimulated(study, these, executor)
         params, found = params | these, found | new
-        search.unfit.update(t for t, one in new.items() if not _passes(study, these[t], one))
+        failed = [t for t, one in new.items() if not _passes(study, these[t], one)]
+        state = state.reject(failed) if failed else state
     if not found:
-        return None
-    loss = {t.number: leading_loss(search, t) for t in search.simulated if t.number in found}
+        return None, state
+    loss = {t.number: state.leading_loss(t) for t in state.simulated if t.number in found}
     order = sorted(found, key=lambda number: (loss[number], number))
-    return _record(study, {t: params[t] for t in order}, {t: found[t] for t in order}, executor)
+    designs = {number: params[number] for number in order}
+    return _record(study, designs, {number: found[number] for number in order}, executor), state
 
 
-def _next(search: Search, found: Mapping[int, Simulated]) -> list[FrozenTrial]:
-    """Return the first designs of the front as it is now that are to be confirmed next."""
-    best = best_trial(search)
+def _next(state: SearchState, found: Mapping[int, Simulated]) -> list[FrozenTrial]:
+    """Select the first designs of the front as it is now that are to be confirmed next."""
+    best = state.best
     if best is None:
         return []
-    passed = len(found.keys() - search.unfit)
-    wanted = search.study.file.search.confirm_designs - passed
-    left = min(wanted, most_confirmed(search.study) - len(found))
-    shown = [best, *(t for t in front(search) if t.number != best.number)]
+    passed = len(found.keys() - state.findings.unfit)
+    wanted = state.study.file.search.confirm_designs - passed
+    left = min(wanted, most_confirmed(state.study) - len(found))
+    shown = [best, *(t for t in state.front if t.number != best.number)]
     return [t for t in shown if t.number not in found][: max(0, left)]
 
 
-def _line(search: Search, count: int) -> str:
-    failed = len(search.unfit)
+def _line(state: SearchState, count: int) -> str:
+    failed = len(state.findings.unfit)
     if not failed:
-        return f"confirming prototype and {count} of the front at fresh angles"
-    return f"{failed} failed at the fresh angles: confirming {count} more of the front without them"
+        return f"confirming prototype and {count} of the front at new angles"
+    return f"{failed} failed at the new angles: confirming {count} more of the front without them"
 
 
-def simulated_afresh(
+def resimulated(
     study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
 ) -> dict[int, Simulated]:
-    """Return what designs, by trial, give at every operating point and at fresh angles.
+    """Simulate designs, by trial, at every operating point and at angles new to the search.
 
     Raises InputError where the shifts of a design say nothing of some objective.
     """
@@ -100,7 +104,7 @@ def _record(
     found: Mapping[int, Simulated],
     executor: Executor,
 ) -> dict[str, Any]:
-    """Return the confirmation of designs, by trial in the search's order.
+    """Record the confirmation of designs, by trial in the search's order.
 
     Chosen is the first that passes every check here too, its hardest landing among them; where
     none does, the first. Their order is the search's: none is chosen for its luck here.
@@ -133,14 +137,14 @@ def _require_known(found: Mapping[str, Simulated]) -> None:
     unknown = [name for name, one in found.items() if not one.known]
     if unknown:
         raise InputError(
-            f"every shift of {' and '.join(unknown)} at fresh angles failed, so what they strike "
+            f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
             "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
             "or without the objective peak_impact_force_N"
         )
 
 
 def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
-    """Return what is gained in each simulated objective, with its standard error."""
+    """Compute the gain in each simulated objective, with its standard error."""
     signs = {objective.name: objective.sign for objective in objectives_of(study)}
     gains = {}
     for name, one in best.estimates.items():

@@ -1,6 +1,6 @@
 """How sure a front is: intervals, and the probability that no other design is better.
 
-What is known of the simulated designs is drawn many times. Where a surrogate foretells operating
+What is known of the simulated designs is drawn many times. Where a surrogate predicts operating
 points its draws are joint, so that errors which designs share cancel; otherwise each design has
 the standard error of its own shifts. A design's probability is the share of the draws in which
 no other feasible design beats it in all objectives.
@@ -14,7 +14,7 @@ import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.search.guide import drawn
-from dogshape.pipeline.search.search import Search, losses, value_of
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import SIMULATED, leading, losses_of, objectives_of
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.hypervolume import not_dominated
@@ -53,27 +53,27 @@ class Drawn:
         return float(np.minimum(chance, 1.0 - chance).sum())
 
 
-def draw(search: Search) -> Drawn:
-    """Draw what is known of the feasible designs of a search; they may be none."""
-    trials = search.feasible
+def draw(state: SearchState) -> Drawn:
+    """Draw the losses of the feasible designs of a search; they may be none."""
+    trials = [*state.feasible]
     if not trials:
         return Drawn([], np.zeros((DRAWS, 0, 1)), np.zeros((DRAWS, 0), dtype=bool))
-    rng = np.random.default_rng(search.study.file.search.seed)
-    losses = _draws(search, trials, rng)
+    rng = np.random.default_rng(state.study.file.search.seed)
+    losses = _draws(state, rng)
     parts = np.array_split(losses, PARTS)
     return Drawn(trials, losses, np.concatenate([not_dominated(part) for part in parts]))
 
 
-def standings(search: Search, drawn: Drawn | None = None) -> dict[int, Standing]:
-    """Return how each feasible design of a search stands, by its trial.
+def standings(state: SearchState, drawn: Drawn | None = None) -> dict[int, Standing]:
+    """Compute interval and probability of each feasible design, by its trial.
 
-    ``drawn`` are its draws where they are known.
+    ``drawn`` are the draws of the state where they are known.
     """
-    drawn = drawn or draw(search)
-    name = leading(search.study).name
+    drawn = drawn or draw(state)
+    name = leading(state.study).name
     found = {}
     for trial, probability in zip(drawn.trials, drawn.probabilities.tolist(), strict=True):
-        value, error = value_of(search, trial, name)
+        value, error = state.value(trial, name)
         low, high = value - 1.96 * error, value + 1.96 * error
         if value > 0.0:
             low, high = (float(end[0]) for end in interval(np.array([value]), np.array([error])))
@@ -81,13 +81,14 @@ def standings(search: Search, drawn: Drawn | None = None) -> dict[int, Standing]
     return found
 
 
-def _draws(search: Search, trials: list[FrozenTrial], rng: np.random.Generator) -> Array:
-    """Draw all losses of designs, (s, n, k)."""
-    means = np.array([losses(search, trial) for trial in trials])
-    errors = np.array([losses_of(search.study, t.values, t.user_attrs)[1] for t in trials])
+def _draws(state: SearchState, rng: np.random.Generator) -> Array:
+    """Draw all losses of feasible designs, (s, n, k)."""
+    trials, study = state.feasible, state.study
+    means = np.array([state.losses[trial.number] for trial in trials])
+    errors = np.array([losses_of(study, t.values, t.user_attrs)[1] for t in trials])
     draws: Array = means + errors * rng.standard_normal((DRAWS, *means.shape))
-    names = [objective.name for objective in objectives_of(search.study)]
-    if search.foretold and search.guide is not None and SIMULATED in names:
-        times, covariance = search.guide.joint(search.simulated, trials)
+    names = [objective.name for objective in objectives_of(study)]
+    if state.predicted and state.guide is not None and SIMULATED in names:
+        times, covariance = state.guide.joint(state.simulated, trials)
         draws[:, :, names.index(SIMULATED)] = drawn(times, covariance, rng, DRAWS)
     return draws

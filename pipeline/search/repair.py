@@ -7,13 +7,15 @@ their designs are judged anew.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.search.dog_guide import distinct
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.dog_guide import distinct, simulated
 from dogshape.pipeline.search.replication import renewed
 from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import NOTHING, Findings, plan_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import blocks_of
@@ -21,37 +23,43 @@ from dogshape.pipeline.simulate.point_plans import blocks_of
 Say = Callable[[str], None]  #: prints a line for people
 
 
-def repair(search: Search, executor: Executor, say: Say) -> None:
-    """Simulate again what the journal lacks of finished designs, and take up what it gives.
+def repair(search: Search, executor: Executor, say: Say) -> Findings:
+    """Simulate again the shifts of finished designs that the journal lacks; give what they say.
 
     Of a search that several machines share each folder has its own shifts: nothing is lost there.
     """
     if search.claims.worker is not None:
-        return
-    trials, lost = _lacking(search, executor)
+        return NOTHING
+    finished = [trial for trial in search.trials() if simulated(trial)]
+    trials, lost = _lacking(search.study, finished, executor)
     if not trials:
-        return
+        return NOTHING
     say(
         f"{executor.journal.path} lacks {lost} shifts of {len(trials)} finished designs; they are "
         "simulated again"
     )
     study = search.study
-    plans = [search.plan(trial) for trial in trials]
+    plans = [plan_of(study, trial) for trial in trials]
     dogs = [study.dog_with(dict(trial.params)) for trial in trials]
     found = evaluate(study, dogs, executor, plans, study.file.expectation.seed)
-    for trial, plan, one in zip(trials, plans, found, strict=True):
-        if one.known:
-            same = [each for each in search.simulated if each.params == trial.params]
-            search.renew([renewed(search, each, plan, one) for each in same])
+    mended = [
+        renewed(study, each, plan, one)
+        for trial, plan, one in zip(trials, plans, found, strict=True)
+        for each in finished
+        if one.known and each.params == trial.params
+    ]
+    return NOTHING.with_renewed(mended)
 
 
-def _lacking(search: Search, executor: Executor) -> tuple[list[FrozenTrial], int]:
-    """Return the finished designs of which shifts are missing, and how many those are."""
-    study, journal = search.study, executor.journal
+def _lacking(
+    study: Study, finished: Sequence[FrozenTrial], executor: Executor
+) -> tuple[list[FrozenTrial], int]:
+    """Select the finished designs of which shifts are missing, and count those shifts."""
+    journal = executor.journal
     trials, lost = [], 0
-    for trial in distinct(search.simulated):
+    for trial in distinct(finished):
         clutch = study.clutch.with_dog(study.dog_with(dict(trial.params)))
-        blocks = blocks_of(study, clutch, search.plan(trial), study.file.expectation.seed)
+        blocks = blocks_of(study, clutch, plan_of(study, trial), study.file.expectation.seed)
         keys = {key for block in blocks for key in block.keys}
         missing = keys - journal.rows.keys()
         lost += len(missing)

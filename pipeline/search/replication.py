@@ -14,13 +14,13 @@ that it has, were its losses y_i known:
 with p_j(y_i) the probability of *j* among joint draws in which *i* has such losses (the expected
 value of perfect information, by parts of the draws: Strong and Oakley 2013).
 
-Trials stay as they were told: what more shifts say of them is in the search alone, and all of it
-follows from trials and shifts, so that a run that was cut off ends as it would have.
+Trials stay as they were told: what more shifts say of them is in the findings of the state alone,
+and all of it follows from trials and shifts, so that a run that was cut off ends as it would have.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import astuple, dataclass
 from typing import Any
@@ -28,10 +28,11 @@ from typing import Any
 import numpy as np
 from optuna.trial import FrozenTrial
 
+from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.front_uncertainty import Drawn, Standing, draw, standings
 from dogshape.pipeline.search.point_choice import HALF, telling_points
 from dogshape.pipeline.search.sampler import PLAN
-from dogshape.pipeline.search.search import Search, front
+from dogshape.pipeline.search.state import SearchState, checked_design
 from dogshape.pipeline.search.trials import attributes_of
 from dogshape.pipeline.simulate.design import SIMULATED, objectives_of, values_of
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
@@ -65,20 +66,25 @@ class Replication:
     front: list[int]
 
 
-def replicate(search: Search, executor: Executor, told: Told) -> Replication:
-    """Give unclear designs of an ended search more angles, until none is or the budget is spent."""
-    first, searched = draw(search), {t.number: sum(search.plan(t)) for t in search.simulated}
-    before, on_front = standings(search, first), [trial.number for trial in front(search)]
-    drawn, rounds, start = first, 0, search.spent
-    budget = most_to_replicate(search.study, start)
-    while plans := _next_plans(search, drawn, executor, budget - (search.spent - start)):
-        _simulate(search, plans, executor)
-        drawn, rounds = draw(search), rounds + 1
-        spent, left = search.spent - start, len(unclear(drawn))
+def replicate(
+    state: SearchState, executor: Executor, told: Told
+) -> tuple[Replication, SearchState]:
+    """Give unclear designs of an ended search more angles, until none is or the budget is spent.
+
+    Give with the account of it the state that follows.
+    """
+    first, searched = draw(state), {t.number: sum(state.plan(t)) for t in state.simulated}
+    before, on_front = standings(state, first), [trial.number for trial in state.front]
+    drawn, rounds, start, spent = first, 0, state.spent, 0
+    budget = most_to_replicate(state.study, start)
+    while plans := _next_plans(state, drawn, executor, budget - spent):
+        state = _simulate(state, plans, executor)
+        drawn, rounds = draw(state), rounds + 1
+        spent, left = state.spent - start, len(unclear(drawn))
         told(budget - spent, f"replication, {spent} of at most {budget} shifts: {left} unclear")
-    return Replication(
+    done = Replication(
         budget=budget,
-        shifts=search.spent - start,
+        shifts=spent,
         rounds=rounds,
         unclear=(_numbers(unclear(first)), _numbers(unclear(drawn))),
         misplaced=(first.misplaced, drawn.misplaced),
@@ -86,21 +92,21 @@ def replicate(search: Search, executor: Executor, told: Told) -> Replication:
         before=before,
         front=on_front,
     )
+    return done, state
 
 
 def _numbers(trials: Sequence[FrozenTrial]) -> list[int]:
     return [trial.number for trial in trials]
 
 
-def replication_record(
-    search: Search, done: Replication, after: Mapping[int, Standing]
-) -> dict[str, Any]:
-    """Return what replication took, and each design that it or the front before or after had.
+def replication_record(state: SearchState, done: Replication) -> dict[str, Any]:
+    """Record what replication took, and each design that it or the front before or after had.
 
-    ``after`` is how designs stand now, by trial: those that landed too hard have no place in it.
+    ``state`` follows the replication. Designs that landed too hard have no standing there.
     """
-    now = {trial.number: sum(search.plan(trial)) for trial in search.simulated}
-    shown = [trial.number for trial in front(search)]
+    after = standings(state)
+    now = {trial.number: sum(state.plan(trial)) for trial in state.simulated}
+    shown = [trial.number for trial in state.front]
     more = [number for number, shifts in now.items() if shifts > done.searched[number]]
     every = dict.fromkeys([*shown, *done.front, *sorted(more)])
     designs = [
@@ -133,38 +139,38 @@ def _stood(standing: Standing | None, when: str) -> dict[str, float | None]:
 
 
 def unclear(drawn: Drawn) -> list[FrozenTrial]:
-    """Return the designs of which it is unclear whether they are on the front."""
+    """Select the designs whose place on the front is unclear."""
     pairs = zip(drawn.trials, drawn.probabilities, strict=True)
     return [trial for trial, chance in pairs if LOW < chance < HIGH]
 
 
 def _next_plans(
-    search: Search, drawn: Drawn, executor: Executor, left: int
+    state: SearchState, drawn: Drawn, executor: Executor, left: int
 ) -> list[tuple[FrozenTrial, Plan]]:
     """Return the designs of the next round with their new plans, within ``left`` shifts."""
     found: list[tuple[FrozenTrial, Plan]] = []
-    for trial in _in_order(search, drawn) if left > 0 else []:
-        order = _telling(search, trial, executor)
-        plan = _extended(search.plan(trial), order, search.study.file.expectation.angles, left)
-        if plan != search.plan(trial):
+    for trial in _in_order(state, drawn) if left > 0 else []:
+        order = _telling(state, trial, executor)
+        plan = _extended(state.plan(trial), order, state.study.file.expectation.angles, left)
+        if plan != state.plan(trial):
             found.append((trial, plan))
-            left -= sum(plan) - sum(search.plan(trial))
-        if len(found) == search.study.file.search.batch:
+            left -= sum(plan) - sum(state.plan(trial))
+        if len(found) == state.study.file.search.batch:
             break
     return found
 
 
-def _in_order(search: Search, drawn: Drawn) -> list[FrozenTrial]:
+def _in_order(state: SearchState, drawn: Drawn) -> list[FrozenTrial]:
     """Return the unclear designs, first what tells most for a shift."""
     worth = {
-        trial.number: telling(drawn, place) / sum(search.plan(trial))
+        trial.number: telling(drawn, place) / sum(state.plan(trial))
         for place, trial in enumerate(drawn.trials)
     }
     return sorted(unclear(drawn), key=lambda trial: -worth[trial.number])
 
 
 def telling(drawn: Drawn, place: int) -> float:
-    """Return how many designs fewer would be on the wrong side, were one design's losses known."""
+    """Count how many designs fewer would be on the wrong side, were one design's losses known."""
     cells = _cells(drawn.losses[:, place, :])
     sizes = np.bincount(cells)
     on_front = np.zeros((len(sizes), drawn.on_front.shape[1]))
@@ -184,22 +190,22 @@ def _cells(losses: Array) -> Places:
     return cells
 
 
-def _telling(search: Search, trial: FrozenTrial, executor: Executor) -> list[int]:
+def _telling(state: SearchState, trial: FrozenTrial, executor: Executor) -> list[int]:
     """Return the operating points whose standard error counts most in a design, in that order."""
-    if search.foretold and search.guide is not None:
-        over = search.guide.over(search.simulated)
-        return telling_points(search.study, over, search.study.rows([trial.params])[0])
-    (found,) = _evaluated(search, [(trial, search.plan(trial))], executor)
-    return most_of_variance(search, found, search.plan(trial))
+    if state.predicted and state.guide is not None:
+        over = state.guide.over(state.simulated)
+        return telling_points(state.study, over, state.study.rows([trial.params])[0])
+    (found,) = _evaluated(state, [(trial, state.plan(trial))], executor)
+    return most_of_variance(state, found, state.plan(trial))
 
 
-def most_of_variance(search: Search, found: Simulated, plan: Plan) -> list[int]:
-    """Return the points that hold half of the variance of a design's objectives.
+def most_of_variance(state: SearchState, found: Simulated, plan: Plan) -> list[int]:
+    """Select the points that hold half of the variance of a design's objectives.
 
     First where a shift more takes most of it. Each objective counts the same.
     """
     total = np.zeros(len(plan))
-    for name in (one.name for one in objectives_of(search.study) if one.simulated):
+    for name in (one.name for one in objectives_of(state.study) if one.simulated):
         parts = np.array(found.estimates[name].parts)
         if parts.size and parts.sum() > 0.0:
             total[np.array(plan) > 0] += parts / parts.sum()
@@ -225,32 +231,36 @@ def _extended(plan: Plan, order: Sequence[int], angles: int, left: int) -> Plan:
 
 
 def _evaluated(
-    search: Search, plans: Sequence[tuple[FrozenTrial, Plan]], executor: Executor
+    state: SearchState, plans: Sequence[tuple[FrozenTrial, Plan]], executor: Executor
 ) -> list[Simulated]:
-    study = search.study
+    study = state.study
     dogs = [study.dog_with(dict(trial.params)) for trial, _ in plans]
     seed, base = study.file.expectation.seed, study.file.expectation.angles
     return evaluate(study, dogs, executor, [plan for _, plan in plans], seed, base=base)
 
 
 def _simulate(
-    search: Search, plans: Sequence[tuple[FrozenTrial, Plan]], executor: Executor
-) -> None:
+    state: SearchState, plans: Sequence[tuple[FrozenTrial, Plan]], executor: Executor
+) -> SearchState:
     """Simulate designs by their new plans and take up what that gives."""
-    for (trial, plan), found in zip(plans, _evaluated(search, plans, executor), strict=True):
-        same = [one for one in search.simulated if one.params == trial.params]
-        search.renew([renewed(search, one, plan, found) for one in same])
+    more = [
+        renewed(state.study, one, plan, found)
+        for (trial, plan), found in zip(plans, _evaluated(state, plans, executor), strict=True)
+        for one in state.simulated
+        if one.params == trial.params
+    ]
+    return state.renew(more)
 
 
-def renewed(search: Search, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
-    """Return a trial as all shifts of its design say; times that are foretold stay as told."""
+def renewed(study: Study, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
+    """Copy a trial with what all shifts of its design say; predicted times stay as told."""
     known: dict[str, Any] = {**trial.user_attrs, **attributes_of(found)}
     if not is_whole(plan):
         known["standard_error_s"] = trial.user_attrs["standard_error_s"]
         for name in ("simulated", "standard_errors"):
             known[name] = {**known[name], SIMULATED: trial.user_attrs[name][SIMULATED]}
-    renewed = copy(trial)
-    renewed.user_attrs = known
-    renewed.system_attrs = {**trial.system_attrs, PLAN: plan}
-    renewed.values = values_of(search.study, search.design(renewed), known["simulated"])
-    return renewed
+    copied = copy(trial)
+    copied.user_attrs = known
+    copied.system_attrs = {**trial.system_attrs, PLAN: plan}
+    copied.values = values_of(study, checked_design(study, copied), known["simulated"])
+    return copied

@@ -17,7 +17,8 @@ from optuna.trial import FrozenTrial, TrialState
 from dogshape.pipeline.search.dog_guide import search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.samplers import startup_designs
-from dogshape.pipeline.search.search import Search, best_trial, value_of
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import NOTHING, Findings, SearchState
 from dogshape.pipeline.search.trials import finish
 from dogshape.pipeline.simulate.design import leading
 from dogshape.pipeline.simulate.executor import Executor
@@ -27,7 +28,8 @@ ROUND = "round"  #: attribute of a trial: how many were begun before its round, 
 OVER = (TrialState.FAIL, TrialState.WAITING)  #: states of trials that are of no round
 
 SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
-AfterRound = Callable[[str], None]  #: called with a line about the search so far
+#: called with a line about the search so far, and its state
+AfterRound = Callable[[str, SearchState], None]
 
 
 def run(
@@ -35,52 +37,55 @@ def run(
     sampler_of: SamplerOf,
     executor: Executor,
     after_round: AfterRound,
-) -> None:
+    findings: Findings = NOTHING,
+) -> SearchState:
     """Run the search until the study's number of trials is finished, by this run and others.
 
-    It ends sooner where the space has fewer designs than that.
+    It ends sooner where the space has fewer designs than that. Give the state at its end.
     """
     waiting = False
     while True:
         with search.claims.turn():
-            ids = next_round(search, sampler_of)
-            ended = not ids and exhausted(search, sampler_of)
+            ids = next_round(search, sampler_of, findings)
+            ended = not ids and exhausted(search, sampler_of, findings)
         if ids:
             waiting = False
-            finish(search, ids, executor)
-            after_round(_status(search))
-        elif (left := search.study.file.search.trials - len(search.trials)) <= 0:
-            return
-        elif ended:
-            after_round(f"every design that passes the checks was tried: {left} fewer than wanted")
-            return
-        else:
-            if not waiting:
-                after_round(f"waiting for {left} designs that other runs simulate")
-            waiting = True
-            search.claims.wait()
+            findings = finish(search, ids, executor, findings)
+            state = search.read(findings)
+            after_round(_status(state), state)
+            continue
+        state = search.read(findings)
+        if (left := search.study.file.search.trials - len(state.trials)) <= 0:
+            return state
+        if ended:
+            line = f"every design that passes the checks was tried: {left} fewer than wanted"
+            after_round(line, state)
+            return state
+        if not waiting:
+            after_round(f"waiting for {left} designs that other runs simulate", state)
+        waiting = True
+        search.claims.wait()
 
 
-def _status(search: Search) -> str:
-    best = best_trial(search)
-    done = len(search.trials)
-    text = f"{done} of {search.study.file.search.trials} designs"
+def _status(state: SearchState) -> str:
+    best = state.best
+    text = f"{len(state.trials)} of {state.study.file.search.trials} designs"
     if best is not None:
-        one = leading(search.study)
-        value, error = value_of(search, best, one.name)
+        one = leading(state.study)
+        value, error = state.value(best, one.name)
         scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
         text += f", best {value * scale:.4g} {unit} +- {error * scale:.2g}"
     return text
 
 
-def next_round(search: Search, sampler_of: SamplerOf) -> list[int]:
-    """Return the trials of this run's next round: one that was cut off, or else a new one.
+def next_round(search: Search, sampler_of: SamplerOf, findings: Findings = NOTHING) -> list[int]:
+    """Ask for the trials of this run's next round: one that was cut off, or else a new one.
 
     What other runs have asked for counts as if it were finished, so none is asked too many.
     """
     _require_prototype(search)
-    cut = _cut_off(search)
-    mine, mark = _of_one_round(search, cut)
+    cut = _cut_off(search, findings)
+    mine, mark = _of_one_round(search, cut, findings)
     ids = [trial._trial_id for trial in mine]
     for trial_id in ids:
         _claim(search, trial_id, mark)
@@ -108,14 +113,14 @@ def _ask(search: Search, space: dict[str, BaseDistribution]) -> int:
     return trial._trial_id
 
 
-def exhausted(search: Search, sampler_of: SamplerOf) -> bool:
-    """Tell whether every design that may be proposed was told: its space has no others."""
+def exhausted(search: Search, sampler_of: SamplerOf, findings: Findings = NOTHING) -> bool:
+    """Check whether every design that may be proposed was told: its space has no others."""
     search.optuna.sampler = sampler_of(len(_begun(search)))
-    return not _running(search) and _none_left(search)
+    return not _running(search, findings) and _none_left(search)
 
 
 def _none_left(search: Search) -> bool:
-    """Tell whether the study's own sampler could only propose designs again."""
+    """Check whether the study's own sampler could only propose designs again."""
     sampler = search.optuna.sampler
     if search.optuna.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
         return False
@@ -129,21 +134,21 @@ def _require_prototype(search: Search) -> None:
 
 
 def _begun(search: Search) -> list[FrozenTrial]:
-    """Return the trials that were asked: running or told."""
+    """List the trials that were asked: running or told."""
     return [t for t in search.optuna.get_trials(deepcopy=False) if t.state not in OVER]
 
 
-def _running(search: Search) -> list[FrozenTrial]:
-    """Return the trials that were asked and not told, but for those this run leaves open."""
+def _running(search: Search, findings: Findings) -> list[FrozenTrial]:
+    """List the trials that were asked and not told, but for those this run leaves open."""
     running = search.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
-    return [trial for trial in running if trial.number not in search.left_open]
+    return [trial for trial in running if trial.number not in findings.left_open]
 
 
-def _cut_off(search: Search) -> list[FrozenTrial]:
-    """Return the trials that a dead run asked and did not tell; put incomplete ones back."""
+def _cut_off(search: Search, findings: Findings) -> list[FrozenTrial]:
+    """List the trials that a dead run asked and did not tell; put incomplete ones back."""
     left, living = [], search.claims.living()
     names = set(search.study.variables)
-    for trial in _running(search):
+    for trial in _running(search, findings):
         if trial.user_attrs.get(WORKER) in living:
             continue
         if names <= set(trial.params):
@@ -166,9 +171,9 @@ def _put_back(search: Search, trial: FrozenTrial) -> None:
 
 
 def _of_one_round(
-    search: Search, cut: Sequence[FrozenTrial]
+    search: Search, cut: Sequence[FrozenTrial], findings: Findings
 ) -> tuple[list[FrozenTrial], list[int]]:
-    """Return the trials of the first round that was cut off, and its mark; a new one if none was.
+    """Select the trials of the first round that was cut off, and its mark; a new one if none was.
 
     A run may be killed between asking for a trial and marking it: that trial was the last one
     asked of its round.
@@ -177,26 +182,26 @@ def _of_one_round(
     mark = next((trial.user_attrs[ROUND] for trial in cut if ROUND in trial.user_attrs), None)
     if mark is None:
         begun = len(_begun(search)) - len(bare)
-        return bare, [begun, min(_size(search), search.study.file.search.trials - begun)]
+        return bare, [begun, min(_size(search, findings), search.study.file.search.trials - begun)]
     mine = [trial for trial in cut if trial.user_attrs.get(ROUND) == mark]
     return mine + bare[: _open(search, mark)], mark
 
 
 def _open(search: Search, mark: list[int]) -> int:
-    """Return how many trials of a round were never asked."""
+    """Count the trials of a round that were never asked."""
     asked = [trial for trial in _begun(search) if trial.user_attrs.get(ROUND) == mark]
     return mark[1] - len(asked)
 
 
 def _missing(search: Search, mark: list[int]) -> int:
-    """Return how many trials of a round are still to be asked."""
+    """Count the trials of a round that are still to be asked."""
     return max(0, min(_open(search, mark), search.study.file.search.trials - len(_begun(search))))
 
 
-def _size(search: Search) -> int:
-    """Return the number of trials of a new round."""
+def _size(search: Search, findings: Findings) -> int:
+    """Choose the number of trials of a new round."""
     batch = search.study.file.search.batch
-    if search.guide is not None and search.guide.partial and not search.trials:
+    if search.guide is not None and search.guide.partial and not search.trials(findings):
         # Only with all of the first designs can any of them be told what it lacks.
         return max(batch, startup_designs(search.study, search.guide))
     return batch

@@ -1,4 +1,4 @@
-"""The search in its storage: what it holds, and which designs are best.
+"""The search in its storage: how it is opened, and what is read of it.
 
 Trials of a round are asked together, simulated side by side and told in the
 order of their numbers (``pipeline.search.trials``), so the result does not depend on which finished
@@ -11,144 +11,71 @@ from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
-from dogshape.pipeline.search.sampler import PLAN
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    Design,
-    design_of,
-    leading,
-    losses_of,
-    objectives_of,
-)
-from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, is_whole, whole_plan
+from dogshape.pipeline.search.dog_guide import DogGuide
+from dogshape.pipeline.search.state import NOTHING, Findings, SearchState, state_of
+from dogshape.pipeline.simulate.design import objectives_of
 from dogshape.pipeline.store.claims import Alone, Claims
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import opening
-from dogshape.sim.errors import InputError, StorageError
-from dogshape.sim.statistics.shift_records import content_key, landing_of
+from dogshape.sim.errors import StorageError
+from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
-from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.hypervolume import not_dominated
 
 
-@dataclass
+@dataclass(frozen=True)
 class Search:
-    """A search in its storage.
+    """Handles of a search in its storage.
 
-    ``better`` are trials as replication knows them, by number; the storage keeps what they were
-    told. ``unfit`` are those that failed a check at fresh angles: they are no longer feasible.
-    ``left_open`` are trials, by number, of which the clock ended a shift: what this run knows of
-    them. In the storage they go on running, so that another run takes them up.
+    Parameters
+    ----------
+    study : the study that is searched.
+    optuna : its trials, in their storage.
+    claims : which runs share the search.
+    guide : gives the surrogate of its trials; None for a search without one.
     """
 
     study: Study
     optuna: optuna.Study
     claims: Claims = field(default_factory=Alone)
     guide: DogGuide | None = None
-    better: dict[int, FrozenTrial] = field(default_factory=dict)
-    unfit: set[int] = field(default_factory=set)
-    left_open: dict[int, FrozenTrial] = field(default_factory=dict)
-    _foretold: tuple[int, dict[int, tuple[float, float]]] = (0, {})
 
-    def plan(self, trial: FrozenTrial) -> Plan:
-        """Return what was, or is to be, simulated of a trial's design."""
-        plan: Plan = trial.system_attrs.get(PLAN) or whole_plan(self.study)
-        return plan
-
-    @property
-    def foretold(self) -> dict[int, tuple[float, float]]:
-        """Expected times and standard errors by trial, s, of a search that foretells some points.
-
-        What all shifts so far say of each design. Empty where every point was simulated.
-        """
-        trials = self.simulated
-        if self.guide is None or not any(not is_whole(self.plan(trial)) for trial in trials):
-            return {}
-        if self._foretold[0] != len(trials):
-            try:
-                times, errors = (values.tolist() for values in self.guide.times(trials))
-            except InputError:  # too few so far: each has what it was told
-                return {}
-            numbers = [trial.number for trial in trials]
-            found = dict(zip(numbers, zip(times, errors, strict=True), strict=True))
-            self._foretold = len(trials), found
-        return self._foretold[1]
-
-    @property
-    def trials(self) -> list[FrozenTrial]:
-        """Finished trials in the order of their numbers, as all of their shifts say."""
+    def trials(self, findings: Findings = NOTHING) -> list[FrozenTrial]:
+        """List the finished trials in the order of their numbers, with this run's findings."""
         told = [
-            self.left_open.get(trial.number, trial) if trial.state == TrialState.RUNNING else trial
-            for trial in self.optuna.get_trials(deepcopy=False)
+            findings.left_open.get(t.number, t) if t.state == TrialState.RUNNING else t
+            for t in self.optuna.get_trials(deepcopy=False)
         ]
-        return [self.better.get(t.number, t) for t in told if t.state == TrialState.COMPLETE]
+        finished = [trial for trial in told if trial.state == TrialState.COMPLETE]
+        return [findings.renewed.get(trial.number, trial) for trial in finished]
 
-    def renew(self, trials: Iterable[FrozenTrial]) -> None:
-        """Take up what more shifts say of finished trials."""
-        self.better.update((trial.number, trial) for trial in trials)
-        self._foretold = 0, {}
-
-    def leave_open(self, trial: FrozenTrial) -> None:
-        """Take up what this run found of a trial, and leave it to the next run."""
-        self.left_open[trial.number] = trial
-
-    @property
-    def simulated(self) -> list[FrozenTrial]:
-        """Finished trials of designs that were simulated."""
-        return [t for t in self.trials if simulated(t)]
-
-    @property
-    def feasible(self) -> list[FrozenTrial]:
-        """Simulated designs, each once, that pass every check, the landing's too."""
-        fit = [t for t in distinct(self.simulated) if t.number not in self.unfit]
-        return [t for t in fit if self.design(t).feasible]
-
-    def design(self, trial: FrozenTrial) -> Design:
-        """Return the design of a trial with all of its checks."""
-        landing = landing_of(trial.user_attrs) if simulated(trial) else None
-        return design_of(self.study, dict(trial.params), landing)
-
-    @property
-    def rows(self) -> list[list[float | None]]:
-        """Return what all simulated trials hold for the surrogate, in their order."""
-        return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
-
-    @property
-    def spent(self) -> int:
-        """Number of shifts of all designs, each design counted once."""
-        return sum(sum(self.plan(trial)) for trial in distinct(self.simulated))
-
-    def shifts(self, known: Iterable[str]) -> int:
-        """Return how many shifts there are: those known by their keys, and other runs'."""
-        if self.claims.worker is None:
-            return len(set(known))
-        keys, settings = set(known), self.study.file.expectation
-        for trial in self.simulated:
-            clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
-            plan, seed, base = self.plan(trial), settings.seed, settings.angles
-            blocks = blocks_of(self.study, clutch, plan, seed, base)
-            keys.update(key for block in blocks for key in block.keys)
-        return len(keys)
+    def read(self, findings: Findings = NOTHING) -> SearchState:
+        """List the storage once and work out where the search stands."""
+        shared = self.claims.worker is not None
+        return state_of(self.study, self.guide, shared, findings, self.trials(findings))
 
 
 def open_search(
-    study: Study, folder: StudyFolder, storage: str | None, resume: bool, known: str | None = None
+    study: Study,
+    folder: StudyFolder,
+    storage: str | None,
+    resume: bool,
+    *,
+    known: str | None = None,
+    guide: DogGuide | None = None,
 ) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
     ``known`` is the hash of the rows that join (``pipeline.train.found_surrogates``); None to leave
-    it open. Raises StorageError where the storage cannot be opened, or holds a search of that name
-    which is of another configuration, is not to be resumed, or began with other rows.
+    it open. ``guide`` gives the surrogate of the trials. Raises StorageError where the storage
+    cannot be opened, or holds a search of that name which is of another configuration, is not to
+    be resumed, or began with other rows.
     """
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
@@ -170,7 +97,7 @@ def open_search(
             _require_same_known(study, opened, known)
         if claims.worker is not None:
             _require_same_versions(opened)
-    return Search(study, opened, claims)
+    return Search(study, opened, claims, guide)
 
 
 def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
@@ -219,44 +146,3 @@ def _require_same_versions(opened: optuna.Study) -> None:
             f"the storage holds a study that other versions simulate ({apart}); install the same "
             "or give the study another name"
         )
-
-
-def value_of(search: Search, trial: FrozenTrial, name: str) -> tuple[float, float]:
-    """Return what a simulated trial has of the expected time or an objective, and its error."""
-    if name == SIMULATED and trial.number in (times := search.foretold):
-        return times[trial.number]
-    names, attributes = search.study.file.search.objectives, trial.user_attrs
-    errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
-    simulated = attributes.get("simulated", {})
-    value = simulated[name] if name in simulated else trial.values[names.index(name)]
-    return float(value), float(errors.get(name) or 0.0)
-
-
-def losses(search: Search, trial: FrozenTrial) -> Array:
-    """Return a trial's objectives, all to be minimised, (k,)."""
-    found, _ = losses_of(search.study, trial.values, trial.user_attrs)
-    if trial.number in (times := search.foretold):
-        for place, objective in enumerate(objectives_of(search.study)):
-            found[place] = times[trial.number][0] if objective.name == SIMULATED else found[place]
-    return found
-
-
-def leading_loss(search: Search, trial: FrozenTrial) -> float:
-    """Return the first simulated objective of a trial, to be minimised."""
-    place = objectives_of(search.study).index(leading(search.study))
-    return float(losses(search, trial)[place])
-
-
-def best_trial(search: Search) -> FrozenTrial | None:
-    """Return the feasible design that is best in the first simulated objective."""
-    return min(search.feasible, key=lambda t: leading_loss(search, t), default=None)
-
-
-def front(search: Search) -> list[FrozenTrial]:
-    """Return the feasible designs that no other dominates, best of the first simulated first."""
-    trials = search.feasible
-    if not trials:
-        return []
-    kept = not_dominated(np.array([losses(search, t) for t in trials]))
-    front = [trial for trial, keep in zip(trials, kept, strict=True) if keep]
-    return sorted(front, key=lambda t: leading_loss(search, t))

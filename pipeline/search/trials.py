@@ -18,8 +18,10 @@ from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.dog_guide import simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import NOTHING, Findings, plan_of
 from dogshape.pipeline.simulate.design import SIMULATED, Design, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -31,43 +33,48 @@ from dogshape.sim.statistics.shift_records import landing_record
 UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
 
 
-def finish(search: Search, ids: Sequence[int], executor: Executor) -> None:
-    """Simulate the designs among trials that may pass and tell them all in order."""
+def finish(
+    search: Search, ids: Sequence[int], executor: Executor, findings: Findings = NOTHING
+) -> Findings:
+    """Simulate the designs among trials that may pass and tell them all in order.
+
+    Give the findings with the trials that are left open.
+    """
     study = search.study
     trials = [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
-    plans = [search.plan(trials[k]) for k in worth]
-    simulated = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
-    results = dict(zip(worth, simulated, strict=True))
+    plans = [plan_of(study, trials[k]) for k in worth]
+    evaluated = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
+    results = dict(zip(worth, evaluated, strict=True))
     found = {k: result for k, result in results.items() if result.known}
     noted = [_noted(study, t, designs[k], found.get(k)) for k, t in enumerate(trials)]
     for k in worth.keys() - found.keys():
         noted[k].user_attrs["failed"] = [UNKNOWN]
     try:
-        times = _predict(search, [noted[k] for k in found])
+        times = _predict(search, findings, [noted[k] for k in found])
     except InputError:  # too few engage to predict anything: all points are simulated
         for trial in trials:
             with suppress(UpdateFinishedTrialError):
                 storage = search.optuna._storage
                 storage.set_trial_system_attr(trial._trial_id, PLAN, whole_plan(study))
-        finish(search, ids, executor)
-        return
+        return finish(search, ids, executor, findings)
     for k, trial in enumerate(noted):
         estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}
         if trial.number in times:
             estimates[SIMULATED] = times[trial.number]
         trial.values = values_of(study, designs[k], estimates)
         if k in results and results[k].unfinished:
-            search.leave_open(trial)
+            findings = findings.with_left_open(trial)
         else:
             _tell(search, trials[k], trial)
+    return findings
 
 
 def _noted(
     study: Study, trial: FrozenTrial, design: Design, found: Simulated | None
 ) -> FrozenTrial:
-    """Return a finished copy of a trial with what the simulation of its design gave."""
+    """Copy a trial as finished, with what the simulation of its design gave."""
     landed = design if found is None else design_of(study, design.params, found.landing)
     noted = copy(trial)
     noted.state = TrialState.COMPLETE
@@ -82,7 +89,7 @@ def _noted(
 
 
 def attributes_of(found: Simulated) -> dict[str, Any]:
-    """Return what a trial keeps of its design's simulation."""
+    """Record the simulation of a design as attributes of its trial."""
     estimates = found.estimates.items()
     return {
         "engaged": found.expectation.engaged,
@@ -94,17 +101,18 @@ def attributes_of(found: Simulated) -> dict[str, Any]:
     }
 
 
-def _predict(search: Search, trials: Sequence[FrozenTrial]) -> dict[int, float]:
-    """Note and return the expected times, s, by number, of trials that lack operating points.
+def _predict(search: Search, findings: Findings, trials: Sequence[FrozenTrial]) -> dict[int, float]:
+    """Predict and note the expected times, s, by number, of trials that lack operating points.
 
     ``trials`` are all that were simulated of the round. The times follow from those and all
     before.
     """
-    lacking = {trial.number for trial in trials if not is_whole(search.plan(trial))}
+    lacking = {trial.number for trial in trials if not is_whole(plan_of(search.study, trial))}
     if not lacking or search.guide is None:
         return {}
     # A round that was cut off while it was told is predicted from the same again.
-    known = {trial.number: trial for trial in [*search.simulated, *trials]}
+    before = [trial for trial in search.trials(findings) if simulated(trial)]
+    known = {trial.number: trial for trial in [*before, *trials]}
     together = [known[number] for number in sorted(known)]
     times, errors = search.guide.times(together)
     found = {}
@@ -116,7 +124,7 @@ def _predict(search: Search, trials: Sequence[FrozenTrial]) -> dict[int, float]:
 
 
 def _predicted(attributes: dict[str, Any], time: float, error: float) -> dict[str, Any]:
-    """Return the attributes of a trial with its expected time over all operating points, s."""
+    """Record the expected time over all operating points, s, among a trial's attributes."""
     return {
         "standard_error_s": error,
         "simulated": {**attributes["simulated"], SIMULATED: time},

@@ -16,7 +16,8 @@ from dogshape.pipeline.reports.study.design_tables import designs_frame
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, front, losses
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.evaluation import FRESH
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import MOST_CONFIRMED, most_to_confirm
@@ -46,7 +47,7 @@ class Landings(MadeUp):
             yield {**row, **hardest}
 
 
-Opened = tuple[Search, Executor, Landings]
+Opened = tuple[SearchState, Executor, Landings]
 Open = Callable[..., Opened]
 
 
@@ -63,7 +64,7 @@ def ended(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[optun
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dogshape.pipeline.simulate.executor.run_block", MadeUp())
         search, executor = Search(study, trials), Executor(ShiftJournal(shifts), 1)
-        run(search, sampler_factory(study, None), executor, lambda _: None)
+        run(search, sampler_factory(study, None), executor, lambda *_: None)
     return trials, shifts
 
 
@@ -74,31 +75,31 @@ def opened(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> Open:
-    """Return what opens the search as a new process would; designs that are named fail afresh."""
+    """Open the search as a new process would; designs that are named fail at new angles."""
     trials, kept = ended
 
     def opening(failing: list[int], shifts: str = "one", most: int | None = None) -> Opened:
-        search, path = Search(study, trials), tmp_path / shifts
+        state, path = Search(study, trials).read(), tmp_path / shifts
         if not path.exists():
             shutil.copy(kept, path)
-        hard = {round(t.params["chamfer_deg"], 6) for t in search.trials if t.number in failing}
+        hard = {round(t.params["chamfer_deg"], 6) for t in state.trials if t.number in failing}
         landings = Landings(hard, most)
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", landings)
-        return search, Executor(ShiftJournal(path), 1), landings
+        return state, Executor(ShiftJournal(path), 1), landings
 
     return opening
 
 
-def _confirmed(search: Search, executor: Executor) -> dict[str, Any]:
-    found = confirm(search, executor, lambda _count, _line: None)
+def _confirmed(state: SearchState, executor: Executor) -> tuple[dict[str, Any], SearchState]:
+    found, after = confirm(state, executor, lambda _count, _line: None)
     assert found is not None
-    return found
+    return found, after
 
 
-def _front(search: Search, without: set[int]) -> list[int]:
+def _front(state: SearchState, without: set[int]) -> list[int]:
     """The designs that nothing but ``without`` beats, best first, by comparing each with each."""
     values = {
-        t.number: losses(search, t).tolist() for t in search.feasible if t.number not in without
+        t.number: state.losses[t.number].tolist() for t in state.feasible if t.number not in without
     }
     kept = [
         number
@@ -116,68 +117,68 @@ def _failed(found: dict[str, Any]) -> list[int]:
     return [d["trial"] for d in found["designs"] if not all(c["passed"] for c in d["checks"])]
 
 
-def _hiding(search: Search) -> int:
-    """The first design of the front that alone hides others."""
-    whole = _front(search, set())
-    return next(one for one in whole if len(_front(search, {one})) >= len(whole))
+def _dominating(state: SearchState) -> int:
+    """The first design of the front that alone dominates others."""
+    whole = _front(state, set())
+    return next(one for one in whole if len(_front(state, {one})) >= len(whole))
 
 
 def test_where_all_pass_the_first_of_the_front_are_confirmed(opened: Open) -> None:
-    search, executor, landings = opened([])
-    found = _confirmed(search, executor)
-    assert _trials(found) == _front(search, set())[:WANTED]
+    state, executor, landings = opened([])
+    found, after = _confirmed(state, executor)
+    assert _trials(found) == _front(state, set())[:WANTED]
     assert found["chosen"] == _trials(found)[0]
-    assert not search.unfit
-    assert len(landings.keys) <= most_to_confirm(search.study, WANTED)
+    assert not after.findings.unfit
+    assert len(landings.keys) <= most_to_confirm(state.study, WANTED)
 
 
-def test_what_a_failing_design_hid_is_on_the_front_and_confirmed(opened: Open) -> None:
+def test_what_a_failing_design_dominated_is_on_the_front_and_confirmed(opened: Open) -> None:
     """Of the designs confirmed those that pass are the first of the front without the failed."""
-    first = _hiding(opened([])[0])
-    search, executor, _ = opened([first])
-    before = [trial.number for trial in front(search)]
-    expected = _front(search, {first})
+    first = _dominating(opened([])[0])
+    state, executor, _ = opened([first])
+    before = [trial.number for trial in state.front]
+    expected = _front(state, {first})
     assert set(expected) - set(before)
-    found = _confirmed(search, executor)
-    assert search.unfit == {first} == set(_failed(found))
-    assert [trial.number for trial in front(search)] == expected
+    found, after = _confirmed(state, executor)
+    assert after.findings.unfit == {first} == set(_failed(found))
+    assert [trial.number for trial in after.front] == expected
     assert [trial for trial in _trials(found) if trial != first] == expected[:WANTED]
     assert found["chosen"] == expected[0]
 
 
-def test_what_the_hidden_ones_hid_comes_next_when_they_fail(opened: Open) -> None:
-    search = opened([])[0]
-    first = _hiding(search)
-    hidden = next(t for t in _front(search, {first}) if t not in _front(search, set()))
-    failing = {first, hidden}
-    search, executor, _ = opened([*failing])
-    found = _confirmed(search, executor)
+def test_what_those_designs_dominated_comes_next_when_they_fail(opened: Open) -> None:
+    state = opened([])[0]
+    first = _dominating(state)
+    second = next(t for t in _front(state, {first}) if t not in _front(state, set()))
+    failing = {first, second}
+    state, executor, _ = opened([*failing])
+    found, after = _confirmed(state, executor)
     passed = [trial for trial in _trials(found) if trial not in failing]
-    assert search.unfit == failing
-    assert passed == _front(search, set())[:WANTED] == _front(opened([])[0], failing)[:WANTED]
+    assert after.findings.unfit == failing
+    assert passed == _front(after, set())[:WANTED] == _front(opened([])[0], failing)[:WANTED]
     assert found["chosen"] == passed[0]
 
 
 def test_no_more_than_twice_as_many_are_simulated(opened: Open) -> None:
     """Where none passes, the first of all is chosen, as it was."""
-    search = opened([])[0]
-    every = [trial.number for trial in search.feasible]
+    state = opened([])[0]
+    every = [trial.number for trial in state.feasible]
     assert len(every) > MOST_CONFIRMED * WANTED
-    first = _front(search, set())[0]
-    search, executor, landings = opened(every)
-    found = _confirmed(search, executor)
+    first = _front(state, set())[0]
+    state, executor, landings = opened(every)
+    found, after = _confirmed(state, executor)
     assert _failed(found) == _trials(found)
-    assert len(found["designs"]) == len(search.unfit) == MOST_CONFIRMED * WANTED
+    assert len(found["designs"]) == len(after.findings.unfit) == MOST_CONFIRMED * WANTED
     assert found["chosen"] == first == _trials(found)[0]
-    assert len(landings.keys) <= most_to_confirm(search.study, MOST_CONFIRMED * WANTED)
+    assert len(landings.keys) <= most_to_confirm(state.study, MOST_CONFIRMED * WANTED)
 
 
 def test_those_confirmed_stand_in_the_order_of_the_search(opened: Open) -> None:
-    search = opened([])[0]
-    failing = _front(search, set())[:2]
-    search, executor, _ = opened(failing)
-    found = _confirmed(search, executor)
-    times = {t.number: losses(search, t)[0] for t in search.trials}
+    state = opened([])[0]
+    failing = _front(state, set())[:2]
+    state, executor, _ = opened(failing)
+    found, _ = _confirmed(state, executor)
+    times = {number: losses[0] for number, losses in state.losses.items()}
     assert [times[n] for n in _trials(found)] == sorted(times[n] for n in _trials(found))
     assert _failed(found) == failing
 
@@ -186,16 +187,17 @@ def test_those_confirmed_stand_in_the_order_of_the_search(opened: Open) -> None:
 def test_a_confirmation_that_was_cut_off_ends_as_it_would_have(share: float, opened: Open) -> None:
     """The same designs and front, and no shift twice."""
     failing = _front(opened([])[0], set())[:2]
-    search, executor, whole = opened(failing, "whole")
-    found = _confirmed(search, executor)
+    state, executor, whole = opened(failing, "whole")
+    found, after = _confirmed(state, executor)
     cut = int(share * len(whole.keys))
     with pytest.raises(CutOffError):
         _confirmed(*opened(failing, "cut", cut)[:2])
     again, other, rest = opened(failing, "cut")
-    assert _confirmed(again, other) == found
+    ended, last = _confirmed(again, other)
+    assert ended == found
     assert len(rest.keys) == len(whole.keys) - cut
     assert set(other.journal.rows) == set(executor.journal.rows)
-    assert collect(again, other.journal) == collect(search, executor.journal)
+    assert collect(last, other.journal) == collect(after, executor.journal)
 
 
 def test_a_study_ends_with_the_front_of_what_did_not_fail(
@@ -205,8 +207,8 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Report and table show what failed, as failed; what replication changed stays as it was."""
-    search = Search(study, ended[0])
-    first = search.trials[_hiding(search)]
+    state = Search(study, ended[0]).read()
+    first = state.trials[_dominating(state)]
     hard = {round(first.params["chamfer_deg"], 6)}
     monkeypatch.setattr("dogshape.pipeline.study.MIN_DESIGNS", 99)  # no surrogate of shifts made up
     results = []

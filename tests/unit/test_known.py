@@ -94,16 +94,16 @@ def test_a_search_goes_on_with_the_rows_that_it_began_with(
     }
     study = load_study("mq200", ["search.trials=1"])
     StudyFolder(tmp_path).open(study, resume=True)
-    began = open_search(study, StudyFolder(tmp_path), None, True, digest_of(brought))
+    began = open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(brought))
     for words, other in others.items():
         monkeypatch.setattr("dogshape.pipeline.study.joining", lambda *_, other=other: other)
         with pytest.raises(StorageError, match=words):
             run_study(study, Run(StudyFolder(tmp_path), resume=True))
     judged = replace(brought, validation=replace(brought.validation, shifts=1))
-    open_search(study, StudyFolder(tmp_path), None, True, digest_of(judged))
+    open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(judged))
     began.optuna.set_user_attr("known", "")
     with pytest.raises(StorageError, match="without the rows that the package brings now"):
-        open_search(study, StudyFolder(tmp_path), None, True, digest_of(brought))
+        open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(brought))
 
 
 def test_the_named_surrogate_is_asked(brought: Stored, tmp_path: Path) -> None:

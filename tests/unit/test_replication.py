@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import optuna
 import pytest
+from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.schema import REPLICATE
 from dogshape.pipeline.config.study_file import Study, load_study
@@ -25,7 +26,8 @@ from dogshape.pipeline.search.replication import (
 )
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, front, losses, value_of
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_to_replicate
@@ -90,7 +92,7 @@ class MadeUp:
             }  # fmt: skip
 
 
-Opened = tuple[Search, Executor, MadeUp]
+Opened = tuple[SearchState, Executor, MadeUp]
 Ended = Callable[..., Opened]
 
 
@@ -115,8 +117,8 @@ def ended(
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         search = Search(study, trials, guide=DogGuide(study))
         executor = Executor(ShiftJournal(shifts), 1)
-        run(search, sampler_factory(study, search.guide), executor, lambda _: None)
-        return search, executor, made_up
+        state = run(search, sampler_factory(study, search.guide), executor, lambda *_: None)
+        return state, executor, made_up
 
     def opened(study: Study, shifts: Path, most: int | None = None) -> Opened:
         mark = content_key(comparable(study.file))
@@ -132,33 +134,33 @@ def ended(
     return opened
 
 
-def _replicated(search: Search, executor: Executor) -> Replication:
-    return replicate(search, executor, lambda _left, _line: None)
+def _replicated(state: SearchState, executor: Executor) -> tuple[Replication, SearchState]:
+    return replicate(state, executor, lambda _left, _line: None)
 
 
-def _unclear(search: Search) -> list[int]:
-    drawn = draw(search)
+def _unclear(state: SearchState) -> list[int]:
+    drawn = draw(state)
     pairs = zip(drawn.trials, drawn.probabilities, strict=True)
     return [trial.number for trial, chance in pairs if LOW < chance < HIGH]
 
 
-def _true(search: Search) -> dict[int, bool]:
+def _true(state: SearchState) -> dict[int, bool]:
     """Whether each feasible design is on the front of the true times."""
-    trials = search.feasible
-    values = np.array([losses(search, trial) for trial in trials])
-    place = search.study.file.search.objectives.index(SIMULATED)
+    trials = state.feasible
+    values = np.array([state.losses[trial.number] for trial in trials])
+    place = state.study.file.search.objectives.index(SIMULATED)
     values[:, place] = [_mean(trial.params) for trial in trials]
     return {t.number: bool(on) for t, on in zip(trials, not_dominated(values), strict=True)}
 
 
-def _right(search: Search) -> int:
+def _right(state: SearchState) -> int:
     """Number of designs whose place on the front is the true one."""
-    shown = {trial.number for trial in front(search)}
-    return sum((number in shown) == on for number, on in _true(search).items())
+    shown = {trial.number for trial in state.front}
+    return sum((number in shown) == on for number, on in _true(state).items())
 
 
-def _errors(search: Search) -> dict[int, float]:
-    return {t.number: value_of(search, t, SIMULATED)[1] for t in search.feasible}
+def _errors(state: SearchState) -> dict[int, float]:
+    return {t.number: state.value(t, SIMULATED)[1] for t in state.feasible}
 
 
 @pytest.mark.parametrize("objectives", [[SIMULATED, LENGTH], [SIMULATED]])
@@ -166,39 +168,51 @@ def test_replication_finds_the_true_front(
     objectives: list[str], tmp_path: Path, ended: Ended
 ) -> None:
     """With one objective, the best design: it is the front."""
-    search, executor, _ = ended(_study(f"search.objectives={objectives}"), tmp_path / "one")
-    right = _right(search)
-    done = _replicated(search, executor)
+    state, executor, _ = ended(_study(f"search.objectives={objectives}"), tmp_path / "one")
+    right = _right(state)
+    done, after = _replicated(state, executor)
     assert len(done.unclear[1]) <= len(done.unclear[0]) / 2
     assert done.misplaced[1] < 0.5 * done.misplaced[0]
-    assert _right(search) >= max(right, len(search.feasible) - 1)
-    assert _right(search) > right or right == len(search.feasible)
-    true, after = _true(search), standings(search)
-    clear = {n: s.probability > 0.5 for n, s in after.items() if n not in done.unclear[1]}
+    assert _right(after) >= max(right, len(after.feasible) - 1)
+    assert _right(after) > right or right == len(after.feasible)
+    true, stand = _true(after), standings(after)
+    clear = {n: s.probability > 0.5 for n, s in stand.items() if n not in done.unclear[1]}
     assert clear == {number: true[number] for number in clear}
 
 
-def test_more_is_known_of_the_unclear_designs_alone(tmp_path: Path, ended: Ended) -> None:
-    """Trials stay as they were told."""
-    search, executor, _ = ended(_study(), tmp_path / "one")
-    errors, stand, first = _errors(search), standings(search), _unclear(search)
-    told = {t.number: t.values for t in search.trials}
-    rounds = [set(first)]
-    done = replicate(search, executor, lambda _left, _line: rounds.append(set(_unclear(search))))
-    more = {t.number for t in search.feasible if sum(search.plan(t)) > done.searched[t.number]}
-    assert done.unclear == (first, _unclear(search))
+def test_more_is_known_of_the_unclear_designs_alone(
+    tmp_path: Path,
+    kept: dict[str, tuple[optuna.Study, Path]],
+    ended: Ended,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Trials, and the state before, stay as they were told."""
+    study, rounds = _study(), list[set[int]]()
+    state, executor, _ = ended(study, tmp_path / "one")
+    errors, stand, first = _errors(state), standings(state), _unclear(state)
+    told = {t.number: t.values for t in state.trials}
+
+    def drawing(now: SearchState) -> Drawn:
+        rounds.append(set(_unclear(now)))
+        return draw(now)
+
+    monkeypatch.setattr("dogshape.pipeline.search.replication.draw", drawing)
+    done, after = _replicated(state, executor)
+    more = {t.number for t in after.feasible if sum(after.plan(t)) > done.searched[t.number]}
+    assert done.unclear == (first, _unclear(after))
     assert set(first) <= more <= set.union(*rounds)
     assert len(more) < len(errors) - 4
-    after = standings(search)
-    for number, error in _errors(search).items():
+    now = standings(after)
+    for number, error in _errors(after).items():
         if number in more:
             assert error < 0.8 * errors[number]
-            assert after[number].high - after[number].low < stand[number].high - stand[number].low
+            assert now[number].high - now[number].low < stand[number].high - stand[number].low
         else:
             assert error == errors[number]
-            assert after[number].low == stand[number].low
-    stored = search.optuna.get_trials(deepcopy=False)
+            assert now[number].low == stand[number].low
+    stored = kept[content_key(comparable(study.file))][0].get_trials(deepcopy=False)
     assert {t.number: t.values for t in stored} == told
+    assert (_errors(state), standings(state)) == (errors, stand)
 
 
 @pytest.mark.parametrize("more", [["search.replicate=0.5"], PARTIAL])
@@ -208,37 +222,36 @@ def test_a_replication_that_was_cut_off_ends_as_it_would_have(
 ) -> None:
     """The same designs, shifts and standings, and no shift twice."""
     study = _study(*more)
-    search, executor, whole = ended(study, tmp_path / "whole")
-    done = _replicated(search, executor)
+    state, executor, whole = ended(study, tmp_path / "whole")
+    done, after = _replicated(state, executor)
     assert done.rounds > 1
     assert len(whole.keys) == done.shifts
     cut = int(share * done.shifts)
     with pytest.raises(CutOffError):
         _replicated(*ended(study, tmp_path / "cut", cut)[:2])
     again, other, rest = ended(study, tmp_path / "cut")
-    assert _replicated(again, other) == done
-    assert standings(again) == standings(search)
+    same, last = _replicated(again, other)
+    assert same == done
+    assert standings(last) == standings(after)
     assert set(other.journal.rows) == set(executor.journal.rows)
     assert len(rest.keys) == len(whole.keys) - cut
-    records = [replication_record(s, done, standings(s)) for s in (again, search)]
-    assert collect(again, other.journal, records[0]) == collect(
-        search, executor.journal, records[1]
-    )
+    records = [replication_record(one, done) for one in (last, after)]
+    assert collect(last, other.journal, records[0]) == collect(after, executor.journal, records[1])
 
 
-def test_points_that_were_foretold_are_simulated(tmp_path: Path, ended: Ended) -> None:
-    """The error of what is foretold shrinks, by new operating points and by more angles."""
-    search, executor, _ = ended(_study(*PARTIAL), tmp_path / "one")
-    errors, plans = _errors(search), {t.number: search.plan(t) for t in search.feasible}
+def test_points_that_were_predicted_are_simulated(tmp_path: Path, ended: Ended) -> None:
+    """The error of predicted times shrinks, by new operating points and by more angles."""
+    state, executor, _ = ended(_study(*PARTIAL), tmp_path / "one")
+    errors, plans = _errors(state), {t.number: state.plan(t) for t in state.feasible}
     assert all(sum(count > 0 for count in plan) in (3, 8) for plan in plans.values())
-    done = _replicated(search, executor)
-    more = [t for t in search.feasible if search.plan(t) != plans[t.number]]
+    done, after = _replicated(state, executor)
+    more = [t for t in after.feasible if after.plan(t) != plans[t.number]]
     assert 2 < len(more) < len(plans)
     for trial in more:
-        assert value_of(search, trial, SIMULATED)[1] < errors[trial.number]
+        assert after.value(trial, SIMULATED)[1] < errors[trial.number]
         rows = trial.user_attrs["rows"]
-        assert sum(row[-2] for row in rows) == sum(search.plan(trial))
-        assert len(rows) == sum(count > 0 for count in search.plan(trial))
+        assert sum(row[-2] for row in rows) == sum(after.plan(trial))
+        assert len(rows) == sum(count > 0 for count in after.plan(trial))
     assert sum(len(t.user_attrs["rows"]) for t in more) > 3 * len(more)
     assert 0 < done.shifts <= done.budget
 
@@ -246,29 +259,28 @@ def test_points_that_were_foretold_are_simulated(tmp_path: Path, ended: Ended) -
 @pytest.mark.parametrize("share", [0.02, 0.1, 0.5])
 def test_replication_keeps_to_its_budget(share: float, tmp_path: Path, ended: Ended) -> None:
     study = _study(f"search.replicate={share}")
-    search, executor, made_up = ended(study, tmp_path / "one")
+    state, executor, made_up = ended(study, tmp_path / "one")
     before = len(executor.journal.rows)
-    done = _replicated(search, executor)
+    done, _ = _replicated(state, executor)
     assert done.budget == most_to_replicate(study, before) == int(share * before)
     assert done.budget - 8 < done.shifts == len(made_up.keys) <= done.budget
 
 
 def test_without_a_budget_nothing_is_replicated(tmp_path: Path, ended: Ended) -> None:
-    search, executor, made_up = ended(_study("search.replicate=0"), tmp_path / "one")
-    done = _replicated(search, executor)
+    state, executor, made_up = ended(_study("search.replicate=0"), tmp_path / "one")
+    done, after = _replicated(state, executor)
     assert (done.budget, done.shifts, done.rounds) == (0, 0, 0)
-    assert done.unclear[0] == done.unclear[1] == _unclear(search)
+    assert done.unclear[0] == done.unclear[1] == _unclear(after)
     assert not made_up.keys
 
 
 def test_the_result_says_what_replication_changed(tmp_path: Path, ended: Ended) -> None:
-    search, executor, made_up = ended(_study("search.replicate=0.5"), tmp_path / "one")
-    stand = standings(search)
-    done = _replicated(search, executor)
-    record = replication_record(search, done, standings(search))
-    result = collect(search, executor.journal, record)
+    state, executor, made_up = ended(_study("search.replicate=0.5"), tmp_path / "one")
+    stand = standings(state)
+    done, after = _replicated(state, executor)
+    result = collect(after, executor.journal, replication_record(after, done))
     said = result["replication"]
-    assert said == replication_record(search, done, standings(search))
+    assert said == replication_record(after, done)
     assert said["shifts"] == sum(d["shifts"] - d["shifts_before"] for d in said["designs"])
     assert said["shifts"] == len(made_up.keys) > 0
     assert result["n_simulated_shifts"] == sum(row["shifts"] for row in result["trials"])
@@ -286,8 +298,8 @@ def test_the_result_says_what_replication_changed(tmp_path: Path, ended: Ended) 
 def test_a_design_that_lands_too_hard_at_more_angles_leaves_the_front(
     tmp_path: Path, ended: Ended, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    search, executor, made_up = ended(_study(), tmp_path / "one")
-    first = next(t for t in front(search) if t.number in _unclear(search))
+    state, executor, made_up = ended(_study(), tmp_path / "one")
+    first = next(t for t in state.front if t.number in _unclear(state))
     hardest = landing_record(Landing((1e7,) * len(OVERLAPS)))
 
     def hard(block: Block) -> Iterator[Record]:
@@ -296,14 +308,41 @@ def test_a_design_that_lands_too_hard_at_more_angles_leaves_the_front(
             yield {**row, **(hardest if same else {})}
 
     monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", hard)
-    done = _replicated(search, executor)
+    done, after = _replicated(state, executor)
     assert first.number in done.unclear[0]
-    assert first.number not in {trial.number for trial in [*search.feasible, *front(search)]}
-    said: list[dict[str, Any]] = replication_record(search, done, standings(search))["designs"]
+    assert first.number not in {trial.number for trial in [*after.feasible, *after.front]}
+    said: list[dict[str, Any]] = replication_record(after, done)["designs"]
     (one,) = [one for one in said if one["trial"] == first.number]
     assert one["on_front_before"]
     assert not one["on_front"]
     assert one["probability_on_front"] is None
+
+
+@pytest.mark.parametrize("more", [["search.replicate=0.5"], PARTIAL])
+def test_a_state_lists_the_storage_once_and_its_use_never(
+    more: list[str],
+    tmp_path: Path,
+    kept: dict[str, tuple[optuna.Study, Path]],
+    ended: Ended,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study, listed = _study(*more), list[int]()
+    _, executor, _ = ended(study, tmp_path / "one")
+    search = Search(study, kept[content_key(comparable(study.file))][0], guide=DogGuide(study))
+    listing = optuna.Study.get_trials
+
+    def counted(self: optuna.Study, *given: Any, **named: Any) -> list[FrozenTrial]:
+        listed.append(1)
+        return listing(self, *given, **named)
+
+    monkeypatch.setattr(optuna.Study, "get_trials", counted)
+    state = search.read()
+    assert len(listed) == 1
+    done, after = _replicated(state, executor)
+    assert done.rounds > 0
+    result = collect(after, executor.journal, replication_record(after, done))
+    assert [row["trial"] for row in result["front"]] == [trial.number for trial in after.front]
+    assert len(listed) == 1
 
 
 def test_what_a_design_tells() -> None:

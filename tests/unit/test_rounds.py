@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,7 @@ def _tell(search: Search, ids: list[int], upto: int | None = None) -> None:
 def _go_on(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[dict[str, Any]]:
     while ids := next_round(search, sampler_of):
         _tell(search, ids)
-    return [trial.params for trial in search.trials]
+    return [trial.params for trial in search.trials()]
 
 
 def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[int], BaseSampler]:
@@ -96,7 +97,7 @@ def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: 
     search = _opened(study)
     with pytest.raises(CutOffError):
         _go_on(search, _ending(sampler_of, number))
-    assert len(search.trials) < number
+    assert len(search.trials()) < number
     assert _go_on(search, sampler_factory(study)) == whole
     assert len(whole) == TRIALS
 
@@ -114,7 +115,7 @@ def test_a_round_cut_off_while_it_was_told_asks_no_more(sampler: str, told: int)
     _tell(search, second, told)
     assert next_round(search, sampler_of) == second[told:]
     assert _go_on(search, sampler_of) == params
-    rounds = [[t.user_attrs[ROUND] for t in one.trials] for one in (search, whole)]
+    rounds = [[t.user_attrs[ROUND] for t in one.trials()] for one in (search, whole)]
     assert rounds[0] == rounds[1] == [[4 * (n // 4), 4] for n in range(TRIALS)]
 
 
@@ -150,8 +151,8 @@ def test_a_trial_that_was_cut_off_while_it_was_asked_keeps_its_number(
         last = search.optuna.get_trials(deepcopy=False)[-1]
         assert (last.number, last.state.name, len(last.params)) == (number, "RUNNING", drawn)
         _go_on(search, sampler_factory(study))
-        told = {trial.number: trial.params for trial in search.trials}
-        assert told == {trial.number: trial.params for trial in whole.trials}
+        told = {trial.number: trial.params for trial in search.trials()}
+        assert told == {trial.number: trial.params for trial in whole.trials()}
         assert list(told) == list(range(TRIALS))
 
 
@@ -175,7 +176,7 @@ def test_a_trial_that_was_cut_off_before_others_were_asked_has_failed() -> None:
     study = _study("surrogate")
     sampler_of = sampler_factory(study)
     search = _opened(study)
-    search.claims = Claimed(1, {1})
+    search = replace(search, claims=Claimed(1, {1}))
     with _cut_off_in_suggestion(3, 2), pytest.raises(CutOffError):
         next_round(search, sampler_of)
     search.optuna.ask({})  # as another run has it, which took its turn before
@@ -195,12 +196,12 @@ def test_each_round_of_a_dead_run_is_taken_over_as_it_is() -> None:
     study = _study("random")
     sampler_of = sampler_factory(study)
     search = _opened(study)
-    search.claims = Claimed(1, {1})
+    search = replace(search, claims=Claimed(1, {1}))
     first = next_round(search, sampler_of)
-    search.claims = Claimed(2, {1, 2})
+    search = replace(search, claims=Claimed(2, {1, 2}))
     with pytest.raises(CutOffError):
         next_round(search, _ending(sampler_of, 6))
-    search.claims = Claimed(3, {3})
+    search = replace(search, claims=Claimed(3, {3}))
     assert next_round(search, sampler_of) == first
     second = next_round(search, sampler_of)
     assert len(second) == 4
@@ -242,6 +243,6 @@ def test_a_design_that_was_proposed_again_counts_once(tmp_path: Path) -> None:
     shown = [row["count"] for row in result["front"]]
     assert len(set(shown)) == len(shown)
     assert len(result["confirmation"]["designs"]) == 1
-    search = open_search(study, StudyFolder(tmp_path), None, resume=True)
-    assert len(standings(search)) == len(search.feasible) <= len(designs)
-    assert len(dataset_of_trials(study, search.simulated)) == len(designs) * len(study.points)
+    state = open_search(study, StudyFolder(tmp_path), None, resume=True).read()
+    assert len(standings(state)) == len(state.feasible) <= len(designs)
+    assert len(dataset_of_trials(study, state.simulated)) == len(designs) * len(study.points)

@@ -98,8 +98,8 @@ def test_a_result_of_before_that_the_clock_spoilt_is_mended(
     study = load_study("mq200", FEW)
     with pytest.MonkeyPatch.context() as before:
         before.setattr("dogshape.pipeline.simulate.executor.run_block", Busy())
-        for module in ("journal", "evaluation"):
-            before.setattr(f"pipeline.{module}.unfinished", lambda _: False)
+        for module in ("store.journal", "simulate.evaluation"):
+            before.setattr(f"dogshape.pipeline.{module}.unfinished", lambda _: False)
         first = run_study(study, searching(tmp_path, 1))
     assert REASON in (tmp_path / "shifts.jsonl").read_text()
     for _ in range(2):  # trials stay as they were told, so each run mends them
@@ -187,7 +187,7 @@ def test_constraints_are_those_of_the_last_simulation(
     finish(search, ids, Executor(ShiftJournal(tmp_path / "shifts.jsonl"), 1))
     assert plans == [[3, 0]] * len(ids) + [whole_plan(study)] * len(ids)
     landings = {rule.name for rule in LANDING_RULES}
-    for trial in search.trials:
+    for trial in search.trials():
         hard = design_of(study, dict(trial.params), Landing((5e6,) * len(OVERLAPS))).constraints
         assert landings & hard.keys()
         assert trial.constraints == hard

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.pipeline.search.confirmation import simulated_afresh
+from dogshape.pipeline.search.confirmation import resimulated
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.estimate import Estimate, mean_over
@@ -32,5 +32,5 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
         assert row["peak_impact_force_N"] is None
         assert row["failed"] == ["simulation"]
         assert not row["feasible"]
-    with pytest.raises(InputError, match="every shift of design 0 at fresh angles failed"):
-        simulated_afresh(study, {0: study.prototype}, scratch_executor(1))
+    with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
+        resimulated(study, {0: study.prototype}, scratch_executor(1))

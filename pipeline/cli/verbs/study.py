@@ -7,19 +7,15 @@ from typing import Annotated
 
 import typer
 
+from dogshape.fitted import fit as fit_surrogate
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Cluster, Jobs, Json, Sets, StudyArg
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.study_tables import study_table, validation_text
-from dogshape.pipeline.config.study_file import load_study, require_variables
-from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.study import Run, run_study
-from dogshape.pipeline.train.found_surrogates import space_out
-from dogshape.pipeline.train.inquiry import Inquiry
-from dogshape.pipeline.train.training import ask_more, fill, train
-from dogshape.sim.errors import InputError
+from dogshape.pipeline.study import Run
+from dogshape.study_result import load_result, search_study
 
 
 @verb
@@ -52,13 +48,10 @@ def study(
     overrides += [f"search.seed={seed}"] if seed is not None else []
     given = load_study(study, overrides)
     folder = StudyFolder(out or default_out(given))
-    progress = ProgressBar()
-    result = run_study(given, Run(folder, jobs, storage, resume, cluster, not no_report, progress))
-    path = None if no_report else folder.report
-    keys = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
-    data = {key: result[key] for key in keys} | {"report": path and str(path)}
-    emit(data, json, lambda: study_table(given, result, path))
-    if result["best"] is None:
+    how = Run(folder, jobs, storage, resume, cluster, not no_report, ProgressBar())
+    found = search_study(given, how)
+    emit(found.to_dict(), json, lambda: study_table(given, found.record, found.page))
+    if found.best is None:
         raise typer.Exit(1)
 
 
@@ -74,7 +67,7 @@ def report(
 
     Example: dogshape report results/mq200
     """
-    path = publish(StudyFolder(directory), lambda line: typer.echo(line, err=True))
+    path = load_result(directory).report(progress=ProgressBar())
     emit({"report": str(path)}, json, lambda: f"report: {path}")
 
 
@@ -103,28 +96,8 @@ def fit(
 
     Example: dogshape fit results/mq200
     """
-    require_targets({"--out": out})
-    progress = ProgressBar()
-    asked = None if question is None else Inquiry(question, shifts)
-    folder = StudyFolder(Path(where))
-    if folder.manifest.is_file() and set_:
-        raise InputError(
-            "--set cannot change a study that was run; leave it out, or name the study"
-        )
-    if not folder.manifest.is_file():
-        given = load_study(where, set_)
-        folder = StudyFolder(space_out(given))
-        require_variables(given)
-        fill(given, folder, jobs, cluster, progress)
-    if asked is not None:
-        ask_more(folder, asked, jobs, cluster, progress)
-    stored = train(folder, out, choose=choose, say=progress.say)
-    path = out or folder.surrogate
-    data = {
-        **stored.validation.as_dict(),
-        "designs": len(stored.surrogate.data.designs),
-        "form": stored.surrogate.form,
-        "comparison": list(stored.comparison),
-        "file": str(path),
-    }
-    emit(data, json, lambda: validation_text(stored, path))
+    found = fit_surrogate(
+        where, set_, out=out, choose=choose, question=question, shifts=shifts, jobs=jobs,
+        cluster=cluster, progress=ProgressBar(),
+    )  # fmt: skip
+    emit(found.to_dict(), json, lambda: validation_text(found.stored, found.path))

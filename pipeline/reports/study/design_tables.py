@@ -16,8 +16,41 @@ BESIDE = 8  #: designs beside each other in a table of margins
 
 
 def designs_frame(result: Row, variables: list[str]) -> pd.DataFrame:
-    """Return every simulated design with all that is known of it, a row each."""
-    rows = [row for row in result["trials"] if row[SIMULATED] is not None]
+    """Tabulate every simulated design with all that is known of it, a row each."""
+    simulated = [row for row in result["trials"] if row[SIMULATED] is not None]
+    return _frame(result, variables, simulated)
+
+
+def all_designs_frame(result: Row, variables: list[str]) -> pd.DataFrame:
+    """Tabulate every design of the search, those too that fail a check before a simulation."""
+    return _frame(result, variables, result["trials"])
+
+
+def front_frame(result: Row, variables: list[str]) -> pd.DataFrame:
+    """Tabulate the front: variables, objectives with standard errors, place, smallest margin."""
+    told = list(dict.fromkeys([*result["objectives"], SIMULATED]))
+    ends = [f"{end}_of_{result['leading']}" for end in ("low", "high")]
+    best = None if result["best"] is None else result["best"]["trial"]
+    columns = [
+        *("trial", "prototype", "chosen", *variables),
+        *(name for one in told for name in (one, f"standard_error_of_{one}")),
+        *(*ends, "probability_on_front", "smallest_margin", "weakest_check"),
+    ]
+    rows = [
+        {
+            **row,
+            "chosen": row["trial"] == best,
+            **{f"standard_error_of_{k}": error for k, error in row["standard_errors"].items()},
+            **dict(zip(ends, (row.get("low"), row.get("high")), strict=True)),
+        }
+        for row in result["front"]
+    ]
+    exact = {f"standard_error_of_{one}" for one in told} - {name for r in rows for name in r}
+    kept = [name for name in dict.fromkeys(columns) if name not in exact]
+    return pd.DataFrame(rows, columns=kept)
+
+
+def _frame(result: Row, variables: list[str], rows: list[Row]) -> pd.DataFrame:
     front = {row["trial"] for row in result["front"]}
     failed = {row["trial"] for row in failed_afresh(result)}
     best = None if result["best"] is None else result["best"]["trial"]

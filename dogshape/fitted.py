@@ -1,0 +1,116 @@
+"""A fitted surrogate, judged on designs that its fit did not use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import load_study, require_variables
+from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.train.found_surrogates import space_out
+from dogshape.pipeline.train.inquiry import Inquiry
+from dogshape.pipeline.train.training import ask_more, fill, train
+from dogshape.result import Result, ms
+from dogshape.sim.errors import InputError
+from dogshape.study import Study
+from dogshape.surrogate.store import Stored
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False)
+class Fitted(Result):
+    """Surrogate of the expected shift time with its validation.
+
+    Parameters
+    ----------
+    config : the study whose designs it was fitted to.
+    stored : surrogate, validation, and the scores of the forms that were compared.
+    path : file that holds it.
+    """
+
+    config: StudyConfig
+    stored: Stored
+    path: Path
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Validation on designs that the fit did not use, and what was fitted."""
+        found, data = self.stored.validation, self.stored.surrogate.data
+        return {
+            "Q2": f"{found.q2:.3f}",
+            "root-mean-square error": ms(found.rmse_s),
+            "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
+            "designs": str(len(data.designs)),
+            "shifts": str(data.shifts),
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the validation, the form, the scores of the forms compared, and the file."""
+        return {
+            **self.stored.validation.as_dict(),
+            "designs": len(self.stored.surrogate.data.designs),
+            "form": self.stored.surrogate.form,
+            "comparison": list(self.stored.comparison),
+            "file": str(self.path),
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give the data of the fit, a row for each design and operating point."""
+        return self.stored.surrogate.data.frame()
+
+
+def fit(
+    where: Study | str | Path,
+    settings: Sequence[str] | None = None,
+    *,
+    out: str | Path | None = None,
+    choose: bool = False,
+    question: str | None = None,
+    shifts: int = 1024,
+    jobs: int = 0,
+    cluster: str | None = None,
+    progress: Progress = SILENT,
+) -> Fitted:
+    """Fit the surrogate of a study and judge it on designs that it has not seen.
+
+    Parameters
+    ----------
+    where : folder of results, which is fitted as it is; or a study, its file or its name, of
+        which designs that fill the space are simulated first into ``results/NAME-space``.
+    settings : settings of a study that is named, ``["dog.count=18"]``.
+    out : file of the surrogate; by default ``surrogate.json`` of the folder.
+    choose : whether to compare forms of the model and take the best, minutes.
+    question : ``best``, ``front`` or ``design``, about which more is simulated first.
+    shifts : how many more shifts a question takes.
+
+    Raises
+    ------
+    InputError
+        For settings of a study that was run, an unknown question, too few designs.
+    """
+    target = None if out is None else Path(out)
+    require_targets({"--out": target})
+    asked = None if question is None else Inquiry(question, shifts)
+    if settings and isinstance(where, Study):
+        raise InputError("a Study has its settings already; give them to Study, or name the study")
+    folder = None if isinstance(where, Study) else StudyFolder(Path(where))
+    if folder is None or not folder.manifest.is_file():
+        config = where.config if isinstance(where, Study) else load_study(where, settings)
+        folder = StudyFolder(space_out(config))
+        require_variables(config)
+        fill(config, folder, jobs, cluster, progress)
+    elif settings:
+        raise InputError(
+            "--set cannot change a study that was run; leave it out, or name the study"
+        )
+    if asked is not None:
+        ask_more(folder, asked, jobs, cluster, progress)
+    stored = train(folder, target, choose=choose, say=progress.say)
+    return Fitted(folder.stored_study(), stored, target or folder.surrogate)

@@ -1,0 +1,169 @@
+"""A searched study: its front, its chosen design and what confirmed it."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import build_study
+from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.reports.study.design_tables import all_designs_frame, front_frame
+from dogshape.pipeline.reports.study.front import front_figure, sure_figure
+from dogshape.pipeline.reports.study.goals import goals_of
+from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.reports.study.summary import gained
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.result_schema import require_result
+from dogshape.pipeline.study import Run, run_study
+from dogshape.result import Result
+from dogshape.sim.clutch_tables import validate
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+TOLD = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
+
+
+@dataclass(frozen=True, repr=False)
+class StudyResult(Result):
+    """A searched study: the designs it tried, the front, the chosen design and its confirmation.
+
+    Parameters
+    ----------
+    config : the study that was searched.
+    folder : holds shifts, trials, surrogate and report (``pipeline.store.folder``).
+    record : content of ``result.json``; its keys with units are in ``docs/studies.md``.
+    page : the report; None where none was made.
+    """
+
+    config: StudyConfig
+    folder: Path
+    record: dict[str, Any]
+    page: Path | None
+
+    @property
+    def best(self) -> dict[str, Any] | None:
+        """Chosen design, a row of ``result.json``; None where no design passes every check."""
+        best: dict[str, Any] | None = self.record["best"]
+        return best
+
+    @property
+    def front(self) -> pd.DataFrame:
+        """Designs that no other dominates, best first: variables, objectives, standard errors."""
+        return front_frame(self.record, list(self.config.variables))
+
+    @property
+    def trials(self) -> pd.DataFrame:
+        """All designs of the search, a row each; values that were not simulated are missing."""
+        return all_designs_frame(self.record, list(self.config.variables))
+
+    @property
+    def confirmation(self) -> dict[str, Any] | None:
+        """Re-simulation of prototype and front at new angles; None before the search has ended."""
+        found: dict[str, Any] | None = self.record["confirmation"]
+        return found
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Chosen design with its leading objective, the gain over the prototype, and the effort."""
+        effort = {
+            "front": f"{len(self.record['front'])} designs",
+            "designs simulated": str(self.record["n_simulated_designs"]),
+            "shifts": str(self.record["n_simulated_shifts"]),
+        }
+        best, lead = self.best, goals_of(self.record).leading
+        if best is None:
+            return {"best": "no design passes every check", **effort}
+        told = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
+        if self.confirmation is None:
+            told[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
+        else:
+            first = gained(self.record)[0]
+            told[first.goal.label] = first.goal.words(*first.chosen)
+            told["gain over the prototype"] = first.goal.words(*first.gain)
+        return told | effort
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give chosen design, front, confirmation, and how much was simulated."""
+        report = None if self.page is None else str(self.page)
+        return {key: self.record[key] for key in TOLD} | {"report": report}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give all designs of the search (``trials``)."""
+        return self.trials
+
+    def plot(self, objective: str | None = None) -> go.Figure:
+        """Draw the front: the leading objective against another one, by default the next.
+
+        With one objective alone, the intervals of the front's designs.
+        """
+        others = [goal.name for goal in goals_of(self.record).others]
+        if not others:
+            return sure_figure(self.record)
+        return front_figure(self.record, list(self.config.variables), objective or others[0])
+
+    def report(self, path: str | Path | None = None, *, progress: Progress = SILENT) -> Path:
+        """Write the report; give its path.
+
+        It stands in the folder of the study. Elsewhere the page is copied with the pages of
+        single shifts that it links.
+        """
+        if path is not None:
+            require_targets({"the report": Path(path)})
+        written = publish(StudyFolder(self.folder), progress.say)
+        if path is None:
+            return written
+        shutil.copyfile(written, path)
+        linked, beside = self.folder / "shifts", Path(path).parent / "shifts"
+        if linked.is_dir() and linked.resolve() != beside.resolve():
+            shutil.copytree(linked, beside, dirs_exist_ok=True)
+        return Path(path)
+
+
+def search_study(config: StudyConfig, how: Run) -> StudyResult:
+    """Search a study, or go on with it.
+
+    Raises
+    ------
+    InputError
+        For an unknown objective, or a study without variables.
+    StorageError
+        For a folder or storage that holds another study, or one that is not to be resumed.
+    """
+    record = run_study(config, how)
+    page = how.folder.report if how.report else None
+    return StudyResult(config, how.folder.root, record, page)
+
+
+def load_result(folder: str | Path) -> StudyResult:
+    """Read the result of a study from its folder.
+
+    Raises
+    ------
+    StorageError
+        For a folder without a study, or with damaged files.
+    InputError
+        For a ``result.json`` with keys that the schema lacks, or lacking keys of the schema.
+    """
+    stored = StudyFolder(Path(folder))
+    config, record = stored.stored_study(), stored.stored_result()
+    require_result(record, str(stored.result))
+    page = stored.report if stored.report.is_file() else None
+    return StudyResult(config, stored.root, record, page)
+
+
+def with_effort(config: StudyConfig, trials: int | None, seed: int | None) -> StudyConfig:
+    """Copy a study with another number of trials, another seed of the search, or both."""
+    given = {"trials": trials, "seed": seed}
+    changed = {key: value for key, value in given.items() if value is not None}
+    if not changed:
+        return config
+    content = config.file.model_dump(exclude_none=True)
+    content["search"] |= changed
+    return build_study(validate(StudyFile, content, f"search of '{config.name}'"))

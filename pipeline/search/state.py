@@ -1,0 +1,230 @@
+"""A search at one moment: finished trials, predicted times, feasible designs and the front.
+
+The storage is listed once for a state (``pipeline.search.search.Search.read``). Everything that
+compares designs takes the state, so that all of it speaks of the same trials.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from optuna.trial import FrozenTrial
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
+from dogshape.pipeline.search.sampler import PLAN
+from dogshape.pipeline.simulate.design import (
+    SIMULATED,
+    Design,
+    design_of,
+    leading,
+    losses_of,
+    objectives_of,
+)
+from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, is_whole, whole_plan
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.shift_records import landing_of
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.hypervolume import not_dominated
+
+Times = Mapping[int, tuple[float, float]]  #: expected times and standard errors, s, by trial
+
+
+@dataclass(frozen=True)
+class Findings:
+    """Knowledge of this run that the storage does not hold, by trial number.
+
+    Parameters
+    ----------
+    renewed : trials with what more shifts say of them; the storage keeps what they were told.
+    unfit : trials that failed a check at new angles, and so are no longer feasible.
+    left_open : trials of which the clock ended a shift, with what this run found. In the storage
+        they go on running, so that another run takes them up.
+    """
+
+    renewed: Mapping[int, FrozenTrial] = field(default_factory=dict)
+    unfit: frozenset[int] = frozenset()
+    left_open: Mapping[int, FrozenTrial] = field(default_factory=dict)
+
+    def with_renewed(self, trials: Iterable[FrozenTrial]) -> Findings:
+        """Add what more shifts say of finished trials."""
+        return replace(self, renewed={**self.renewed, **{t.number: t for t in trials}})
+
+    def with_unfit(self, numbers: Iterable[int]) -> Findings:
+        """Add trials that failed a check at new angles."""
+        return replace(self, unfit=self.unfit | frozenset(numbers))
+
+    def with_left_open(self, trial: FrozenTrial) -> Findings:
+        """Add what this run found of a trial that the next run takes up."""
+        return replace(self, left_open={**self.left_open, trial.number: trial})
+
+
+NOTHING = Findings()  #: of a run that has only begun
+
+
+@dataclass(frozen=True)
+class SearchState:
+    """A search at one moment, made by ``state_of``.
+
+    Parameters
+    ----------
+    study : the study that is searched.
+    guide : gives the surrogate of its trials; None for a search without one.
+    shared : whether several machines share the search.
+    findings : knowledge of this run that the storage does not hold.
+    trials : finished trials in the order of their numbers.
+    simulated : those of designs that were simulated.
+    predicted : expected times and standard errors, s, by trial, as all shifts so far say; empty
+        where every operating point was simulated.
+    feasible : simulated designs, each once, that pass every check, the landing's too.
+    losses : objectives of each simulated trial, by number, all to be minimised, (k,).
+    front : feasible designs that no other dominates, best of the first simulated objective first.
+    """
+
+    study: Study
+    guide: DogGuide | None
+    shared: bool
+    findings: Findings
+    trials: tuple[FrozenTrial, ...]
+    simulated: tuple[FrozenTrial, ...]
+    predicted: Times
+    feasible: tuple[FrozenTrial, ...]
+    losses: Mapping[int, Array]
+    front: tuple[FrozenTrial, ...]
+
+    @property
+    def best(self) -> FrozenTrial | None:
+        """Feasible design that is best in the first simulated objective."""
+        return min(self.feasible, key=self.leading_loss, default=None)
+
+    @property
+    def spent(self) -> int:
+        """Number of shifts of all designs, each design counted once."""
+        return spent_on(self.study, self.simulated)
+
+    @property
+    def rows(self) -> list[list[float | None]]:
+        """What all simulated trials hold for the surrogate, in their order."""
+        return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
+
+    def plan(self, trial: FrozenTrial) -> Plan:
+        """Give the angles of a trial's design at each operating point (``plan_of``)."""
+        return plan_of(self.study, trial)
+
+    def design(self, trial: FrozenTrial) -> Design:
+        """Work out the design of a trial with all of its checks (``checked_design``)."""
+        return checked_design(self.study, trial)
+
+    def value(self, trial: FrozenTrial, name: str) -> tuple[float, float]:
+        """Read the expected time or an objective of a simulated trial, with its standard error."""
+        if name == SIMULATED and trial.number in self.predicted:
+            return self.predicted[trial.number]
+        names, attributes = self.study.file.search.objectives, trial.user_attrs
+        errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
+        known = attributes.get("simulated", {})
+        value = known[name] if name in known else trial.values[names.index(name)]
+        return float(value), float(errors.get(name) or 0.0)
+
+    def leading_loss(self, trial: FrozenTrial) -> float:
+        """Read the first simulated objective of a simulated trial, to be minimised."""
+        return _leading(self.study, self.losses[trial.number])
+
+    def renew(self, trials: Iterable[FrozenTrial]) -> SearchState:
+        """Make the state with what more shifts say of finished trials."""
+        return self._with(self.findings.with_renewed(trials))
+
+    def reject(self, numbers: Iterable[int]) -> SearchState:
+        """Make the state without trials that failed a check at new angles."""
+        return self._with(self.findings.with_unfit(numbers))
+
+    def shifts(self, known: Iterable[str]) -> int:
+        """Count the shifts: those known by their keys and, of a shared search, other machines'."""
+        keys = set(known)
+        if self.shared:
+            settings = self.study.file.expectation
+            for trial in self.simulated:
+                clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
+                plan, seed, base = self.plan(trial), settings.seed, settings.angles
+                blocks = blocks_of(self.study, clutch, plan, seed, base)
+                keys.update(key for block in blocks for key in block.keys)
+        return len(keys)
+
+    def _with(self, findings: Findings) -> SearchState:
+        trials = [findings.renewed.get(t.number, t) for t in self.trials]
+        return state_of(self.study, self.guide, self.shared, findings, trials)
+
+
+def state_of(
+    study: Study,
+    guide: DogGuide | None,
+    shared: bool,
+    findings: Findings,
+    trials: Sequence[FrozenTrial],
+) -> SearchState:
+    """Work out times, feasible designs and the front of finished trials, each once."""
+    known = [trial for trial in trials if simulated(trial)]
+    predicted = _predicted(study, guide, known)
+    losses = {trial.number: _losses(study, trial, predicted) for trial in known}
+    fit = [t for t in distinct(known) if t.number not in findings.unfit]
+    feasible = [t for t in fit if checked_design(study, t).feasible]
+    front: list[FrozenTrial] = []
+    if feasible:
+        kept = not_dominated(np.array([losses[t.number] for t in feasible]))
+        front = [trial for trial, keep in zip(feasible, kept, strict=True) if keep]
+        front.sort(key=lambda t: _leading(study, losses[t.number]))
+    return SearchState(
+        study=study,
+        guide=guide,
+        shared=shared,
+        findings=findings,
+        trials=tuple(trials),
+        simulated=tuple(known),
+        predicted=predicted,
+        feasible=tuple(feasible),
+        losses=losses,
+        front=tuple(front),
+    )
+
+
+def plan_of(study: Study, trial: FrozenTrial) -> Plan:
+    """Read how many angles a trial's design has, or is to have, at each operating point."""
+    plan: Plan = trial.system_attrs.get(PLAN) or whole_plan(study)
+    return plan
+
+
+def checked_design(study: Study, trial: FrozenTrial) -> Design:
+    """Work out the design of a trial with all of its checks, the landing's too if simulated."""
+    landing = landing_of(trial.user_attrs) if simulated(trial) else None
+    return design_of(study, dict(trial.params), landing)
+
+
+def spent_on(study: Study, trials: Iterable[FrozenTrial]) -> int:
+    """Count the shifts of simulated trials, each design once."""
+    return sum(sum(plan_of(study, trial)) for trial in distinct([*trials]))
+
+
+def _predicted(study: Study, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
+    """Predict expected times from all shifts so far, where some operating points were left out."""
+    if guide is None or all(is_whole(plan_of(study, trial)) for trial in trials):
+        return {}
+    try:
+        times, errors = (values.tolist() for values in guide.times(trials))
+    except InputError:  # too few so far: each has what it was told
+        return {}
+    numbers = [trial.number for trial in trials]
+    return dict(zip(numbers, zip(times, errors, strict=True), strict=True))
+
+
+def _losses(study: Study, trial: FrozenTrial, predicted: Times) -> Array:
+    found, _ = losses_of(study, trial.values, trial.user_attrs)
+    if trial.number in predicted:
+        for place, objective in enumerate(objectives_of(study)):
+            if objective.name == SIMULATED:
+                found[place] = predicted[trial.number][0]
+    return found
+
+
+def _leading(study: Study, losses: Array) -> float:
+    return float(losses[objectives_of(study).index(leading(study))])

@@ -1,0 +1,298 @@
+"""Schema of ``result.json``: every key with its type, unit and meaning; unknown keys are refused.
+
+The description of each key is written here once: ``docs/studies.md`` shows the same table
+(``key_table``). Keys that earlier versions did not write may be absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel, Field
+
+from dogshape.sim.clutch_tables import Section, validate
+
+SHARE = "share"  #: unit of what lies between 0 and 1
+
+
+def key(meaning: str, unit: str = "", default: Any = ...) -> Any:
+    """Declare a key of the record with its meaning and its unit; required without a default."""
+    return Field(default, description=meaning, json_schema_extra={"unit": unit})
+
+
+class ToleranceTime(Section):
+    """Change of the expected shift time within the tolerances of the dimensions."""
+
+    worst_case_s: float = key("all tolerances at their worst ends", "s")
+    root_sum_square_s: float = key("root of the sum of squares over the dimensions", "s")
+    by_dimension_s: dict[str, float] = key("change by dimension", "s")
+
+
+class DesignRow(Section):
+    """A design of the search; its searched keys have the units that their names end in.
+
+    Of a design that was not simulated simulated values are null.
+    """
+
+    trial: int = key("number of the trial")
+    prototype: bool = key("whether this is the study's own design")
+    chamfer_deg: float | None = key("chamfer angle, where it is searched", "deg", None)
+    traction_deg: float | None = key(
+        "angle of the traction flank, where it is searched", "deg", None
+    )
+    braking_deg: float | None = key("angle of the braking flank, where it is searched", "deg", None)
+    height_mm: float | None = key("height of the dogs, where it is searched", "mm", None)
+    count: int | None = key("number of dogs of a ring, where it is searched", "", None)
+    axial_length_mm: float | None = key(
+        "axial length, root to root, where it is an objective", "mm", None
+    )
+    separating_force_N: float | None = key(
+        "axial separating force, where it is an objective", "N", None
+    )
+    utilisation: float | None = key(
+        "utilisation of the most loaded check, where it is an objective", "1", None
+    )
+    smallest_margin: float | None = key("smallest margin of all checks to their limits", "1")
+    weakest_check: str = key("check with the smallest margin; `geometry` if no dog has the shape")
+    margins: dict[str, float] = key("margin to the limit, by check", "1")
+    expected_shift_time_s: float | None = key(
+        "mean shift time over the operating points, retries included", "s"
+    )
+    shift_time_quantile_s: float | None = key(
+        "quantile of the shift time, where it is an objective", "s", None
+    )
+    peak_impact_force_N: float | None = key(
+        "mean of each shift's largest contact force, where it is an objective", "N", None
+    )
+    standard_errors: dict[str, float | None] = key(
+        "standard error of each simulated objective, in its unit"
+    )
+    standard_error_s: float | None = key("standard error of the expected shift time", "s")
+    points: int = key("operating points that were simulated")
+    shifts: int = key("shifts that were simulated")
+    engaged: float | None = key("share of the shifts that engaged", SHARE)
+    feasible: bool = key("whether the design was simulated and passes every check")
+    failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
+    margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
+    margin_root_sum_square: float | None = key(
+        "smallest margin with tolerances added as root of the sum of squares", "1"
+    )
+    time_within_tolerances: ToleranceTime | None = key(
+        "change of the expected shift time within tolerances; null without a surrogate"
+    )
+    low: float | None = key(
+        "lower end of the 95 % interval of the leading objective, in its unit; feasible designs",
+        "",
+        None,
+    )
+    high: float | None = key("upper end of that interval; feasible designs", "", None)
+    probability_on_front: float | None = key(
+        "probability that no other design dominates this one; feasible designs", SHARE, None
+    )
+
+
+class PointRow(Section):
+    """An operating point of a confirmed design."""
+
+    mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
+    force_N: float = key("final shift force", "N")
+    mean_s: float = key("mean shift time, retries included", "s")
+    mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
+    standard_error_s: float | None = key("standard error of `mean_s`", "s")
+    sd_s: float = key("standard deviation of the time of a shift", "s")
+    engaged: float = key("share of the shifts that engaged", SHARE)
+    n: int = key("number of shifts")
+    held_dog_on_dog: int | None = key(
+        "shifts that friction held dog on dog; absent in earlier versions", "", None
+    )
+
+
+class Estimate(Section):
+    """A simulated objective of a confirmed design."""
+
+    value: float = key("value, in the unit of the objective")
+    standard_error: float = key("standard error, in the same unit")
+
+
+class CheckRow(Section):
+    """A check of a confirmed design against its limit."""
+
+    name: str = key("name of the check")
+    value: float | None = key("value that is checked, in `unit`; null where it is infinite")
+    limit: float = key("limit, in `unit`")
+    unit: str = key("unit of value and limit")
+    margin: float | None = key("distance to the limit over the limit; at least 0 passes", "1")
+    passed: bool = key("whether the check passes")
+    group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
+    at_most: bool = key("whether the limit is an upper one")
+    meaning: str = key("what is checked")
+    formula: str = key("formula of the value")
+    source: str = key("source of the limit")
+    limit_key: str = key("key of the study file that sets the limit")
+
+
+class ConfirmedDesign(Section):
+    """A design re-simulated at every operating point and at angles that the search did not use."""
+
+    trial: int | None = key("number of the trial; in `designs` alone", "", None)
+    expected_shift_time_s: float = key("mean shift time over the operating points", "s")
+    standard_error_s: float | None = key("its standard error", "s")
+    numerical_error_s: float | None = key(
+        "its numerical error by a finer integration; null where it was not computed", "s"
+    )
+    engaged: float = key("share of the shifts that engaged", SHARE)
+    mean_engaged_s: float | None = key(
+        "mean time of the shifts that engaged; absent in earlier versions", "s", None
+    )
+    shifts: int | None = key("number of shifts; absent in earlier versions", "", None)
+    not_engaged: int | None = key(
+        "shifts that did not engage; absent in earlier versions", "", None
+    )
+    held_dog_on_dog: int | None = key(
+        "shifts that friction held dog on dog; absent in earlier versions", "", None
+    )
+    lower_bound: bool = key("whether the mean is a lower bound, as no shift engaged somewhere")
+    points: list[PointRow] = key("the operating points")
+    estimates: dict[str, Estimate] = key("simulated objectives, by name")
+    checks: list[CheckRow] = key("all checks, the hardest landing among them")
+
+
+class Confirmation(Section):
+    """Re-simulation of the prototype and of designs of the front at new angles."""
+
+    angles: int = key("relative angles at each operating point")
+    prototype: ConfirmedDesign = key("the study's own design")
+    chosen: int = key("trial of the chosen design: the first that passes every check here too")
+    best: ConfirmedDesign = key("the chosen design")
+    designs: list[ConfirmedDesign] = key("all designs, in the order of the search")
+    gain_s: float = key("expected shift time of the prototype less that of the chosen design", "s")
+    gain_standard_error_s: float = key("standard error of `gain_s`", "s")
+    gain_share: float = key("gain over the time of the prototype", SHARE)
+    gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
+
+
+class ReplicatedDesign(Section):
+    """A design before and after replication; null where it was not feasible."""
+
+    trial: int = key("number of the trial")
+    shifts_before: int = key("shifts of the search")
+    shifts: int = key("shifts after replication")
+    low_before: float | None = key("lower end of the 95 % interval of the leading objective before")
+    high_before: float | None = key("upper end of the interval before")
+    probability_on_front_before: float | None = key("probability of the front before", SHARE)
+    low: float | None = key("lower end of the interval after")
+    high: float | None = key("upper end of the interval after")
+    probability_on_front: float | None = key("probability of the front after", SHARE)
+    on_front_before: bool = key("whether the design was on the front before")
+    on_front: bool = key("whether it is on the front after")
+
+
+class Replication(Section):
+    """More relative angles for designs whose place on the front is unclear."""
+
+    budget_shifts: int = key("shifts that replication might take")
+    shifts: int = key("shifts that it took")
+    rounds: int = key("rounds")
+    misplaced_before: float = key(
+        "expected number of designs on the wrong side of the front before"
+    )
+    misplaced: float = key("the same after")
+    unclear_before: list[int] = key("trials whose place on the front was unclear before")
+    unclear: list[int] = key("trials whose place is unclear after")
+    designs: list[ReplicatedDesign] = key(
+        "designs of the front before or after, and of more shifts"
+    )
+
+
+class SurrogateFigures(Section):
+    """Validation of the surrogate on designs that the fit did not use."""
+
+    q2: float = key("share of the variance of expected times that it explains", "1")
+    coverage_95: float = key("share of expected times within their 95 % interval", SHARE)
+    rmse_s: float = key("root-mean-square error of the expected time", "s")
+    bias_s: float = key("mean error of the expected time", "s")
+    n: int = key("number of designs")
+    noise_s: float = key("root-mean-square standard error of the simulated expected times", "s")
+    q2_points: float = key("share of the variance explained at single operating points", "1")
+    coverage_points: float = key("share within the 95 % interval at single operating points", SHARE)
+    rmse_points_s: float = key("root-mean-square error at single operating points", "s")
+    spread_error: float = key("error of the logarithm of a single shift's deviation", "1")
+    lost: int = key("shifts that did not engage")
+    lost_expected: float = key("shifts that the surrogate expected not to engage")
+    rank_best: float | None = key("rank correlation among designs of the best tenth", "1")
+    n_best: int = key("number of those designs")
+    source: str = key("`references`, designs simulated apart, or `held out`")
+    shifts: int = key("shifts behind the fit")
+
+
+class StudyRecord(Section):
+    """The whole record, ``result.json``."""
+
+    study: str = key("name of the study")
+    objectives: list[str] = key("objectives, in the order of the study file")
+    maximised: list[str] = key("objectives of which more is better")
+    leading: str = key("objective that decides which design is best")
+    quantile: float = key("level of the quantile of the shift time", SHARE)
+    best: DesignRow | None = key("the chosen design; null where none passes every check")
+    front: list[DesignRow] = key("designs that no other dominates, best first")
+    trials: list[DesignRow] = key("all designs, by trial")
+    n_simulated_designs: int = key("different designs that were simulated")
+    n_simulated_shifts: int = key("shifts that were simulated")
+    failed_shifts: dict[str, int] = key("shifts that failed in the solver, by reason")
+    replication: Replication | None = key("replication; null without one")
+    confirmation: Confirmation | None = key("confirmation; null until the search has ended")
+    surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
+    versions: dict[str, str] = key("versions of the programs that the result depends on")
+    config_hash: str = key("hash of the study file as it was run")
+    physics_hash: str = key("hash of what the simulation of a shift depends on")
+
+
+def require_result(data: dict[str, Any], source: str) -> None:
+    """Check a record against the schema.
+
+    Raises InputError that names ``source``, and each key that is unknown, missing or mistyped.
+    """
+    validate(StudyRecord, data, source)
+
+
+def key_table() -> str:
+    """Write the keys of ``result.json`` with types, units and meanings, as Markdown."""
+    places: dict[type[BaseModel], list[str]] = {}
+    _collect(StudyRecord, "", places)
+    return "\n".join(_table(model, paths) for model, paths in places.items())
+
+
+def _collect(model: type[BaseModel], path: str, places: dict[type[BaseModel], list[str]]) -> None:
+    """Note where a model stands, then the models that its keys hold."""
+    places.setdefault(model, []).append(path)
+    if len(places[model]) > 1:
+        return  # its keys are known
+    for name, field in model.model_fields.items():
+        for inner, mark in _models(field.annotation):
+            _collect(inner, f"{path}.{name}{mark}".removeprefix("."), places)
+
+
+def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models that a type holds, with the marks of lists and dictionaries."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, mark
+    mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
+    for part in get_args(annotation):
+        yield from _models(part, mark)
+
+
+def _table(model: type[BaseModel], paths: list[str]) -> str:
+    title = ", ".join(f"`{path}`" for path in paths if path) or "`result.json`"
+    words = " ".join((model.__doc__ or "").split()).replace("``", "`")
+    rows = [
+        f"| `{name}` | {_unit(field.json_schema_extra)} | {field.description} |"
+        for name, field in model.model_fields.items()
+    ]
+    return "\n".join(
+        [f"{title}: {words}", "", "| key | unit | meaning |", "|---|---|---|", *rows, ""]
+    )
+
+
+def _unit(extra: Any) -> str:
+    return str(extra["unit"])

@@ -1,0 +1,195 @@
+"""A searched study and a fitted surrogate in the public package, from one finished study."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dogshape as ds
+from benchmarks.result_keys import BEGIN, PAGE, with_keys
+from dogshape.pipeline.config.study_file import VARIABLES
+from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.store.result_schema import DesignRow, StudyRecord, require_result
+from tests.conftest import SMALL, Said
+
+Dogshape = Callable[..., Said]
+ROOT = Path(__file__).parents[2]
+TIME = "expected_shift_time_s"
+SETTINGS = {
+    key: tomllib.loads(f"value = {value}")["value"]
+    for key, value in (one.split("=", 1) for one in SMALL)
+}
+SETS = [part for text in SMALL for part in ("--set", text)]
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> ds.StudyResult:
+    """A finished study at smoke size, without its report."""
+    out = tmp_path_factory.mktemp("public") / "mine"
+    return ds.Study("mq200", SETTINGS).search(out, jobs=1, report=False)
+
+
+@pytest.fixture
+def record(found: ds.StudyResult) -> dict[str, Any]:
+    """A copy of the record of the finished study, to be spoilt."""
+    copied: dict[str, Any] = json.loads(json.dumps(found.record))
+    return copied
+
+
+def test_a_search_is_what_the_command_line_prints(
+    found: ds.StudyResult, dogshape: Dogshape
+) -> None:
+    """The same study resumed has nothing left to simulate."""
+    arguments = ("--out", found.folder, "--resume", "--no-report", "--jobs", "1", "--json")
+    said = dogshape("study", "mq200", *SETS, *arguments)
+    assert said.status == 0, said.err
+    assert json.loads(said.out) == json.loads(json.dumps(found.to_dict()))
+
+
+def test_a_result_is_read_from_its_folder(found: ds.StudyResult) -> None:
+    again = ds.load_result(found.folder)
+    assert again.record == json.loads(found.folder.joinpath("result.json").read_text())
+    assert again.to_dict() == json.loads(json.dumps(found.to_dict()))
+    assert again.config.config_hash == found.config.config_hash
+    with pytest.raises(FrozenInstanceError):
+        again.record = {}  # type: ignore[misc]
+
+
+def test_front_and_trials_are_tables(found: ds.StudyResult) -> None:
+    front, trials = found.front, found.trials
+    assert list(front["trial"]) == [row["trial"] for row in found.record["front"]]
+    assert front[TIME].is_monotonic_increasing
+    assert (front[f"standard_error_of_{TIME}"] > 0.0).all()
+    assert f"standard_error_of_{found.record['objectives'][1]}" not in front
+    assert list(trials["trial"]) == list(range(12))
+    assert set(trials.loc[trials["on_front"], "trial"]) == set(front["trial"])
+    assert list(found.to_frame().columns) == list(trials.columns)
+    assert found.best is not None
+    assert trials.loc[trials["chosen"], "trial"].tolist() == [found.best["trial"]]
+
+
+def test_a_result_shows_time_error_and_gain(found: ds.StudyResult) -> None:
+    confirmation = found.confirmation
+    assert confirmation is not None
+    best = confirmation["best"]
+    time = f"{1e3 * best[TIME]:.1f} ± {1e3 * best['standard_error_s']:.1f} ms"
+    gain = f"gain over the prototype {1e3 * confirmation['gain_s']:.1f} ± "
+    assert f"expected shift time {time}" in repr(found)
+    assert gain.replace("-", "\N{MINUS SIGN}") in repr(found)
+    assert "<th" in found._repr_html_()
+
+
+def test_the_front_is_drawn(found: ds.StudyResult) -> None:
+    figure = found.plot()
+    assert figure.layout.xaxis.title.text.startswith("expected shift time")
+    (border,) = [one for one in figure.data if one.name == "border of the front"]
+    assert list(border.x) == pytest.approx(list(1e3 * found.front[TIME]))
+
+
+def test_the_report_is_written_where_one_asks(
+    found: ds.StudyResult, tmp_path: Path, dogshape: Dogshape
+) -> None:
+    page = found.report(tmp_path / "mine.html")
+    assert page == tmp_path / "mine.html"
+    assert page.read_bytes() == (found.folder / "report.html").read_bytes()
+    pages = sorted(path.name for path in (found.folder / "shifts").iterdir())
+    assert sorted(path.name for path in (tmp_path / "shifts").iterdir()) == pages != []
+    assert ds.load_result(found.folder).page == found.folder / "report.html"
+    said = dogshape("report", found.folder, "--json")
+    assert json.loads(said.out) == {"report": str(found.folder / "report.html")}
+
+
+def test_a_fit_is_what_the_command_line_prints(
+    found: ds.StudyResult, tmp_path: Path, dogshape: Dogshape
+) -> None:
+    fitted = ds.fit(found.folder, out=tmp_path / "one.json")
+    said = dogshape("fit", found.folder, "--out", tmp_path / "one.json", "--json")
+    assert json.loads(said.out) == json.loads(json.dumps(fitted.to_dict()))
+    assert fitted.config.config_hash == found.config.config_hash
+    assert len(fitted.to_frame()) == len(fitted.stored.surrogate.data)
+    assert f"designs {fitted.to_dict()['designs']}" in repr(fitted)
+
+
+def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> None:
+    with pytest.raises(ds.InputError, match="--set cannot change a study that was run"):
+        ds.fit(found.folder, ["dog.count=18"])
+    with pytest.raises(ds.InputError, match="give them to Study"):
+        ds.fit(ds.Study("mq200"), ["dog.count=18"])
+    with pytest.raises(ds.InputError, match=r"search of 'mq200'.*search[.]trials is 0"):
+        ds.Study("mq200").search(found.folder, trials=0)
+    with pytest.raises(ds.DogshapeError, match=r"another configuration.*search[.]seed"):
+        ds.Study("mq200", SETTINGS).search(found.folder, seed=7, resume=True)
+    with pytest.raises(ds.DogshapeError, match=r"there is no study[.]json"):
+        ds.load_result(found.folder / "none")
+
+
+@pytest.mark.parametrize("name", ["mq200", "mq200_robust", "mq200_three"])
+def test_kept_results_keep_to_the_schema(name: str) -> None:
+    path = ROOT / "studies" / name / "result.json"
+    require_result(json.loads(path.read_text()), name)
+
+
+def test_a_new_result_has_every_key_of_the_schema(record: dict[str, Any]) -> None:
+    """Keys that only older results or other objectives lack are there."""
+    require_result(record, "result.json")
+    assert set(record) == set(StudyRecord.model_fields)
+    confirmed = record["confirmation"]["designs"][0]
+    model = StudyRecord.model_validate(record).confirmation
+    assert model is not None
+    assert (
+        set(confirmed)
+        == model.designs[0].model_fields_set
+        == set(type(model.designs[0]).model_fields)
+    )
+    assert set(confirmed["points"][0]) == set(type(model.best.points[0]).model_fields)
+
+
+def _unknown(record: dict[str, Any]) -> None:
+    record["front"][0]["chamfr_deg"] = 8.0
+
+
+def _missing(record: dict[str, Any]) -> None:
+    del record["confirmation"]["gain_s"]
+
+
+def _mistyped(record: dict[str, Any]) -> None:
+    record["trials"][1]["feasible"] = 1
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_unknown, r"'front[.]0[.]chamfr_deg' is not a known key; did you mean"),
+        (_missing, r"'confirmation[.]gain_s' is missing"),
+        (_mistyped, r"trials[.]1[.]feasible is 1"),
+    ],
+)
+def test_what_the_schema_lacks_is_refused(
+    spoil: Callable[[dict[str, Any]], None],
+    words: str,
+    found: ds.StudyResult,
+    record: dict[str, Any],
+    tmp_path: Path,
+) -> None:
+    spoil(record)
+    (tmp_path / "study.json").write_bytes((found.folder / "study.json").read_bytes())
+    (tmp_path / "result.json").write_text(json.dumps(record))
+    with pytest.raises(ds.InputError, match=words):
+        ds.load_result(tmp_path)
+
+
+def test_a_design_has_a_key_for_each_variable_and_objective() -> None:
+    assert {*VARIABLES, *OBJECTIVES} <= set(DesignRow.model_fields)
+
+
+def test_the_docs_list_the_keys_of_the_schema() -> None:
+    """``python -m benchmarks.result_keys`` writes them."""
+    page = PAGE.read_text(encoding="utf-8")
+    assert page.count(BEGIN) == 1
+    assert page == with_keys(page)
