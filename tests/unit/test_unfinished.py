@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.diagnosis.prediction.bank_store import BankStore
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Study, load_study
 from dogshape.pipeline.reports.study.publish import publish
 from dogshape.pipeline.search.dog_guide import DogGuide
@@ -124,7 +126,8 @@ def test_lost_shifts_are_said_and_simulated_again(
     assert f"lacks {lost} of the {len(lines)} shifts that result.json rests on" in line
     assert "--resume simulates them again" in line
     path.unlink()
-    again = run_study(study, searching(tmp_path, 1, resume=True))
+    how = replace(searching(tmp_path, 1, resume=True), progress=ProgressBar())
+    again = run_study(study, how)
     words = " ".join(capsys.readouterr().err.split())
     searched = sum(row["shifts"] for row in again["trials"])
     assert f"lacks {searched} shifts of" in words
