@@ -38,12 +38,21 @@ RULES: Mapping[str, str] = {
     "model_type": "a table of keys",
     "path_type": "a path",
     "string_pattern_mismatch": NAME,
-    "string_too_long": "at most {max_length} characters long",
+    "string_too_long": "not longer than {max_length} characters",
     "string_too_short": "not empty",
     "string_type": "a text in quotation marks",
+    "too_large": "at most {most}, {why}",
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
 }
+
+#: What to do about a bound, by how its rule begins.
+REMEDIES = (
+    ("at least", "raise it"),
+    ("above", "raise it"),
+    ("at most", "lower it"),
+    ("below", "lower it"),
+)
 
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
@@ -71,4 +80,6 @@ def _remedy(rule: str, given: Any) -> str:
         return f"write [{given:g}]"
     if rule == "a table of keys":
         return "give its keys one by one"
-    return "correct the value"
+    return next(
+        (remedy for start, remedy in REMEDIES if rule.startswith(start)), "correct the value"
+    )

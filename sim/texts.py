@@ -54,8 +54,10 @@ class TextTable:
             only = f"its first line is '{self.head[0]}'"
             raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
         unknown = [n for n in dict.fromkeys(self.head) if own is not None and n not in own]
-        hints = {name: did_you_mean(name, own or ()) for name in unknown}
+        again = {n: name for name in self.head for n in unknown if _is_but_for_case(n, name)}
+        hints = {n: did_you_mean(n, own or ()) for n in unknown if n not in again}
         faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
+        faults += [f"'{n}' is the column '{name}' again; keep one" for n, name in again.items()]
         for name in needed:
             # A misspelt column is also a missing one; the spelling is the better hint.
             if name not in self.head and not any(f"'{name}'" in hint for hint in hints.values()):
@@ -75,6 +77,10 @@ class TextTable:
         """Return the columns that a missing one may be, where others are let be."""
         others = [name for name in self.head if name not in needed]
         return f" (in the file: {', '.join(others)})" if others and known is None else ""
+
+
+def _is_but_for_case(one: str, other: str) -> bool:
+    return one != other and one.lower() == other.lower()
 
 
 def listed(where: str, faults: Iterable[str]) -> str:
@@ -112,8 +118,11 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid TOML: {error}; save it as UTF-8") from error
 
 
-def read_table(path: Path, numeric: Iterable[str]) -> TextTable:
+def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) -> TextTable:
     """Read a table of text; in the ``numeric`` columns a decimal comma becomes a point.
+
+    A column of the file that is one of ``names`` but for its case gets that name, unless the file
+    has a column of exactly that name too.
 
     Raises
     ------
@@ -143,11 +152,17 @@ def read_table(path: Path, numeric: Iterable[str]) -> TextTable:
     if not rows or "\0" in text:
         reason = "it is no text" if rows else "it is empty"
         raise DataError(f"{path} {NO_TABLE}: {reason}; {SAVE}")
-    head = _unpadded(rows[0][1])
+    head = _named(_unpadded(rows[0][1]), names)
     body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
     if separator != ",":
         body = _with_points(path, head, body, frozenset(numeric))
     return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
+
+
+def _named(head: list[str], names: Iterable[str]) -> list[str]:
+    """Write the columns of a head as ``names`` do, where only the case differs."""
+    meant = {name.lower(): name for name in names if name not in head}
+    return [meant.get(column.lower(), column) for column in head]
 
 
 def _separator(lines: list[str]) -> str:

@@ -27,7 +27,7 @@ COLUMNS = (
     "trace",
 )
 
-NUMERIC = COLUMNS[:5]
+NUMERIC = NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
 MOST = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
 
 ENGAGED = {"true": True, "false": False, "": None}
@@ -68,10 +68,10 @@ def load_sheet(path: Path) -> Sheet:
 
 def _table(path: Path) -> TextTable:
     try:
-        table = read_table(path, NUMERIC)
+        table = read_table(path, NUMERIC, COLUMNS)
     except FileNotFoundError as error:
         raise DataError(f"there is no {path}; a data set needs shifts.csv") from error
-    table.require(COLUMNS, COLUMNS)
+    table.require(NEEDED, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     return table
@@ -85,7 +85,7 @@ def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
     if count > MOST:
         rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
         raise bad_cell(path, row, "n_shifts", record["n_shifts"], rule)
-    engaged_text = record["engaged"].lower()
+    engaged_text = record.get("engaged", "").lower()
     if engaged_text not in ENGAGED:
         raise bad_cell(path, row, "engaged", record["engaged"], "true, false or empty")
     time = _number(path, row, record, "shift_time_s") if record["shift_time_s"] else None
@@ -93,7 +93,7 @@ def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
     if time is not None and engaged is False:
         rule = "true where shift_time_s has a time, or else that cell must be empty"
         raise bad_cell(path, row, "engaged", "false", rule)
-    trace = _trace(path, row, record["trace"], int(count))
+    trace = _trace(path, row, record.get("trace", ""), int(count))
     known = True if time is not None else engaged
     return Row(row, mismatch, force, rise, int(count), time, known, trace)
 

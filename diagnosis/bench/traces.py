@@ -57,7 +57,7 @@ def read_trace(path: Path) -> BenchTrace:
         table = read_channels(path, COLUMNS)
         rows: Sequence[int] = range(next(iter(table.values())).size)
     else:
-        text = read_table(path, COLUMNS)
+        text = read_table(path, COLUMNS, COLUMNS)
         text.require(COLUMNS)
         table = {column: _numbers(text, column) for column in COLUMNS}
         rows = [number for number, _ in text.rows]

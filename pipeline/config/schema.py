@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic_core import PydanticCustomError
 
 from dogshape.sim.clutch_tables import DogSection, OutputSection, Section, SlidingSection
 from dogshape.sim.statistics.distribution import Distribution
@@ -200,6 +201,14 @@ class VariablesSection(Section):
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
 
 
+def _few_trials(trials: int) -> int:
+    if trials > MOST_TRIALS:
+        why = "which keep 15 GB in memory at 28 operating points of 8 angles"
+        limit = {"most": f"{MOST_TRIALS} designs", "why": why}
+        raise PydanticCustomError("too_large", "too many designs", limit)
+    return trials
+
+
 class SearchSection(Section):
     """Objectives, sampler and budget of the search.
 
@@ -212,7 +221,7 @@ class SearchSection(Section):
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: str = "surrogate"
-    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 32
+    trials: Annotated[int, Field(ge=1), AfterValidator(_few_trials)] = 32
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1

@@ -63,7 +63,12 @@ def test_single_shifts_are_gathered_by_operating_point(folder: Path) -> None:
             "row 2, column n_shifts is '1e12', but it must be at most",
         ),
         ("mismatch_rpm", "mismatch_rmp", "row 1: 'mismatch_rmp' is not a known column"),
-        (",trace", "", "row 1: the column 'trace' is missing"),
+        ("shift_time_s,", "", "row 1: the column 'shift_time_s' is missing"),
+        (
+            "shift_time_s,",
+            "shift_time_s,Force_N,",
+            "row 1: 'Force_N' is the column 'force_N' again; keep one",
+        ),
         ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
     ],
 )
@@ -91,6 +96,35 @@ def test_broken_settings(folder: Path, old: str, new: str, words: str) -> None:
     with pytest.raises(DogshapeError) as refused:
         load_bench(folder)
     assert words in str(refused.value)
+
+
+def test_case_of_a_head_makes_no_difference(folder: Path) -> None:
+    expected = load_bench(folder).cells
+    table = folder / "shifts.csv"
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([head.title(), *rows]))
+    assert head.title() != head
+    assert load_bench(folder).cells == expected
+
+
+def test_two_spellings_of_one_column_are_refused(folder: Path) -> None:
+    table = folder / "shifts.csv"
+    head, *rows = table.read_text().splitlines()
+    both = head.replace("force_N", "FORCE_N").replace("trace", "Force_n")
+    table.write_text("\n".join([both, *rows]))
+    with pytest.raises(DogshapeError, match="the column 'force_N' is there twice; keep one"):
+        load_bench(folder)
+
+
+def test_without_a_column_engaged_a_shift_without_time_is_unknown(folder: Path) -> None:
+    (folder / "shifts.csv").write_text(
+        "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s\n"
+        "50,469.0,0.1766,3,0.05\n50,469.0,0.1766,2,\n"
+    )
+    (cell,) = load_bench(folder).cells
+    assert (cell.engaged, cell.failed, cell.unknown) == (3, 0, 2)
+    assert (cell.n, cell.time) == (3, pytest.approx(0.05))
+    assert all(reading.trace is None for reading in cell.readings)
 
 
 def test_missing_sets_and_files(folder: Path) -> None:

@@ -105,7 +105,7 @@ def test_every_option_has_a_sentence() -> None:
         (["name=a b"], "name is 'a b', but it must be letters, digits"),
         (["name=."], "beginning with no '-' or '.'"),
         (["name=.."], "beginning with no '-' or '.'"),
-        (["name='x" + "x" * 200 + "'"], "(203 characters), but it must be at most 100 characters"),
+        (["name='x" + "x" * 200 + "'"], "(203 characters), but it must be not longer than 100"),
         (["name=''"], "name is '', but it must be not empty"),
         (["dog.height_mm='3,7'"], "but it must be a number in mm; write 3.7"),
         (["dog.height_mm='\N{MINUS SIGN}3.7'"], "write -3.7"),
@@ -118,7 +118,12 @@ def test_every_option_has_a_sentence() -> None:
         ),
         (["operating.force_N=469"], "must be a list in square brackets; write [469]"),
         (["variables.count=[1,2,3]"], "but it must be a list of at most 2 values"),
-        (["search.trials=0"], "search.trials is 0, but it must be at least 1"),
+        (["search.trials=0"], "search.trials is 0, but it must be at least 1; raise it"),
+        (
+            ["search.trials=10001"],
+            "search.trials is 10001, but it must be at most 10000 designs, which keep 15 GB in "
+            "memory at 28 operating points of 8 angles; lower it",
+        ),
         (["solver.scheme=3"], "solver.scheme is 3, but it must be a text in quotation marks"),
     ],
 )
