@@ -105,6 +105,21 @@ def test_a_partner_takes_over_no_more_than_its_prior_allows() -> None:
     assert found.after == pytest.approx(0.05 * math.sqrt(len(POINTS)) / error, rel=1e-6)
 
 
+def test_a_partner_without_parameters_has_nothing_to_refit() -> None:
+    """The reversed sense of rotation is there or not."""
+
+    class Same:
+        def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+            m = len(values)
+            times = np.tile(BASE + SD * np.array([-1.0, 1.0]), (m, 1))
+            return Spread.plain(times, np.ones(m), np.full(m, ERROR), np.full(m, 1e-3))
+
+    seen = Seen(Same(), EFFECTS, SETTINGS, BARE)
+    refit = Refit(seen, {"reversed_mismatch": {}}, range(len(SETTINGS)), np.eye(len(SETTINGS)))
+    left = left_of(refit, SLOWER)
+    assert left.after == left.before == pytest.approx(float(np.linalg.norm(SLOWER)))
+
+
 def test_points_without_a_mean_of_both_tell_nothing() -> None:
     added = 50.0 * SLOWER
     covariance = np.diag(np.where(np.arange(6) == 5, np.inf, 1e-6))

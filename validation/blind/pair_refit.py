@@ -161,6 +161,8 @@ def left_of(refit: Refit, added: Array) -> Left:
 def _least(squares: Callable[[Array], Array], space: Space) -> float:
     """Search the prior for the least of a function of values (m, p): grids that close in."""
     size = len(space.parameters)
+    if not size:  # nothing to fit, as of the reversed sense
+        return float(squares(np.zeros((1, 0)))[0])
     ticks = np.linspace(0.0, 1.0, TRIED[min(size, 2)])
     best, middle, width = np.inf, np.full(size, 0.5), 0.5
     for step in range(ROUNDS + 1):
