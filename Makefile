@@ -10,6 +10,7 @@
 # stopped, it goes on.
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures puts what sources say into the figures of README.md and docs, and lists what has none.
+# make docs builds the pages of docs and the API as a site in build/site, without a network.
 # make picture draws docs/mismatch.svg, docs/shift.png and docs/report.png again; it needs Chromium
 # and a study.
 PYTHON ?= python3.11
@@ -17,13 +18,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
-EXTRAS := dev,blind,cad,fem,machines,nested,tdms
+EXTRAS := dev,blind,cad,docs,fem,machines,nested,tdms
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint evidence blind surrogate bank studies samplers gaps figures picture constraints system clean
+.PHONY: study test lint docs evidence blind surrogate bank studies samplers gaps figures picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -33,11 +34,15 @@ test: $(VENV)/complete lint
 
 # The type checker knows no mapping of package folders: it is shown them under one name.
 ROOMS := sim surrogate diagnosis validation pipeline
+define map_rooms
+rm -rf build/typed && mkdir -p build/typed/dogshape
+ln -s $(CURDIR)/dogshape/* $(addprefix $(CURDIR)/,$(ROOMS)) build/typed/dogshape/
+endef
+
 lint: $(VENV)/complete
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	rm -rf build/typed && mkdir -p build/typed/dogshape
-	ln -s $(CURDIR)/dogshape/* $(addprefix $(CURDIR)/,$(ROOMS)) build/typed/dogshape/
+	$(map_rooms)
 	MYPYPATH=build/typed $(BIN)/mypy -p dogshape
 
 # BLIND is the folder of the set; SEED draws one of its own.
@@ -103,6 +108,11 @@ gaps: $(VENV)/ready
 
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
+
+# The parser of docstrings is shown the rooms as the type checker is.
+docs: $(VENV)/complete
+	$(map_rooms)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
   --no-first-run --user-data-dir=build/chromium --hide-scrollbars --virtual-time-budget=8000

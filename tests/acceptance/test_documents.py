@@ -1,0 +1,91 @@
+"""README.md and docs name files, modules and sections that are there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+import dogshape
+
+ROOT = Path(__file__).parents[2]
+#: CHANGELOG.md is none of them: it names what was there at the time.
+PAGES = sorted(
+    [
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md")),
+        *(ROOT / "docs").rglob("*.md"),
+        *(ROOT / "examples").rglob("*.md"),
+    ]
+)
+#: Folders of the checkout; what else a page names is the user's own or is made by a command.
+FOLDERS = (
+    "sim|surrogate|diagnosis|pipeline|validation|dogshape|studies|tests|benchmarks|docs|examples"
+)
+PATH = re.compile(rf"`((?:{FOLDERS})/[\w./*-]*)`")
+MODULE = re.compile(
+    r"\bdogshape((?:\.(?:sim|surrogate|diagnosis|pipeline|validation|dogshape)\b)(?:\.\w+)*)"
+)
+TEST = re.compile(r"`(test_\w+\.py)`")
+LINK = re.compile(r"\]\(([^)#\s]*)(?:#([\w-]+))?\)")
+
+
+def _texts(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _is_there(path: str) -> bool:
+    return any(True for _ in ROOT.glob(path.rstrip("/")))
+
+
+def _is_module(dotted: str) -> bool:
+    """Accept a module, or a name that stands in a module's text."""
+    place = ROOT.joinpath(*dotted.strip(".").split("."))
+    if place.is_dir() or place.with_suffix(".py").is_file():
+        return True
+    for home in (place.parent.with_suffix(".py"), place.parent / "__init__.py"):
+        if home.is_file():
+            return re.search(rf"\b{place.name}\b", _texts(home)) is not None
+    return False
+
+
+def _anchors(path: Path) -> set[str]:
+    heads = re.findall(r"^#+ (.+)$", _texts(path), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head).lower().strip().replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_what_a_page_names_is_there(page: Path) -> None:
+    text = _texts(page)
+    missing = [path for path in PATH.findall(text) if not _is_there(path)]
+    missing += [module for module in MODULE.findall(text) if not _is_module(module)]
+    missing += [name for name in TEST.findall(text) if not _is_there(f"tests/*/{name}")]
+    for target, anchor in LINK.findall(text):
+        if target.startswith("http"):
+            continue
+        linked = page.parent / target if target else page
+        if not linked.exists():
+            missing.append(target)
+        elif anchor and anchor not in _anchors(linked):
+            missing.append(f"{target}#{anchor}")
+    assert not missing
+
+
+def test_a_name_that_is_not_there_is_found() -> None:
+    assert PATH.findall("see `sim/plant.py`") == ["sim/plant.py"]
+    assert not _is_there("sim/plant.py")
+    assert _is_there("tests/verification/test_effects_*.py")
+    (module,) = MODULE.findall("from dogshape.dogshape.sim.effects import load")
+    assert not _is_module(module)
+    assert _is_module(".sim.effects.load")
+
+
+def test_the_readme_stays_short() -> None:
+    assert len(_texts(ROOT / "README.md")) < 9000
+
+
+def test_the_api_page_has_every_public_name() -> None:
+    listed = re.findall(
+        r"^::: dogshape\.(\w+)$", _texts(ROOT / "docs/api/dogshape.md"), re.MULTILINE
+    )
+    assert sorted(listed) == sorted(dogshape.__all__)

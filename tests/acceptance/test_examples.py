@@ -1,0 +1,53 @@
+"""Each script of ``examples`` runs, here at a smaller size than its own."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+def _main(name: str) -> Any:
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / name / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.main
+
+
+def test_the_table_lists_all_scripts() -> None:
+    text = (EXAMPLES / "README.md").read_text(encoding="utf-8")
+    scripts = [p.relative_to(EXAMPLES.parent).as_posix() for p in EXAMPLES.glob("*/own_*.py")]
+    assert len(scripts) == 4
+    assert all(f"`python {script}`" in text for script in scripts)
+
+
+def test_a_clutch_of_ones_own() -> None:
+    found = _main("own_clutch")(angles=3)
+    # A free flight of 5 mm under 300 to 600 N takes some 60 ms, and one pitch passes in 130 ms.
+    assert 0.05 < found["variant_s"] < 0.3
+    assert found["variant_s"] != found["expected_s"]
+
+
+def test_a_bench_of_ones_own() -> None:
+    result = _main("own_bench")(angles=3)
+    assert [round(one.cell.point.profile.force) for one in result.differences] == [300, 600] * 2
+    # The times were made up some 50 ms longer than the simulated ones.
+    assert result.rmse == pytest.approx(0.05, rel=0.3)
+
+
+def test_an_effect_of_ones_own() -> None:
+    means = _main("own_effect")(count=2)
+    assert list(means) == [0.0, 1000.0, 3000.0]
+    assert means[0.0] < means[1000.0] < means[3000.0]
+
+
+def test_a_sampler_in_a_study_of_ones_own() -> None:
+    study = _main("own_sampler")(trials=2, angles=3)
+    assert len(study.trials) == 2
+    assert 0.02 < study.best_value < 0.3
