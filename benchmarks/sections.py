@@ -84,13 +84,13 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
     "docs/surrogate.md": {
         "Model": (
             (r"\)/0\.04|a share of 0\.999", "shape of the covariance, an example"),
-            (r"foretold to 10 %", "rmse of ln t in the table above, rounded"),
+            (r"predicted to 10 %", "rmse of ln t in the table above, rounded"),
         ),
         "Validation": (
             (r"12 or 24 angles|error of\s0\.7 %|costs 1\.2 s", "how references were made"),
             (r"40 designs that|\(0\.9\s+was aimed at\)", "what was held out, an aim"),
             (r"below 0\.1 ms", "a bound on bias_s"),
-            (r"errors 0\.7 of what is foretold|have 0\.900", "measured once, no table is kept"),
+            (r"errors 0\.7 of what is predicted|have 0\.900", "measured once, no table is kept"),
         ),
     },
 }
@@ -131,7 +131,7 @@ OTHERS: dict[str, dict[str, str]] = {
     "docs/diagnosis.md": {
         **dict.fromkeys(("", "The bank", "The emulator", "Limits"), DEFINITIONS),
         "The flight": ONCE,
-        "How well it foretells": ONCE,
+        "How well it predicts": ONCE,
     },
     "docs/effects.md": {
         **dict.fromkeys(("", "The effects", "Mechanism", "An effect of your own"), DEFINITIONS),
