@@ -27,7 +27,15 @@ from dogshape.pipeline.reports.study.operating_grid import (
     points_figure,
 )
 from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
-from dogshape.pipeline.reports.study.point_labels import LINE, MARK, PLOTS, Label, Taken, shifts_of
+from dogshape.pipeline.reports.study.point_labels import (
+    BETWEEN,
+    LINE,
+    MARK,
+    PLOTS,
+    Label,
+    Taken,
+    shifts_of,
+)
 from dogshape.pipeline.reports.study.point_list import listed_figure
 from dogshape.pipeline.simulate.evaluation import FRESH
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
@@ -267,3 +275,39 @@ def test_course_counts_shifts_of_every_simulated_design(study: Study, result: Ro
     figure = traces(convergence_figure(result, found))
     assert list(figure["best so far"].y) == pytest.approx([100.0, 80.0, 70.0, 70.0])
     assert figure["best so far"].line.dash != figure["hypervolume"].line.dash
+
+
+def test_a_prototype_far_behind_has_a_panel_of_its_own(result: Row) -> None:
+    """No empty stretch of the axis; the places stay what they are."""
+    for row in result["trials"]:
+        if row["prototype"]:
+            row[TIME] = 0.2
+    figure = front_figure(result, VARIABLES, LENGTH)
+    found = traces(figure)
+    assert (found["prototype"].xaxis, found["front"].xaxis) == ("x2", "x")
+    assert list(found["prototype"].x) == pytest.approx([200.0])
+    low, high = figure.layout.xaxis2.range
+    assert low < 200.0 < high
+    assert figure.layout.xaxis.range[1] < 120.0
+    names = [(note.text, note.xref) for note in figure.layout.annotations]
+    assert ("<b>prototype</b>", "x2") in names
+
+
+def test_labels_side_by_side_have_room_between_them() -> None:
+    """Four marks whose numbers once stood a pixel apart, as read on paper."""
+    labels = [Label("44", at) for at in ((0.48, 0.43), (0.4, 0.52), (0.43, 0.48), (0.54, 0.48))]
+    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0))
+    wide, high = PLOTS[0]
+    centres = [(wide * one.at[0] + x, high * one.at[1] + y)
+               for one, (x, y) in zip(labels, places, strict=True)]  # fmt: skip
+    for k, (x, y) in enumerate(centres):
+        for other in centres[:k]:
+            apart = abs(x - other[0]) - labels[0].width
+            assert apart >= 0.5 * BETWEEN or abs(y - other[1]) >= LINE
+
+
+def test_names_of_parallel_lines_have_a_margin_of_their_own(result: Row) -> None:
+    figure = parallel_figure(result, VARIABLES)
+    longest = max(len(n.text) for n in figure.layout.annotations if n.xanchor == "left")
+    assert figure.layout.margin.r >= 7.5 * longest + 12
+    assert figure.layout.xaxis.range[0] <= -0.5

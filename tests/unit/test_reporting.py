@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -14,14 +15,15 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import Study, build_study, load_study
 from dogshape.pipeline.reports.study import replays
 from dogshape.pipeline.reports.study.design_names import of_kinds, percent
 from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes, quantile, weights_of
 from dogshape.pipeline.reports.study.design_tables import csv_link, designs_frame, in_parts
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
 from dogshape.pipeline.reports.study.learned import learn_effects, stored_effects
-from dogshape.pipeline.reports.study.provenance import command_of
+from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
 from dogshape.pipeline.reports.study.summary import (
@@ -355,6 +357,17 @@ def test_command_holds_tables(change: str) -> None:
     assert command is not None
     overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
     assert load_study("mq200", overrides).config_hash == load_study("mq200", [change]).config_hash
+
+
+def test_provenance_has_dates_and_the_file_as_it_was_run(tmp_path: Path) -> None:
+    stored = tmp_path / "result.json"
+    stored.touch()
+    os.utime(stored, (86400.0 * 365, 86400.0 * 365))
+    dates = dates_of(stored)
+    assert dates["stored"] == "1971-01-01"
+    assert dates["written"] > dates["stored"]
+    told = json.loads(file_of(load_study("mq200", ["search.trials=12"])))
+    assert build_study(StudyFile.model_validate(told)).file.search.trials == 12
 
 
 def test_command_runs_the_same_study_again() -> None:

@@ -34,7 +34,7 @@ from dogshape.pipeline.reports.study.operating_grid import (
 )
 from dogshape.pipeline.reports.study.parallel import parallel_figure
 from dogshape.pipeline.reports.study.point_list import listed_figure
-from dogshape.pipeline.reports.study.provenance import command_of
+from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import replays_of
 from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_figure
@@ -95,6 +95,8 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "replays": _replays(folder, result, shifts),
         "csv": tables.csv_link(tables.designs_frame(result, variables).to_csv(index=False)),
         "command": command_of(study),
+        "dates": dates_of(folder.result),
+        "study_file": file_of(study),
         "surrogate_useful": bool(fitted) and validation_of(fitted).useful,
         "contact": study.clutch.contact,
         "solver": study.clutch.solver,

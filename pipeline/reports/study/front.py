@@ -13,6 +13,8 @@ from dogshape.pipeline.simulate.design import SIMULATED
 
 PALE = "#b9c9dd"
 LEAST, LARGEST = 9.0, 36.0  #: sizes of marks that show a third objective, px
+MAIN, ASIDE = 1.0, 0.15  #: widths of all panels together, and of each beside the main one
+EMPTY = 1.0 / 3.0  #: share of the axis that may be empty before the prototype has its own panel
 CHOICES = ("front", "prototype", "chosen")  #: kinds of designs that are named
 
 
@@ -21,7 +23,15 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     kinds, goals = of_kinds(result), goals_of(result)
     lead, second = goals.leading, goals.named(other)
     barred = [row for row in kinds["infeasible"] if row.get(other) is not None]
-    widths = [0.88, 0.12] if barred else [1.0]
+    seen = _simulated(kinds)
+    y = window([second.shown(row) for row in seen + barred])
+    rest = [
+        row
+        for row in [*kinds["dominated"], *kinds["lands too hard"]]
+        if row[SIMULATED] is not None and y[0] < second.shown(row) < y[1]
+    ]
+    far = _far_prototype(kinds["prototype"], [*kinds["front"], *kinds["chosen"], *rest], lead)
+    widths = [MAIN - ASIDE * (bool(far) + bool(barred)), *[ASIDE] * (bool(far) + bool(barred))]
     figure = make_subplots(
         1, len(widths), shared_yaxes=True, column_widths=widths, horizontal_spacing=0.02
     )
@@ -29,27 +39,53 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
         figure.add_trace(_stairs(result["front"], lead, second), 1, 1)
     for kind, rows in kinds.items():
         if rows and kind != "infeasible" and rows[0][SIMULATED] is not None:
-            figure.add_trace(_designs(kind, rows, second, variables, goals), 1, 1)
+            column = 2 if far and kind == "prototype" else 1
+            figure.add_trace(_designs(kind, rows, second, variables, goals), 1, column)
     if barred:
-        figure.add_trace(_not_simulated(barred, second, variables, goals), 1, 2)
-        figure.update_xaxes(tickangle=0, col=2)
-    seen = _simulated(kinds)
-    x = window([lead.shown(row) for row in seen])
-    y = window([second.shown(row) for row in seen + barred])
+        figure.add_trace(_not_simulated(barred, second, variables, goals), 1, len(widths))
+        figure.update_xaxes(tickangle=0, col=len(widths))
+    near = [row for row in seen if row not in far]
+    x = window([lead.shown(row) for row in ([*near, *rest] if far else near)])
     chosen = kinds["chosen"]
     labels = [
         Label(
             f"<b>chosen: {design_name(row)}</b>" if row in chosen else _short(row),
             (lead.shown(row), second.shown(row)),
         )
-        for row in seen
+        for row in near
     ]
-    rest = [*kinds["dominated"], *kinds["lands too hard"]]
     marks = [(lead.shown(row), second.shown(row)) for row in rest]
-    write_labels(figure, labels, x, y, Taken(marks, _lines(seen, lead, second)), row=1, col=1)
+    taken = Taken(marks, _lines(near, lead, second), share=widths[0] / MAIN)
+    write_labels(figure, labels, x, y, taken, row=1, col=1)
     figure.update_xaxes(title=lead.axis, range=x, col=1)
     figure.update_yaxes(title=second.axis, range=y, col=1)
+    for row in far:
+        _write_far(figure, row, lead, second)
     return styled(figure, 520)
+
+
+def _far_prototype(prototype: list[Row], others: list[Row], lead: Goal) -> list[Row]:
+    """List the prototype where it would leave more than ``EMPTY`` of the axis without a design."""
+    own = [row for row in prototype if row[SIMULATED] is not None]
+    values = [lead.shown(row) for row in others]
+    if not own or not values:
+        return []
+    at = lead.shown(own[0])
+    return own if at - max(values) > EMPTY * (at - min(values)) else []
+
+
+def _write_far(figure: go.Figure, row: Row, lead: Goal, second: Goal) -> None:
+    """Give the prototype its name and an axis of its own, in the second panel."""
+    at = lead.shown(row)
+    room = 1.6 * max(abs(end - at) for end in lead.interval(row)) or 0.1 * abs(at)
+    figure.update_xaxes(
+        title={"text": "axis broken", "font": {"size": 12}}, range=[at - room, at + room],
+        tickvals=[at], ticktext=[f"{at:.3g}"], tickangle=0, col=2,
+    )  # fmt: skip
+    figure.add_annotation(
+        x=at, y=second.shown(row), text=_short(row), ax=0, ay=30, showarrow=True, arrowhead=0,
+        arrowwidth=1, arrowcolor=INK, standoff=9, font={"size": 14}, row=1, col=2,
+    )  # fmt: skip
 
 
 def third_figure(result: Row, variables: list[str], second: str, third: str) -> go.Figure:

@@ -27,7 +27,8 @@ LOOKS: dict[str, tuple[Row, Row]] = {
     "prototype": (LINES["prototype"], {**MARKS["prototype"], "size": 13}),
     "chosen": ({**LINES["chosen"], "width": 3.5}, {**MARKS["chosen"], "size": 12}),
 }
-APART = 0.055  #: least distance of two names, in shares of an axis
+APART = 0.065  #: least distance of two names, in shares of an axis
+LETTER = 8  #: width of a letter of a name, px
 
 
 @dataclass(frozen=True)
@@ -65,10 +66,11 @@ def parallel_figure(result: Row, variables: list[str]) -> go.Figure:
         _upright(figure, place, axis)
     named = [row for kind in ("chosen", "prototype", "front") for row in kinds[kind]]
     _names(figure, named, axes)
-    figure.update_xaxes(visible=False, range=[-0.35, len(axes) - 0.1])
+    figure.update_xaxes(visible=False, range=[-0.5, len(axes) - 0.9])
     figure.update_yaxes(visible=False, range=[-0.12, 1.28])
     figure = styled(figure, 560)
-    figure.update_layout(margin={"l": 10, "r": 10, "b": 10})
+    longest = max(len(design_name(row)) for row in named) if named else 0
+    figure.update_layout(margin={"l": 10, "r": 20 + LETTER * longest, "b": 10})
     return figure
 
 

@@ -13,6 +13,7 @@ from dogshape.pipeline.reports.kit.look import INK
 #: Sizes of a plot that the places are worked out for, on paper and on a screen, px.
 PLOTS = ((560.0, 320.0), (1040.0, 410.0))
 LETTER, LINE = 8.0, 17.0  #: width and height of a letter, px
+BETWEEN = 8.0  #: least distance of two labels side by side, px
 REACHES = (24.0, 38.0, 54.0, 72.0, 96.0)  #: distances of a name from its mark, px
 TURNS = (225, 315, 45, 135, 270, 90, 0, 180)  #: directions that are tried, degrees
 NEARER = 4.0  #: what a label that is nearer to another mark costs, px
@@ -38,12 +39,18 @@ class Label:
 class Taken:
     """What no label may cover: marks at points of the axes, and bars from one end to the other.
 
-    ``half`` is half the width of a mark, px.
+    ``half`` is half the width of a mark, px; ``share`` what the panel has of the plot's width.
     """
 
     marks: Sequence[Span] = ()
     bars: Sequence[tuple[Span, Span]] = ()
     half: float = MARK
+    share: float = 1.0
+
+    @property
+    def plots(self) -> tuple[Span, ...]:
+        """Sizes of the panel on paper and on a screen, px."""
+        return tuple((self.share * width, height) for width, height in PLOTS)
 
     def boxes(self, x: Span, y: Span, plot: Span) -> list[Box]:
         """Return marks and bars as boxes on a plot of a size."""
@@ -63,27 +70,28 @@ def shifts_of(labels: Sequence[Label], x: Span, y: Span, taken: Taken | None = N
     """
     given = taken or Taken()
     marks = replace(given, marks=[*(label.at for label in labels), *given.marks])
-    boxes = [marks.boxes(x, y, plot) for plot in PLOTS]
+    boxes = [marks.boxes(x, y, plot) for plot in given.plots]
     found = []
     for label in labels:
-        at = [_pixel(label.at, x, y, plot) for plot in PLOTS]
-        best = _best(label, at, boxes, len(marks.marks))
+        at = [_pixel(label.at, x, y, plot) for plot in given.plots]
+        best = _best(label, at, boxes, marks)
         for (a, u), there in zip(at, boxes, strict=True):
-            there.append((a + best[0], u + best[1], label.width, LINE))
+            there.append((a + best[0], u + best[1], label.width + BETWEEN, LINE))
         found.append(best)
     return found
 
 
-def _best(label: Label, at: list[Span], boxes: list[list[Box]], marks: int) -> Span:
+def _best(label: Label, at: list[Span], boxes: list[list[Box]], taken: Taken) -> Span:
     """Return the place of a label that covers least on all sizes of the plot together, px.
 
-    The first ``marks`` boxes are those of marks: one that stands nearer than the label's own would
-    be taken for it.
+    The first boxes are those of the marks of ``taken``: one that stands nearer than the label's own
+    would be taken for it.
     """
+    marks = len(taken.marks)
 
     def cost(place: Span) -> float:
         total = 0.0
-        for (a, u), there, plot in zip(at, boxes, PLOTS, strict=True):
+        for (a, u), there, plot in zip(at, boxes, taken.plots, strict=True):
             box = a + place[0], u + place[1], label.width, LINE
             own = _apart(box, a, u)
             total += _covered(box, there, plot)

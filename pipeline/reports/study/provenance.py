@@ -1,9 +1,11 @@
-"""How to get a study's results again: the command that runs it as it was run."""
+"""How to get a study's results again: the command that runs it, its file, and dates."""
 
 from __future__ import annotations
 
 import json
 import shlex
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Study, load_study
@@ -27,6 +29,22 @@ def command_of(study: Study) -> str | None:
         return None
     sets = "".join(f" --set {shlex.quote(one)}" for one in overrides)
     return f"dogshape study {study.name}{sets}"
+
+
+def dates_of(result: Path) -> dict[str, str]:
+    """Give the days (UTC) on which a report is written and its result was stored.
+
+    Parameters
+    ----------
+    result : file of the result; its time of change counts.
+    """
+    stored = datetime.fromtimestamp(result.stat().st_mtime, UTC)
+    return {"written": f"{datetime.now(UTC):%Y-%m-%d}", "stored": f"{stored:%Y-%m-%d}"}
+
+
+def file_of(study: Study) -> str:
+    """Write the study file as it was run, overrides included, as JSON."""
+    return json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
 
 
 def _differences(given: Row, wanted: Row, prefix: str = "") -> list[str]:
