@@ -178,6 +178,8 @@ OTHERS: dict[str, dict[str, str]] = {
         "Operating points": DEFINITIONS,
         "Uncertainty": ONCE,
         "Objectives": ONCE,
+        "Shifts of a command that was stopped": DEFINITIONS,
+        "Keys of `result.json`": "units and meanings of keys",
     },
     "docs/surrogate.md": {
         **dict.fromkeys(("", "Data", "Expectation over a mix"), DEFINITIONS),
