@@ -14,10 +14,14 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dogshape.bench import Bench
+    from dogshape.check import Check
+    from dogshape.comparison import Comparison
     from dogshape.expectation import Expectation
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
+    from dogshape.predictions import Predictions
     from dogshape.result import Result
     from dogshape.shift import Shift
     from dogshape.sim.effect import BenchTest, Effect, Parameter
@@ -26,7 +30,10 @@ if TYPE_CHECKING:
     from dogshape.study_result import StudyResult, load_result
 
 __all__ = [
+    "Bench",
     "BenchTest",
+    "Check",
+    "Comparison",
     "Diagnosis",
     "DogshapeError",
     "Effect",
@@ -34,6 +41,7 @@ __all__ = [
     "Fitted",
     "InputError",
     "Parameter",
+    "Predictions",
     "Progress",
     "Result",
     "Shift",
@@ -47,7 +55,10 @@ __all__ = [
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
 #: take seconds to load and the command line wants none of them for a quick answer.
 _HOMES = {
+    "Bench": "dogshape.bench",
     "BenchTest": "dogshape.sim.effect",
+    "Check": "dogshape.check",
+    "Comparison": "dogshape.comparison",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
@@ -55,6 +66,7 @@ _HOMES = {
     "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
+    "Predictions": "dogshape.predictions",
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
