@@ -165,7 +165,7 @@ def test_the_diagnosis_is_written_before_its_price(
     few = {name: EFFECTS[name] for name in ("actuation_delay", "moving_mass", "drag_torque")}
     bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
     found = diagnose(bench, Toy(points_of()), few, pairs=[])
-    monkeypatch.setattr("dogshape.pipeline.cli.verbs.gap.diagnosed", lambda *_: found)
+    monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200", "--out", "g", "--jobs", 1)
     quick.stop = 100
     stopped = dogshape(*asked)
