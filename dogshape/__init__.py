@@ -14,6 +14,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dogshape.bench import Bench
+    from dogshape.comparison import Comparison
     from dogshape.expectation import Expectation
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
@@ -26,7 +28,9 @@ if TYPE_CHECKING:
     from dogshape.study_result import StudyResult, load_result
 
 __all__ = [
+    "Bench",
     "BenchTest",
+    "Comparison",
     "Diagnosis",
     "DogshapeError",
     "Effect",
@@ -47,7 +51,9 @@ __all__ = [
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
 #: take seconds to load and the command line wants none of them for a quick answer.
 _HOMES = {
+    "Bench": "dogshape.bench",
     "BenchTest": "dogshape.sim.effect",
+    "Comparison": "dogshape.comparison",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",

@@ -13,7 +13,7 @@ from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
 from dogshape.pipeline.store.result_records import expectation_record
 from dogshape.result import Result, ms
-from dogshape.running import Where
+from dogshape.running import Where, angles_text, require_angles
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_blocks, listed_blocks
@@ -98,21 +98,17 @@ def simulate_mean(
         For one half of an operating point, a precision out of range, a dog that cannot be made.
     """
     require_makeable(config.clutch.dog, config.limits.manufacturing)
+    require_angles(angles)
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(config, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
-    asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, _text(angles), precision
+    asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles_text(angles), precision
     if precision is None:
         return Expectation(config, _at_angles(config, where, points, angles, asked))
     require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
     return Expectation(config, _to_precision(config, where, points, precision, asked))
-
-
-def _text(angles: int | Sequence[float] | None) -> str | None:
-    """Write angles so that the same question has the same folder."""
-    return None if angles is None else str(angles if isinstance(angles, int) else list(angles))
 
 
 def _to_precision(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench
@@ -24,6 +24,7 @@ from dogshape.pipeline.reports.gap.hypothesis_cards import short
 from dogshape.pipeline.reports.gap.point_rows import cells_of
 from dogshape.pipeline.reports.gap.publish import publish, write_page
 from dogshape.result import Result, ms
+from dogshape.sim.errors import InputError
 from dogshape.sim.writers import writing
 
 if TYPE_CHECKING:
@@ -110,8 +111,15 @@ class Diagnosis(Result):
         return replace(found, so_what=so_what(self.consequence))
 
 
+class _Read(Protocol):
+    """A bench that was read (``dogshape.Bench``)."""
+
+    @property
+    def data(self) -> BenchData: ...
+
+
 def diagnose(
-    bench: str | Path | BenchData,
+    bench: str | Path | BenchData | _Read,
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
@@ -125,7 +133,7 @@ def diagnose(
 
     Parameters
     ----------
-    bench : folder of a data set, name of one that the package brings, or one that was read.
+    bench : folder of a data set, name of one that the package brings, or a ``Bench``.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json`` and ``cells.csv``; None writes nothing.
     bank : folder of simulations that diagnoses share.
@@ -139,7 +147,7 @@ def diagnose(
     InputError, DataError, EffectError
         For a data set, an effect or a study that cannot be used, with the remedy.
     """
-    given = bench if isinstance(bench, BenchData) else load_bench(str(bench), correct)
+    given = _data_of(bench, correct)
     means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
     folder = None if out is None else Path(out)
     if study is not None:
@@ -156,6 +164,16 @@ def diagnose(
         if folder is not None:
             publish(found.inference, folder, replace(extras, so_what=so_what(price)))
     return replace(found, consequence=price)
+
+
+def _data_of(bench: str | Path | BenchData | _Read, correct: Sequence[str]) -> BenchData:
+    """Read a data set, where it was not read yet; corrections belong to its reading."""
+    if isinstance(bench, str | Path):
+        return load_bench(bench, correct)
+    if correct:
+        rule = "which was read already; give the corrections where it is read"
+        raise InputError(f"corrections {', '.join(correct)} are for a data set, {rule}")
+    return bench if isinstance(bench, BenchData) else bench.data
 
 
 def _before_price(found: Diagnosis) -> str:

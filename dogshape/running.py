@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +11,7 @@ from typing import Any
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+from dogshape.sim.errors import InputError, refusal
 
 
 @dataclass(frozen=True)
@@ -48,3 +49,19 @@ class Running:
 
     executor: Executor
     counter: WorkCounter
+
+
+def angles_text(angles: int | Sequence[float] | None) -> str | None:
+    """Write angles as the command line takes them; a question has the same folder either way."""
+    if angles is None or isinstance(angles, int):
+        return None if angles is None else str(angles)
+    return ",".join(f"{angle:.12g}" for angle in angles)
+
+
+def require_angles(angles: int | Sequence[float] | None) -> None:
+    """Raise InputError for relative angles, deg, of which one is no finite angle."""
+    listed = () if angles is None or isinstance(angles, int) else angles
+    for angle in listed:
+        if not abs(angle) <= 1e6:
+            rule, remedy = "it must be a finite angle", "give an angle in degrees"
+            raise InputError(refusal("relative angle", angle, "deg", rule, remedy))

@@ -34,17 +34,17 @@ OneMismatch = Annotated[float | None, typer.Option(help="one operating point onl
 OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")]
 
 
-def angles_of(text: str | None, default: int) -> tuple[int, tuple[float, ...]]:
-    """Return how many angles, and the angles in degrees where they are listed."""
+def angles_of(text: str | None) -> int | tuple[float, ...] | None:
+    """Return how many angles, or the angles in degrees where they are listed."""
     if text is None:
-        return default, ()
+        return None
     try:
         if "," in text:
             listed = tuple(float(part) for part in text.split(","))
             if all(abs(angle) < 5e5 for angle in listed):
-                return len(listed), listed
+                return listed
         elif 1 <= int(text) <= 100_000:
-            return int(text), ()
+            return int(text)
     except ValueError:
         pass
     raise InputError(

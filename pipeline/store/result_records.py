@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.units import RPM
+
+if TYPE_CHECKING:
+    from dogshape.diagnosis.bench.comparison import Comparison, Difference
 
 
 def expectation_record(expectation: Expectation) -> dict[str, Any]:
@@ -68,3 +71,23 @@ def is_clear(confirmation: dict[str, Any]) -> bool:
     gain: float = confirmation["gain_s"]
     error: float = confirmation["gain_standard_error_s"]
     return abs(gain) >= 2.0 * error and gain != 0.0
+
+
+def difference_record(d: Difference) -> dict[str, Any]:
+    """Return one operating point of a comparison by the contract's names."""
+    return {
+        "mismatch_rpm": d.cell.point.mismatch / RPM,
+        "force_N": d.cell.point.profile.force,
+        "bench_s": d.cell.time,
+        "simulated_s": d.simulated.mean_engaged,
+        "standard_error_s": d.standard_error,
+        "z": d.z,
+        "engaged": d.simulated.engaged,
+        "n": d.simulated.n,
+    }
+
+
+def engaged_record(result: Comparison) -> dict[str, Any]:
+    """Return what of the tried shifts engaged, on the bench and in the simulation."""
+    engaged, tried, simulated = result.engaged
+    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from rich.console import Group, RenderableType
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.comparison import Comparison, Difference
+from dogshape.diagnosis.bench.comparison import Comparison
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.units import RPM
@@ -15,31 +13,11 @@ from dogshape.sim.units import RPM
 FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make
 
 
-def difference_record(d: Difference) -> dict[str, Any]:
-    """Return one operating point of a comparison by the contract's names."""
-    return {
-        "mismatch_rpm": d.cell.point.mismatch / RPM,
-        "force_N": d.cell.point.profile.force,
-        "bench_s": d.cell.time,
-        "simulated_s": d.simulated.mean_engaged,
-        "standard_error_s": d.standard_error,
-        "z": d.z,
-        "engaged": d.simulated.engaged,
-        "n": d.simulated.n,
-    }
-
-
 def examined_lines(bench: Bench) -> list[str]:
     """Return the same in words, a line each."""
     made = ", ".join(str(correction) for correction in bench.corrections)
     lines = [f"corrected as asked: {made}"] if made else []
     return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]
-
-
-def engaged_record(result: Comparison) -> dict[str, Any]:
-    """Return what of the tried shifts engaged, on the bench and in the simulation."""
-    engaged, tried, simulated = result.engaged
-    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}
 
 
 def _gap(result: Comparison) -> str:

@@ -106,10 +106,9 @@ def expect(
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
     given = load_study(study, set_)
-    count, listed = (None, ()) if angles is None else angles_of(angles, 0)
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(
-        given, where, mismatch_rpm, force_N, force_rise_s, angles=listed or count,
+        given, where, mismatch_rpm, force_N, force_rise_s, angles=angles_of(angles),
         precision=precision,
     )  # fmt: skip
     emit(found.to_dict(), json, lambda: expectation_table(found.mean))

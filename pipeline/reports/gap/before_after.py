@@ -16,17 +16,18 @@ from dogshape.pipeline.reports.surrogate.asked_points import spread
 BESIDE = 4  #: panels side by side
 MOST = 8  #: forces that have a panel each
 BENCH: dict[str, Any] = {"color": INK, "size": 8, "symbol": "circle"}
+PLAIN = "without any effect"  #: name of the simulation before
 _Pick = Callable[[CellRow], float | None]
 
 
-def before_figure(cells: list[CellRow], leading: str) -> go.Figure:
+def before_figure(cells: list[CellRow], leading: str, plain: str = PLAIN) -> go.Figure:
     """Draw mean times over mismatch, a panel for each force; a line each where forces are many.
 
-    ``leading`` names what the second curve has, empty for no such curve.
+    ``leading`` names what the second curve has, empty for no such curve; ``plain`` is the first.
     """
     forces = sorted({cell.force_N for cell in cells})
     if len(forces) > MOST or len(cells) < 2 * len(forces):
-        return _listed(cells, leading)
+        return _listed(cells, leading, plain)
     columns = min(BESIDE, len(forces))
     rows = -(-len(forces) // columns)
     figure = make_subplots(
@@ -36,7 +37,7 @@ def before_figure(cells: list[CellRow], leading: str) -> go.Figure:
     for place, force in enumerate(forces):
         row, column = place // columns + 1, place % columns + 1
         those = sorted((c for c in cells if c.force_N == force), key=lambda c: c.mismatch_rpm)
-        for trace in _curves(those, leading, first=place == 0):
+        for trace in _curves(those, leading, plain, first=place == 0):
             figure.add_trace(trace, row, column)
     _axes(figure, cells, rows)
     return figure
@@ -53,10 +54,10 @@ def _axes(figure: go.Figure, cells: list[CellRow], rows: int) -> None:
     figure.update_layout(legend={"y": 1.0 + 0.12 / rows}, margin={"t": 80})
 
 
-def _curves(cells: Sequence[CellRow], leading: str, *, first: bool) -> list[go.Scatter]:
+def _curves(cells: Sequence[CellRow], leading: str, plain: str, *, first: bool) -> list[go.Scatter]:
     """Return bands, lines and points of one force."""
     found = _line(
-        cells, ("without any effect", ORANGE, "rgba(200,89,12,0.16)", "dash"),
+        cells, (plain, ORANGE, "rgba(200,89,12,0.16)", "dash"),
         lambda c: c.simulated_s, lambda c: c.simulated_error_s, first=first,
     )  # fmt: skip
     if leading:
@@ -108,12 +109,12 @@ def _half(error: float | None) -> float:
     return NINETY * 1e3 * (error or 0.0)
 
 
-def _listed(cells: list[CellRow], leading: str) -> go.Figure:
+def _listed(cells: list[CellRow], leading: str, plain: str) -> go.Figure:
     """Draw a line for each operating point."""
     ordered = sorted(cells, key=lambda c: c.place, reverse=True)
     names = [f"{c.mismatch_rpm:.4g} 1/min, {c.force_N:.4g} N".replace("-", MINUS) for c in ordered]
     marks: list[tuple[str, dict[str, Any], _Pick, _Pick]] = [
-        ("without any effect", {"color": ORANGE, "symbol": "square-open", "size": 10},
+        (plain, {"color": ORANGE, "symbol": "square-open", "size": 10},
          lambda c: c.simulated_s, lambda c: c.simulated_error_s),
         (f"with {leading}", {"color": BLUE, "symbol": "diamond", "size": 10},
          lambda c: c.foretold_s, lambda c: c.foretold_error_s),
