@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dogshape.bench import Bench
+    from dogshape.check import Check
     from dogshape.comparison import Comparison
     from dogshape.expectation import Expectation
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
+    from dogshape.predictions import Predictions
     from dogshape.result import Result
     from dogshape.shift import Shift
     from dogshape.sim.effect import BenchTest, Effect, Parameter
@@ -30,6 +32,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Bench",
     "BenchTest",
+    "Check",
     "Comparison",
     "Diagnosis",
     "DogshapeError",
@@ -38,6 +41,7 @@ __all__ = [
     "Fitted",
     "InputError",
     "Parameter",
+    "Predictions",
     "Progress",
     "Result",
     "Shift",
@@ -53,6 +57,7 @@ __all__ = [
 _HOMES = {
     "Bench": "dogshape.bench",
     "BenchTest": "dogshape.sim.effect",
+    "Check": "dogshape.check",
     "Comparison": "dogshape.comparison",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
@@ -61,6 +66,7 @@ _HOMES = {
     "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
+    "Predictions": "dogshape.predictions",
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",

@@ -13,7 +13,11 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import SILENT, Progress
 
 if TYPE_CHECKING:
+    import pandas as pd
+
+    from dogshape.check import Check
     from dogshape.expectation import Expectation
+    from dogshape.predictions import Predictions
     from dogshape.shift import Shift
     from dogshape.study_result import StudyResult
 
@@ -95,7 +99,7 @@ class Study:
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
 
-        where = Where(jobs, cluster, None if keep is None else Path(keep), progress)
+        where = Where(jobs, cluster, _path(keep), progress)
         point = mismatch_rpm, force_N, force_rise_s
         return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
 
@@ -126,9 +130,42 @@ class Study:
         folder = StudyFolder(default_out(config) if out is None else Path(out))
         return search_study(config, Run(folder, jobs, storage, resume, cluster, report, progress))
 
+    def check(
+        self,
+        *,
+        mismatch_rpm: float | None = None,
+        force_N: float | None = None,
+        surrogate: str | Path | None = None,
+    ) -> Check:
+        """Check the design without simulating it (``dogshape.check.check_design``)."""
+        from dogshape.check import check_design  # noqa: PLC0415
+
+        return check_design(self.config, mismatch_rpm, force_N, _path(surrogate))
+
+    def predict(
+        self,
+        designs: str | Path | pd.DataFrame,
+        *,
+        out: str | Path | None = None,
+        mismatch_rpm: float | None = None,
+        force_N: float | None = None,
+        surrogate: str | Path | None = None,
+    ) -> Predictions:
+        """Predict many designs of a table (``dogshape.predictions.predict_designs``)."""
+        from dogshape.predictions import predict_designs  # noqa: PLC0415
+
+        point = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
+        return predict_designs(
+            self.config, designs, _path(out), **point, surrogate=_path(surrogate)
+        )
+
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
         return f"Study({self.name}: {dog}; {self.config.operating_text})"
 
     def _repr_html_(self) -> str:
         return f"<code>{escape(repr(self))}</code>"
+
+
+def _path(given: str | Path | None) -> Path | None:
+    return None if given is None else Path(given)

@@ -7,7 +7,7 @@ import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import in_range, require_same_physics
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 TIMES = (
     "expected_shift_time_s", "low_s", "high_s", "standard_error_s", "distance", "in_range",
@@ -56,32 +59,56 @@ class Answers:
     known: np.ndarray
 
 
-def ask_many(
-    study: Study, surrogate: Surrogate, mix: Mix, source: Path, out: Path | None
-) -> dict[str, Any]:
-    """Predict the designs of a table and write it again with the answers beside them.
+@dataclass(frozen=True)
+class Predicted:
+    """Designs that were asked about, in ``variables``, with what is known of each."""
+
+    variables: tuple[str, ...]
+    asked: Asked
+    answers: Answers
+
+
+def predict(study: Study, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
+    """Predict the designs of a table.
 
     Variables that the table lacks take the study's value. Other columns are kept. A design that
     cannot be has no time, and a reason.
     """
     require_same_physics(surrogate.data, study.physics)
-    target = out or source.with_name(f"{source.stem}-times.csv")
+    variables = surrogate.data.variables
+    asked = _asked(study, variables, table)
+    return Predicted(variables, asked, _answers(study, surrogate, mix, asked.designs))
+
+
+def beside(source: Path) -> Path:
+    """Give the file of the answers to a table: NAME-times.csv beside it."""
+    return source.with_name(f"{source.stem}-times.csv")
+
+
+def require_another(source: Path, target: Path) -> None:
+    """Raise InputError where the answers would overwrite the table."""
     if target.resolve() == source.resolve():
         raise InputError(f"--out is {target}, the table that is read; name another file")
-    asked = _asked(study, surrogate.data.variables, source)
-    answers = _answers(study, surrogate, mix, asked.designs)
-    _write(target, asked.table, answers)
-    return _record(target, surrogate.data.variables, asked, answers)
 
 
-def _asked(study: Study, variables: tuple[str, ...], source: Path) -> Asked:
-    try:
-        table = read_table(source, variables)
-    except FileNotFoundError:
-        raise InputError(f"there is no table of designs at {source}; check --designs") from None
+def text_table(designs: str | Path | pd.DataFrame, variables: tuple[str, ...]) -> TextTable:
+    """Read designs as a table of text, from a file or a frame, whose rows count from 1."""
+    if isinstance(designs, str | Path):
+        try:
+            return read_table(Path(designs), variables)
+        except FileNotFoundError:
+            raise InputError(
+                f"there is no table of designs at {designs}; check --designs"
+            ) from None
+    rows = enumerate(designs.itertuples(index=False, name=None), start=1)
+    cells = tuple((number, tuple(str(cell) for cell in row)) for number, row in rows)
+    return TextTable(Path("designs"), tuple(str(name) for name in designs.columns), cells)
+
+
+def _asked(study: Study, variables: tuple[str, ...], table: TextTable) -> Asked:
     _require_columns(table, variables)
     if not table.rows:
-        raise InputError(f"{source} holds no design below its line of names; add some")
+        raise InputError(f"{table.path} holds no design below its line of names; add some")
     filled = {name: study.prototype[name] for name in variables if name not in table.head}
     return Asked(
         table,
@@ -167,7 +194,9 @@ def _answers(study: Study, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
     return Answers(checked, times, known)
 
 
-def _write(target: Path, table: TextTable, answers: Answers) -> None:
+def write_predicted(found: Predicted, target: Path) -> None:
+    """Write the table again with the answers beside it, as CSV."""
+    table, answers = found.asked.table, found.answers
     with target.open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
         writer.writerow([*table.head, *TIMES, *CHECKS])
@@ -183,10 +212,32 @@ def _write(target: Path, table: TextTable, answers: Answers) -> None:
             writer.writerow([*cells, *numbers, known, *found])
 
 
-def _record(
-    target: Path, variables: tuple[str, ...], asked: Asked, answers: Answers
-) -> dict[str, Any]:
-    """Return what was asked and answered, as JSON takes it."""
+def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
+    """List each design with kept columns, variables, predicted times and checks, by name."""
+    asked, answers = found.asked, found.answers
+    kept = [asked.table.column(name) for name in asked.kept]
+    rows = []
+    for place, design in enumerate(answers.checked):
+        worst = min(design.checks, key=lambda check: check.margin, default=None)
+        checks = (
+            design.feasible,
+            None if worst is None else worst.margin,
+            "" if worst is None else worst.name,
+            design.refusal,
+        )
+        rows.append(
+            dict(zip(asked.kept, (column[place] for column in kept), strict=True))
+            | dict(zip(found.variables, asked.designs[place].tolist(), strict=True))
+            | dict(zip(TIMES[:-1], answers.times[place].tolist(), strict=True))
+            | {TIMES[-1]: bool(answers.known[place])}
+            | dict(zip(CHECKS, checks, strict=True))
+        )
+    return rows
+
+
+def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
+    """Give what was asked and answered, as JSON takes it; ``target`` is where it was written."""
+    variables, asked, answers = found.variables, found.asked, found.answers
     real = np.array([design.dog is not None for design in answers.checked])
     feasible = np.array([design.feasible for design in answers.checked])
     impossible = [
@@ -206,7 +257,7 @@ def _record(
         }
 
     return {
-        "file": str(target),
+        "file": None if target is None else str(target),
         "n": len(answers.checked),
         "in_range": int(answers.known.sum()),
         "feasible": int(feasible.sum()),

@@ -173,7 +173,7 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
                            "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
         ("exploring.explored", ["explore", "mq200", "--out", "there/x.html"]),
         ("designs.to_stl", ["export", "mq200", "--svg", "x.svg", "--stl", "no/x.stl"]),
-        ("asking.ask_many", ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
+        ("check.predict_designs", ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
         ("studies.train", ["fit", "mq200", "--out", "no/x.json"]),
     ],
 )  # fmt: skip

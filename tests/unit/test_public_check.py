@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
 
+import pandas as pd
 import pytest
 
 import dogshape as ds
@@ -88,3 +89,73 @@ def test_a_comparison_needs_three_angles(folder: Path, angles: int | list[float]
 def test_angles_are_finite(folder: Path) -> None:
     with pytest.raises(ds.InputError, match="must be a finite angle"):
         ds.Bench(folder).validate([0.0, float("nan"), 5.0])
+
+
+@pytest.fixture(scope="module")
+def check() -> ds.Check:
+    return ds.Study("mq200", chamfer_deg=14, height_mm=6).check(mismatch_rpm=50, force_N=469)
+
+
+def test_a_check_is_what_the_command_line_prints(check: ds.Check, dogshape: Dogshape) -> None:
+    said = dogshape(
+        *("check", "mq200", "--mismatch-rpm", "50", "--force-N", "469"),
+        *("--set", "dog.chamfer_deg=14", "--set", "dog.height_mm=6", "--json"),
+    )
+    assert json.loads(said.out) == check.to_dict()
+    assert said.status == int(not check.feasible)
+
+
+def test_a_check_carries_its_problem_and_does_not_change(check: ds.Check) -> None:
+    assert check.config.clutch.dog.height == pytest.approx(6e-3)
+    assert f"predicted shift time {1e3 * check.time_s:.1f} ms" in repr(check)
+    assert all(name in check._repr_html_() for name in check.failed)
+    with pytest.raises(FrozenInstanceError):
+        check.answer = None  # type: ignore[assignment,misc]
+
+
+def drawn_margins(found: ds.Check) -> tuple[dict[str, float], dict[str, float], set[str]]:
+    """Margins and worst cases that a figure draws, %, and the names of what it draws as failed."""
+    passed, failed, worst = (dict(zip(t.y, t.x, strict=True)) for t in found.plot().data)
+    return passed | failed, worst, set(failed)
+
+
+def test_margins_as_table_and_figure(check: ds.Check) -> None:
+    frame = check.to_frame().set_index("name")
+    margins, worst, failed = drawn_margins(check)
+    assert margins == pytest.approx(dict(100 * frame["margin"]))
+    assert worst == pytest.approx(dict(100 * frame["margin_worst_case"].dropna()))
+    assert failed == set(check.failed) == set(frame.index[~frame["passed"]])
+    assert failed
+    assert {"value", "unit", "limit", "margin_root_sum_square"} < set(frame)
+
+
+def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape: Dogshape) -> None:
+    table, out = tmp_path / "d.csv", tmp_path / "o.csv"
+    table.write_text("chamfer_deg,count,note\n9,14,a\n11,18,b\n8,200,c\n")
+    said = dogshape("check", "mq200", "--designs", table, "--out", out, "--json")
+    found = ds.Study("mq200").predict(table)
+    assert found.to_dict() == json.loads(said.out) | {"file": None}
+    frame = found.to_frame()
+    written = pd.read_csv(out)
+    assert list(frame.index) == [2, 3, 4]
+    assert set(written) < set(frame)
+    for name in ("chamfer_deg", "expected_shift_time_s", "low_s", "distance"):
+        assert list(frame[name]) == pytest.approx(list(written[name]), rel=1e-5, nan_ok=True)
+    assert list(frame["in_range"][:2]) == [bool(one) for one in written["in_range"][:2]]
+    assert list(frame["reason"])[2] == written["reason"][2] != ""
+    assert "designs 3" in repr(found)
+
+
+def test_many_designs_from_a_frame(tmp_path: Path) -> None:
+    asked = pd.DataFrame({"chamfer_deg": [9.25, 11.0], "count": [14, 18]})
+    study = ds.Study("mq200")
+    found = study.predict(asked, out=tmp_path / "o.csv", mismatch_rpm=50, force_N=469)
+    assert list(found.to_frame()["chamfer_deg"]) == [9.25, 11.0]
+    assert found.to_dict()["file"] == str(tmp_path / "o.csv")
+    one = ds.Study("mq200", chamfer_deg=11, count=18).check(mismatch_rpm=50, force_N=469)
+    assert found.to_frame()["expected_shift_time_s"][2] == pytest.approx(
+        one.time_s,
+        rel=1e-3,  # what surrogate.expected_time promises of many designs at once
+    )
+    with pytest.raises(ds.InputError, match=r"row 2, column count is '18[.]5'"):
+        study.predict(pd.DataFrame({"count": [14, 18.5]}))

@@ -5,12 +5,14 @@ Whoever asks often wants the answer at once, so nothing that is slow to load bel
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import RenderableType
 
+from dogshape.check import Check, check_design
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
     Json,
@@ -23,23 +25,11 @@ from dogshape.pipeline.cli.options import (
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.cli.tables.prediction_tables import answer_text, filled_lines, many_text
-from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.search.tolerance_effects import (
-    checks_within,
-    margins_within,
-    spread_record,
-    time_spread,
-)
-from dogshape.pipeline.simulate.design import design_of, notes_of
 from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.design_table import ask_many
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
-from dogshape.pipeline.train.training_rows import mix_over
+from dogshape.pipeline.train.design_table import beside
+from dogshape.predictions import predict_designs
 from dogshape.sim.errors import InputError
-from dogshape.sim.strength.locking import blocking_force
-from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.query import Answer, ask
 
 
 @verb
@@ -64,54 +54,25 @@ def check(
     """
     given = load_study(study, set_)
     require_targets({"--out": out})
-    mix = mix_over(given, points_of(given, mismatch_rpm, force_N))
-    stored, path = stored_surrogate(given, surrogate)
+    asked = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
     if designs is not None:
-        data = ask_many(given, stored.surrogate, mix, designs, out)
-        for line in filled_lines(data):
+        target = out or beside(designs)
+        many = predict_designs(given, designs, target, **asked, surrogate=surrogate).to_dict()
+        for line in filled_lines(many):
             say(line)
-        emit(data, json, lambda: many_text(data))
-        if data["impossible"]:
+        emit(many, json, partial(many_text, many))
+        if many["impossible"]:
             raise typer.Exit(1)
         return
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
-    model = stored.surrogate
-    answer = ask(model, given.prototype, mix, given.physics)
-    design = design_of(given, {})
-    within = margins_within(given, design)
-    spread = time_spread(given, model, given.prototype, mix)
-    record = {
-        **_answer_record(answer, mix),
-        "q2": stored.validation.q2,
-        "surrogate": str(path),
-        "time_within_tolerances": spread_record(spread),
-        "feasible": design.feasible,
-        "not_checked": design.not_checked,
-        "checks": checks_within(design, within),
-    }
-    held = blocking_force(given.clutch.dog, given.limits.load)
-
-    def text() -> RenderableType:
-        table = strength_table(design.checks, within, held, notes_of(given))
-        return answer_text(answer, stored.validation, spread, table)
-
-    emit(record, json, text)
-    if not design.feasible:
+    found = check_design(given, **asked, surrogate=surrogate)
+    emit(found.to_dict(), json, partial(_text, found))
+    if not found.feasible:
         raise typer.Exit(1)
 
 
-def _answer_record(answer: Answer, mix: Mix) -> dict[str, Any]:
-    expected = answer.expected
-    return {
-        "expected_shift_time_s": expected.time,
-        "low_s": expected.low,
-        "high_s": expected.high,
-        "standard_error_s": expected.error,
-        "sd_s": expected.sd,
-        "engaged": expected.engaged,
-        "operating_points": len(mix.points),
-        "in_range": answer.in_range,
-        "distance": answer.distance,
-        "warnings": list(answer.warnings),
-    }
+def _text(found: Check) -> RenderableType:
+    held, checks = found.blocking_force_N, found.design.checks
+    table = strength_table(checks, found.within, held, found.notes)
+    return answer_text(found.answer, found.validation, found.spread, table)

@@ -17,6 +17,7 @@ GREY = "#9aa5b1"
 BLUE = "#1f5fa8"
 ORANGE = "#c8590c"
 GREEN = "#2e7d4f"
+RED = "#b3261e"
 
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {

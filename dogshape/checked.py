@@ -1,0 +1,85 @@
+"""What a check and a strength have in common: the closed-form checks of one design."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.search.tolerance_effects import Within, checks_within
+from dogshape.pipeline.simulate.design import Design, notes_of
+from dogshape.result import Result
+from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.strength.locking import blocking_force
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Result):
+    """One design with its checks.
+
+    Parameters
+    ----------
+    config : the study that was asked.
+    design : its dog with every check.
+    within : margins left within the tolerances, by check and kind; minus infinity for no dog.
+    """
+
+    config: StudyConfig
+    design: Design
+    within: Within
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every check passes."""
+        return self.design.feasible
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the checks that fail."""
+        return tuple(self.design.failed)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Warnings about the design: a root outside its formula's fit, an idle torque."""
+        return tuple(notes_of(self.config))
+
+    @property
+    def blocking_force_N(self) -> float:
+        """Force that the blocking mechanism has to hold, N."""
+        return blocking_force(self.config.clutch.dog, self.config.limits.load)
+
+    @property
+    def verdict(self) -> dict[str, str]:
+        """Facts of the checks: feasible or not, and the smallest margin."""
+        weakest = smallest_margin(self.design.checks)
+        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
+        told = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        return {
+            "feasible": told + open_ones,
+            "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
+        }
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Give the checks as JSON takes them."""
+        return {
+            "feasible": self.design.feasible,
+            "not_checked": self.design.not_checked,
+            "checks": checks_within(self.design, self.within),
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each check: value and limit in ``unit``, margins as shares."""
+        import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
+
+        return pd.DataFrame(self.record["checks"])
+
+    def plot(self) -> go.Figure:
+        """Draw the margin of each check, and what is left of it in the worst case."""
+        from dogshape.pipeline.reports.kit.charts import margins  # noqa: PLC0415  # loads plotly
+
+        return margins(self.design.checks, self.within)

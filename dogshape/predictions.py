@@ -1,0 +1,101 @@
+"""Many designs without simulation: a table in, the surrogate's answers beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.config.asked_points import points_of
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.train.design_table import (
+    Predicted,
+    predict,
+    predicted_record,
+    predicted_rows,
+    require_another,
+    text_table,
+    write_predicted,
+)
+from dogshape.pipeline.train.found_surrogates import stored_surrogate
+from dogshape.pipeline.train.training_rows import mix_over
+from dogshape.result import Result, ms
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True, repr=False)
+class Predictions(Result):
+    """Predicted shift times of many designs, with their closed-form checks.
+
+    Parameters
+    ----------
+    config : the study that was asked.
+    predicted : the designs with what is known of each.
+    written : table with the answers; None where none was written.
+    """
+
+    config: StudyConfig
+    predicted: Predicted
+    written: Path | None = None
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """How many designs, how many of them in range, feasible and impossible; the best."""
+        record = self.to_dict()
+        best = record["best_feasible"]
+        return {
+            "designs": str(record["n"]),
+            "in the trained range": str(record["in_range"]),
+            "feasible before landing": str(record["feasible"]),
+            "impossible": str(len(record["impossible"])),
+            "least time of a feasible one": "-"
+            if best is None else f"{ms(best['expected_shift_time_s'])}, row {best['row']}",
+        }  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give counts, impossible rows with their reasons, and the best designs."""
+        return predicted_record(self.predicted, self.written)
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each design: its keys, predicted time, interval, checks; kept columns."""
+        import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
+
+        numbers = [number for number, _ in self.predicted.asked.table.rows]
+        return pd.DataFrame(predicted_rows(self.predicted), index=pd.Index(numbers, name="row"))
+
+
+def predict_designs(
+    config: StudyConfig,
+    designs: str | Path | pd.DataFrame,
+    out: Path | None = None,
+    *,
+    mismatch_rpm: float | None = None,
+    force_N: float | None = None,
+    surrogate: Path | None = None,
+) -> Predictions:
+    """Predict the shift times of many designs without simulating them.
+
+    Parameters
+    ----------
+    designs : CSV file or frame, a row each, columns named as the study's variables; what is
+        missing takes the study's value, other columns are kept.
+    out : CSV file for the answers; None writes none.
+    mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
+    surrogate : its file; None for that of the study's results, or the package's.
+
+    Raises
+    ------
+    InputError, DataError
+        For columns and cells that cannot be read, with row, column and remedy.
+    """
+    mix = mix_over(config, points_of(config, mismatch_rpm, force_N))
+    stored, _ = stored_surrogate(config, surrogate)
+    if out is not None and isinstance(designs, str | Path):
+        require_another(Path(designs), out)
+    table = text_table(designs, stored.surrogate.data.variables)
+    found = Predictions(config, predict(config, stored.surrogate, mix, table), out)
+    if out is not None:
+        write_predicted(found.predicted, out)
+    return found
