@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift
     from dogshape.sim.effect import BenchTest, Effect, Parameter
     from dogshape.sim.errors import DogshapeError, InputError
+    from dogshape.strength import Strength
     from dogshape.study import Study
     from dogshape.study_result import StudyResult, load_result
 
@@ -45,6 +46,7 @@ __all__ = [
     "Progress",
     "Result",
     "Shift",
+    "Strength",
     "Study",
     "StudyResult",
     "diagnose",
@@ -70,6 +72,7 @@ _HOMES = {
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
+    "Strength": "dogshape.strength",
     "Study": "dogshape.study",
     "StudyResult": "dogshape.study_result",
     "diagnose": "dogshape.gap",

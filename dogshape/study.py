@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift
     from dogshape.study_result import StudyResult
 
+    from dogshape.strength import Strength
+
 
 @dataclass(frozen=True, init=False, repr=False)
 class Study:
@@ -158,6 +160,24 @@ class Study:
         return predict_designs(
             self.config, designs, _path(out), **point, surrogate=_path(surrogate)
         )
+
+    def strength(
+        self,
+        *,
+        simulate: bool = True,
+        jobs: int = 0,
+        keep: str | Path | None = None,
+        progress: Progress = SILENT,
+    ) -> Strength:
+        """Check the strength with the hardest landing (``dogshape.strength.check_strength``).
+
+        ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
+        """
+        from dogshape.running import Where  # noqa: PLC0415
+        from dogshape.strength import check_strength  # noqa: PLC0415
+
+        where = Where(jobs, None, _path(keep), progress)
+        return check_strength(self.config, where, simulate=simulate)
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
