@@ -208,8 +208,8 @@ def write_predicted(found: Predicted, target: Path) -> None:
                 continue
             worst = min(design.checks, key=lambda check: check.margin)
             numbers = (f"{number:.6g}" for number in times)
-            found = (design.feasible, f"{worst.margin:.4g}", worst.name, "")
-            writer.writerow([*cells, *numbers, known, *found])
+            checks = (design.feasible, f"{worst.margin:.4g}", worst.name, "")
+            writer.writerow([*cells, *numbers, known, *checks])
 
 
 def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
