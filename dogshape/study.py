@@ -19,9 +19,8 @@ if TYPE_CHECKING:
     from dogshape.expectation import Expectation
     from dogshape.predictions import Predictions
     from dogshape.shift import Shift
-    from dogshape.study_result import StudyResult
-
     from dogshape.strength import Strength
+    from dogshape.study_result import StudyResult
 
 
 @dataclass(frozen=True, init=False, repr=False)
