@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from dogshape.check import Check
     from dogshape.comparison import Comparison
     from dogshape.expectation import Expectation
+    from dogshape.exploration import Exploration
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift
     from dogshape.sim.effect import BenchTest, Effect, Parameter
     from dogshape.sim.errors import DogshapeError, InputError
+    from dogshape.strength import Strength
     from dogshape.study import Study
     from dogshape.study_result import StudyResult, load_result
 
@@ -38,6 +40,7 @@ __all__ = [
     "DogshapeError",
     "Effect",
     "Expectation",
+    "Exploration",
     "Fitted",
     "InputError",
     "Parameter",
@@ -45,6 +48,7 @@ __all__ = [
     "Progress",
     "Result",
     "Shift",
+    "Strength",
     "Study",
     "StudyResult",
     "diagnose",
@@ -63,6 +67,7 @@ _HOMES = {
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
+    "Exploration": "dogshape.exploration",
     "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
@@ -70,6 +75,7 @@ _HOMES = {
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
+    "Strength": "dogshape.strength",
     "Study": "dogshape.study",
     "StudyResult": "dogshape.study_result",
     "diagnose": "dogshape.gap",

@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
     from dogshape.check import Check
     from dogshape.expectation import Expectation
+    from dogshape.exploration import Exploration
     from dogshape.predictions import Predictions
     from dogshape.shift import Shift
+    from dogshape.strength import Strength
     from dogshape.study_result import StudyResult
 
 
@@ -158,6 +160,32 @@ class Study:
         return predict_designs(
             self.config, designs, _path(out), **point, surrogate=_path(surrogate)
         )
+
+    def strength(
+        self,
+        *,
+        simulate: bool = True,
+        jobs: int = 0,
+        keep: str | Path | None = None,
+        progress: Progress = SILENT,
+    ) -> Strength:
+        """Check the strength with the hardest landing (``dogshape.strength.check_strength``).
+
+        ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
+        """
+        from dogshape.running import Where  # noqa: PLC0415
+        from dogshape.strength import check_strength  # noqa: PLC0415
+
+        where = Where(jobs, None, _path(keep), progress)
+        return check_strength(self.config, where, simulate=simulate)
+
+    def explore(
+        self, *, surrogate: str | Path | None = None, progress: Progress = SILENT
+    ) -> Exploration:
+        """Explore what the surrogate predicts (``dogshape.exploration.explore_surrogate``)."""
+        from dogshape.exploration import explore_surrogate  # noqa: PLC0415
+
+        return explore_surrogate(self.config, _path(surrogate), None, progress)
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())

@@ -171,10 +171,11 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
                            "--relative-angle-deg", "10", "--html", "no/x.html"]),
         ("shift.engage", ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
                            "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
-        ("pipeline.cli.verbs.explore.explored", ["explore", "mq200", "--out", "there/x.html"]),
+        ("exploration.explored", ["explore", "mq200", "--out", "there/x.html"]),
         ("pipeline.cli.verbs.strength_export.to_stl",
          ["export", "mq200", "--svg", "x.svg", "--stl", "no/x.stl"]),
-        ("pipeline.cli.verbs.check.predict_designs", ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
+        ("pipeline.cli.verbs.check.predict_designs",
+         ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
         ("fitted.train", ["fit", "mq200", "--out", "no/x.json"]),
     ],
 )  # fmt: skip

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -12,10 +14,14 @@ import pytest
 
 import dogshape as ds
 from tests.conftest import Said
+from tests.unit.test_house import SLOW
 
 Dogshape = Callable[..., Said]
 
 ANGLES = [0.0, 5.0, 10.0]
+SMALL = {
+    "operating.mismatch_rpm": [50], "operating.force_N": [469.0], "expectation.angles": 3,
+}  # fmt: skip
 FEW = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged,trace\n"
 
 
@@ -113,7 +119,21 @@ def test_a_check_carries_its_problem_and_does_not_change(check: ds.Check) -> Non
         check.answer = None  # type: ignore[assignment,misc]
 
 
-def drawn_margins(found: ds.Check) -> tuple[dict[str, float], dict[str, float], set[str]]:
+def test_a_check_loads_nothing_slow() -> None:
+    code = f"""
+import sys, dogshape
+found = dogshape.Study("mq200").check()
+print(found, found.to_dict().keys(), file=sys.stderr)
+print(*sorted({set(SLOW)} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+    assert "predicted shift time" in done.stderr
+
+
+def drawn_margins(
+    found: ds.Check | ds.Strength,
+) -> tuple[dict[str, float], dict[str, float], set[str]]:
     """Margins and worst cases that a figure draws, %, and the names of what it draws as failed."""
     passed, failed, worst = (dict(zip(t.y, t.x, strict=True)) for t in found.plot().data)
     return passed | failed, worst, set(failed)
@@ -159,3 +179,40 @@ def test_many_designs_from_a_frame(tmp_path: Path) -> None:
     )
     with pytest.raises(ds.InputError, match=r"row 2, column count is '18[.]5'"):
         study.predict(pd.DataFrame({"count": [14, 18.5]}))
+
+
+@pytest.fixture(scope="module")
+def strength() -> ds.Strength:
+    return ds.Study("mq200", SMALL).strength(jobs=1)
+
+
+def test_strength_is_what_the_command_line_prints(
+    strength: ds.Strength, dogshape: Dogshape
+) -> None:
+    sets = [part for key, value in SMALL.items() for part in ("--set", f"{key}={value}")]
+    said = dogshape("strength", "mq200", *sets, "--jobs", 1, "--json")
+    assert json.loads(said.out) == strength.to_dict()
+    assert said.status == int(not strength.feasible)
+
+
+def test_strength_has_its_landing_in_table_and_figure(strength: ds.Strength) -> None:
+    frame = strength.to_frame().set_index("name")
+    margins, worst, _ = drawn_margins(strength)
+    landing = set(frame.index[frame["group"] == "impact"])
+    assert landing == set(margins) - set(worst) == set(ds.Study("mq200").check().design.not_checked)
+    assert margins == pytest.approx(dict(100 * frame["margin"]))
+    with pytest.raises(FrozenInstanceError):
+        strength.design = None  # type: ignore[assignment,misc]
+
+
+def test_finite_elements_are_added_to_a_result(strength: ds.Strength) -> None:
+    assert "finite_elements" not in strength.to_dict()
+    added = strength.with_finite_elements([{"flank": "traction"}])
+    assert added.to_dict() == strength.to_dict() | {"finite_elements": [{"flank": "traction"}]}
+
+
+def test_strength_without_simulation(dogshape: Dogshape) -> None:
+    found = ds.Study("mq200").strength(simulate=False)
+    said = dogshape("strength", "mq200", "--no-simulation", "--json")
+    assert json.loads(said.out) == found.to_dict()
+    assert "before its landing is simulated" in repr(found)

@@ -7,16 +7,13 @@ from typing import Annotated
 
 import typer
 
+from dogshape.exploration import explore_surrogate
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Json, Sets, StudyArg, SurrogateFile
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.explore_tables import explored_text
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.surrogate.page import write_page
-from dogshape.pipeline.reports.surrogate.record import explored
-from dogshape.pipeline.reports.surrogate.slices import bases_of, rivals_of
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
 
 
 @verb
@@ -35,14 +32,6 @@ def explore(
     Example: dogshape explore mq200 --set dog.chamfer_deg=13 --out what-if.html
     """
     given = load_study(study, set_)
-    stored, source = stored_surrogate(given, surrogate)
-    folder = StudyFolder(default_out(given))
-    path = out or folder.root / "explore.html"
-    require_targets({"--out": path}, folders=True)
-    result = folder.stored_result() if folder.result.is_file() else None
-    bases = bases_of(given, result)
-    found = explored(given, stored, bases, lambda line: typer.echo(line, err=True))
-    offered = {"front_designs": len(rivals_of(given, result)), "front_shown": len(bases) - 1}
-    record = {"file": str(path), "surrogate": str(source), **offered, **found}
-    write_page(record, path)
+    page = out or StudyFolder(default_out(given)).root / "explore.html"
+    record = explore_surrogate(given, surrogate, page, ProgressBar()).to_dict()
     emit(record, json, lambda: explored_text(record))

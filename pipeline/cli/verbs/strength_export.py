@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 from rich.console import Group, RenderableType
@@ -14,24 +14,20 @@ from dogshape.pipeline.cli.options import Jobs, Json, Sets, StudyArg
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.search.tolerance_effects import checks_within, margins_within
-from dogshape.pipeline.simulate.design import Design, design_of, notes_of
-from dogshape.pipeline.simulate.evaluation import evaluate
-from dogshape.pipeline.simulate.kept_shifts import SHIFTS, kept_shifts, work_folder
-from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.kept_shifts import SHIFTS
 from dogshape.pipeline.store.output_files import require_targets
+from dogshape.running import Where
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.part.solid import part_volume, ring_part
 from dogshape.sim.shift.mesh import to_stl
-from dogshape.sim.strength.checks import feasible
-from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
-from dogshape.sim.units import MM, MPA
+from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.units import MM
+from dogshape.strength import check_strength
 from dogshape.validation.finite_elements.root_check import root_checks
 
 
@@ -58,57 +54,18 @@ def strength(
     """
     given = load_study(study, set_)
     roots = root_checks(given.clutch.dog, given.limits) if fem else []
-    design = _landed(given, jobs) if simulation else design_of(given, {})
-    within = margins_within(given, design)
-    data = {
-        "feasible": design.feasible,
-        "not_checked": design.not_checked,
-        "checks": checks_within(design, within),
-        **_load_record(given),
-    }
+    found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
     if fem:
-        data["finite_elements"] = [root_record(root) for root in roots]
-    held = blocking_force(given.clutch.dog, given.limits.load)
+        found = found.with_finite_elements([root_record(root) for root in roots])
 
     def text() -> RenderableType:
-        table = strength_table(design.checks, within, held, notes_of(given), explain)
+        checks, held = found.design.checks, found.blocking_force_N
+        table = strength_table(checks, found.within, held, found.notes, explain)
         return Group(table, root_table(roots)) if fem else table
 
-    emit(data, json, text)
-    if not design.feasible:
+    emit(found.to_dict(), json, text)
+    if not found.feasible:
         raise typer.Exit(1)
-
-
-def _landed(given: Study, jobs: int) -> Design:
-    """Return the study's dog with the checks of its landing, where it can be made at all."""
-    dog, settings = given.clutch.dog, given.file.expectation
-    if not feasible(manufacturing_checks(dog, given.limits.manufacturing)):
-        return design_of(given, {})
-    folder = work_folder(SHIFTS, "strength", given.config_hash)
-    with (
-        WorkCounter(ProgressBar(), len(given.points) * settings.angles) as progress,
-        kept_shifts(folder, progress, jobs) as executor,
-    ):
-        (found,) = evaluate(given, [dog], executor, [whole_plan(given)], settings.seed)
-    return design_of(given, {}, found.landing)
-
-
-def _load_record(given: Study) -> dict[str, Any]:
-    dog, limits = given.clutch.dog, given.limits
-    return {
-        "warnings": notes_of(given),
-        "load": {
-            **given.file.load.model_dump(),
-            "force_per_dog_N": limits.load.force_per_dog(dog),
-            "blocking_force_N": blocking_force(dog, limits.load),
-        },
-        "material": {
-            "set": limits.material.name,
-            "source": limits.material.source,
-            "allowable_stress_MPa": limits.allowable_stress / MPA,
-            "fatigue_stress_MPa": limits.fatigue_stress / MPA,
-        },
-    }
 
 
 @verb

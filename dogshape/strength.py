@@ -1,0 +1,86 @@
+"""Strength, self-locking and manufacturability of one design, with its hardest landing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from dogshape.checked import Checked
+from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.search.tolerance_effects import margins_within
+from dogshape.pipeline.simulate.design import Design, design_of
+from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.running import Where
+from dogshape.sim.strength.checks import feasible
+from dogshape.sim.strength.manufacture import manufacturing_checks
+from dogshape.sim.units import MPA
+
+
+@dataclass(frozen=True, repr=False)
+class Strength(Checked):
+    """Every check of one design, under its load and, where it was simulated, its landing.
+
+    Parameters
+    ----------
+    finite_elements : records of the root stress by finite elements; None where not asked for.
+    """
+
+    finite_elements: tuple[Mapping[str, Any], ...] | None = None
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Verdict, smallest margin, and what the blocking mechanism has to hold."""
+        return {**self.verdict, "blocking mechanism holds": f"{self.blocking_force_N:.0f} N"}
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give every check, the load and the material's limits, in the edge's units."""
+        limits = self.config.limits
+        record = {
+            **self.record,
+            "warnings": list(self.notes),
+            "load": {
+                **self.config.file.load.model_dump(),
+                "force_per_dog_N": limits.load.force_per_dog(self.config.clutch.dog),
+                "blocking_force_N": self.blocking_force_N,
+            },
+            "material": {
+                "set": limits.material.name,
+                "source": limits.material.source,
+                "allowable_stress_MPa": limits.allowable_stress / MPA,
+                "fatigue_stress_MPa": limits.fatigue_stress / MPA,
+            },
+        }
+        if self.finite_elements is not None:
+            record["finite_elements"] = [dict(one) for one in self.finite_elements]
+        return record
+
+    def with_finite_elements(self, records: Sequence[Mapping[str, Any]]) -> Strength:
+        """Add the root stress by finite elements, which the proof of the project computes."""
+        return replace(self, finite_elements=tuple(records))
+
+
+def check_strength(config: StudyConfig, where: Where, *, simulate: bool = True) -> Strength:
+    """Check the strength of a study's design.
+
+    Parameters
+    ----------
+    where : where the shifts run, and are kept.
+    simulate : whether to simulate the hardest landing, dog on dog, of the study's operating points
+        and angles; a dog that cannot be made is not simulated.
+    """
+    design = _landed(config, where) if simulate else design_of(config, {})
+    return Strength(config, design, margins_within(config, design))
+
+
+def _landed(config: StudyConfig, where: Where) -> Design:
+    """Work out the design with the checks of its landing, where it can be made at all."""
+    dog, settings = config.clutch.dog, config.file.expectation
+    if not feasible(manufacturing_checks(dog, config.limits.manufacturing)):
+        return design_of(config, {})
+    shifts = len(config.points) * settings.angles
+    with where.executor("strength", (config.config_hash,), shifts) as running:
+        plans = [whole_plan(config)]
+        (found,) = evaluate(config, [dog], running.executor, plans, settings.seed)
+    return design_of(config, {}, found.landing)
