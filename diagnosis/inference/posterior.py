@@ -60,9 +60,17 @@ class Folding:
 
 
 def folding(
-    problem: Problem, scored: Sequence[Scored], metric: Metric, raw: Probabilities
+    problem: Problem,
+    scored: Sequence[Scored],
+    metric: Metric,
+    raw: Probabilities,
+    before: Folding | None = None,
 ) -> Folding:
-    """Return which share of each hypothesis the data cannot tell from a simpler one."""
+    """Return which share of each hypothesis the data cannot tell from a simpler one.
+
+    The shares depend on no probability; ``before`` has those of the same scores that are known.
+    """
+    shown = {} if before is None else before.shares
     spaces = {one.hypothesis: one.space for one in scored}
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
     nothing = metric.of(baseline)
@@ -73,7 +81,8 @@ def folding(
             share = float(one.weights()[weak].sum())
             found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
         elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
-            found[one.hypothesis] = _several(problem, one, spaces, metric, nothing)
+            mine = shown.get(one.hypothesis)
+            found[one.hypothesis] = mine or _several(problem, one, spaces, metric, nothing)
     return Folding(found)
 
 

@@ -81,4 +81,4 @@ def _read(
 ) -> Probabilities:
     logs = {h: one.log_evidence for h, one in scored.items()}
     folded = ranking.fold.fold(probabilities({**logs, UNKNOWN: free}, like, problem.sense))
-    return judged(folded, plausible_fits(problem, scored, folded))
+    return judged(folded, plausible_fits(problem, scored, folded, ranking))

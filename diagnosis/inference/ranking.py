@@ -96,7 +96,7 @@ def rank(
         return first
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
     best = max(one.log_evidence for one in scored.values())
-    return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free)
+    return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free, first)
 
 
 def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
@@ -126,9 +126,9 @@ def within_sense(problem: Problem, ranking: Ranking, other: bool) -> Ranking:
     mine = {h: share if h == UNKNOWN else float((REVERSED in h) == other) for h in ranking.raw}
     whole = sum(p * mine[h] for h, p in ranking.raw.items())
     raw = {h: p * mine[h] / whole for h, p in ranking.raw.items()}
-    fold = folding(problem, list(ranking.scored.values()), ranking.metric, raw)
+    fold = folding(problem, list(ranking.scored.values()), ranking.metric, raw, ranking.fold)
     folded = fold.fold(raw)
-    fits = plausible_fits(problem, ranking.scored, folded)
+    fits = plausible_fits(problem, ranking.scored, folded, ranking)
     return replace(ranking, raw=raw, fold=fold, folded=folded, fits=fits)
 
 
@@ -144,11 +144,28 @@ def _near(first: Ranking) -> list[Hypothesis]:
 
 
 def plausible_fits(
-    problem: Problem, scored: Mapping[Hypothesis, Scored], folded: Probabilities
+    problem: Problem,
+    scored: Mapping[Hypothesis, Scored],
+    folded: Probabilities,
+    before: Ranking | None = None,
 ) -> dict[Hypothesis, float]:
-    """Return predictive p-values of the hypotheses that are plausible."""
+    """Return predictive p-values of the hypotheses that are plausible.
+
+    Those that ``before``, a ranking of the same problem, has for the same posterior are taken.
+    """
+    shown = {} if before is None else before.fits
     those = [h for h, p in folded.items() if h != UNKNOWN and p > PLAUSIBLE]
-    return {h: p_value(problem, scored[h]) for h in those}
+    return {
+        h: shown[h]
+        if before and h in shown and _alike(scored[h], before.scored[h])
+        else p_value(problem, scored[h])
+        for h in those
+    }
+
+
+def _alike(one: Scored, other: Scored) -> bool:
+    """Tell whether two scores have the same rows and weights, whatever the evidence."""
+    return one.rows is other.rows and one.log_prior is other.log_prior
 
 
 def _scored(
@@ -162,11 +179,17 @@ def _scored(
     return found
 
 
-def _ranked(problem: Problem, scored: Mapping[Hypothesis, Scored], free: Unknown) -> Ranking:
+def _ranked(
+    problem: Problem,
+    scored: Mapping[Hypothesis, Scored],
+    free: Unknown,
+    before: Ranking | None = None,
+) -> Ranking:
+    """Rank scores; ``before`` is the ranking of some of them."""
     logs = {h: one.log_evidence for h, one in scored.items()}
     raw = probabilities({**logs, UNKNOWN: free.log_evidence}, sense=problem.sense)
     metric = metric_of(problem.seen, scored[NONE].rows.predicted)
-    fold = folding(problem, list(scored.values()), metric, raw)
+    fold = folding(problem, list(scored.values()), metric, raw, before.fold if before else None)
     folded = fold.fold(raw)
-    fits = plausible_fits(problem, scored, folded)
+    fits = plausible_fits(problem, scored, folded, before)
     return Ranking(scored, free, metric, raw, fold, folded, fits)

@@ -110,7 +110,7 @@ class Rows:
 
     def joined(self, other: Rows) -> Rows:
         """Return these rows and others below them."""
-        return Rows(
+        both = Rows(
             np.vstack([self.shares, other.shares]),
             np.vstack([self.log_likelihood, other.log_likelihood]),
             np.vstack([self.as_failed, other.as_failed]),
@@ -119,10 +119,12 @@ class Rows:
             self.common,
             np.vstack([self.joint, other.joint]),
         )
+        # Each row's sum is its own, and costs more than the rest of joining.
+        return both._summing(np.concatenate([self.whole, other.whole]))
 
     def only(self, which: np.ndarray) -> Rows:
         """Return some of the rows."""
-        return Rows(
+        some = Rows(
             self.shares[which],
             self.log_likelihood[which],
             self.as_failed[which],
@@ -131,6 +133,12 @@ class Rows:
             self.common,
             self.joint[which],
         )
+        return some._summing(self.whole[which])
+
+    def _summing(self, whole: Array) -> Rows:
+        """Return the same rows, whose log likelihoods of all cells together are known."""
+        vars(self)["whole"] = whole
+        return self
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ millisecond at a third of the cost, and is part of the numerical error that a ba
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import cast
@@ -162,12 +162,29 @@ def settings_of(bench: Bench) -> tuple[Setting, ...]:
 
 def blocks_of(plan: Plan, bench: Bench) -> Iterable[Block]:
     """Yield the shifts of a bank: the baseline at all operating points, then level by level."""
-    settings, named = settings_of(bench), plan.named
-    for setting in settings:
-        yield _block(setting, plan, _draw(setting), plan.dense)
-    for level in plan.levels_for(bench):
-        for setting in settings:
-            yield _block(level.setting(named, setting), plan, _draw(setting), 1)
+    settings = settings_of(bench)
+    yield from _blocks(plan, settings, _changed(plan, plan.levels_for(bench), settings))
+
+
+def _changed(
+    plan: Plan, levels: Iterable[Level], settings: Sequence[Setting]
+) -> Iterator[list[Setting]]:
+    """Yield the benches of a level at all operating points, level by level."""
+    named = plan.named
+    for level in levels:
+        yield [level.setting(named, setting) for setting in settings]
+
+
+def _blocks(
+    plan: Plan, settings: Sequence[Setting], changed: Iterable[Sequence[Setting]]
+) -> Iterator[Block]:
+    """Yield the baseline at all operating points, then each bench of ``changed``."""
+    draws = [_draw(setting) for setting in settings]
+    for setting, draw in zip(settings, draws, strict=True):
+        yield _block(setting, plan, draw, plan.dense)
+    for level in changed:
+        for setting, draw in zip(level, draws, strict=True):
+            yield _block(setting, plan, draw, 1)
 
 
 def _draw(setting: Setting) -> int:
@@ -194,15 +211,16 @@ def collect(
     a record has; with an executor's journal behind them finished shifts are not simulated again,
     for whichever bench they were. ``numerics`` are those of the bank where they are known.
     """
-    blocks = list(blocks_of(plan, bench))
-    settings, levels, named = settings_of(bench), plan.levels_for(bench), plan.named
+    settings, levels = settings_of(bench), plan.levels_for(bench)
+    changed = list(_changed(plan, levels, settings))
+    blocks = list(_blocks(plan, settings, changed))
     rows = run(blocks)
     cells = len(settings)
     angles = np.array([block.angles for block in blocks[:cells]])
     common = _common(angles, np.array([b.angles for b in blocks[cells : 2 * cells]] or angles))
     left = iter(rows)
     base = [times_of(s, r) for s, r in zip(settings, islice(left, cells), strict=True)]
-    times = [[times_of(level.setting(named, s), next(left)) for s in settings] for level in levels]
+    times = [[times_of(setting, next(left)) for setting in level] for level in changed]
     return Bank(
         effects=plan.effects,
         settings=settings,

@@ -42,8 +42,9 @@ FEW = 0.25  #: of the smaller change, what two effects miss where no pair was si
 class Reach:
     """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
 
-    ``times`` are those that are not late, ``variance`` that of the logarithm of their mean;
-    ``late`` is the share of late ones, (m,).
+    Of C operating points all have a first axis more, (C, m, q) and (C, m). ``times`` are those that
+    are not late, ``variance`` that of the logarithm of their mean; ``late`` is the share of late
+    ones, (m,).
     """
 
     times: Array
@@ -54,21 +55,22 @@ class Reach:
 
 
 def log_mean(reach: Reach) -> Array:
-    """Return the logarithm of the mean time, (m,)."""
-    mean: Array = np.log(reach.times.mean(axis=1))
+    """Return the logarithm of the mean time, (..., m)."""
+    mean: Array = np.log(reach.times.mean(axis=-1))
     return mean
 
 
 def together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
     """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    times, odds, late = np.log(base.times), _logit(base.engaged), _logit(base.late)
+    start = np.log(base.times), _logit(base.engaged), _logit(base.late)
+    times, odds, late = start
     doubt, variance = base.engaged_variance, base.variance
     for one, own in zip(reaches, variances, strict=True):
-        times = times + np.log(one.times) - np.log(base.times)
-        odds = odds + _logit(one.engaged) - _logit(base.engaged)
-        late = late + _logit(one.late) - _logit(base.late)
+        times = times + np.log(one.times) - start[0]
+        odds = odds + _logit(one.engaged) - start[1]
+        late = late + _logit(one.late) - start[2]
         doubt, variance = doubt + one.engaged_variance, variance + own
-    found = np.sort(np.exp(times), axis=1)
+    found = np.sort(np.exp(times), axis=-1)
     return Reach(found, expit(odds), variance, doubt, expit(late))
 
 
@@ -137,8 +139,11 @@ class Interactions:
         own = float(np.sqrt(np.mean([one.own**2 for one in pairs.values()])))
         return cls(pairs, Blend(np.array([centre]), spread, own, FEW))
 
-    def missed(self, base: Reach, reaches: Mapping[str, Reach], cell: int) -> Missed:
-        """Return what the product of effects, each alone by name, leaves out."""
+    def missed(self, base: Reach, reaches: Mapping[str, Reach], cell: int | None = None) -> Missed:
+        """Return what the product of effects, each alone by name, leaves out.
+
+        That is at one operating point, or at all where ``cell`` is None.
+        """
         start = log_mean(base)
         changes = {name: log_mean(one) - start for name, one in reaches.items()}
         moved, common, own = np.zeros((3, 1))
@@ -146,7 +151,8 @@ class Interactions:
             blend = self.pairs.get((one, two), self.any)
             d = basis(changes[one], changes[two])
             least = np.minimum(abs(changes[one]), abs(changes[two]))
-            moved = moved + blend.share[min(cell, blend.share.size - 1)] * d
+            share = blend.share[:, None]
+            moved = moved + (share if cell is None else share[min(cell, len(share) - 1)]) * d
             common = common + blend.error * d
             own = own + (blend.own * d) ** 2 + (blend.left * least) ** 2
         return Missed(moved, common, np.sqrt(own))

@@ -19,7 +19,7 @@ combination.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,29 +79,43 @@ class Fit:
     missed: float
     jump: float
 
-    def at(self, values: Array, cell: int) -> Reach:
-        """Return what this effect alone makes at values (m, p)."""
-        places = self.axes[cell].at(values)
-        weights, variance = self.curves.from_first(cell, places)
-        mean = np.exp(weights @ self.means[cell])
-        shape = np.sort(np.maximum(weights @ self.shapes[cell], LEAST), axis=1)
-        shape *= (mean / shape.mean(axis=1))[:, None]
-        part, uncertain = self.share_curves.from_first(cell, places)
-        engaged = np.clip(part @ self.shares[cell], 0.0, 1.0)
-        uncertain = np.maximum(uncertain, self.least[cell]) + self._step(part, engaged, cell)
-        late = np.clip(part @ self.late[cell], 1e-3, 1.0 - 1e-3)
-        return Reach(shape, engaged, variance, uncertain, late)
+    def at(self, values: Array) -> tuple[Reach, Array]:
+        """Return what this effect alone makes at values (m, p), and of how large a change.
 
-    def _step(self, weights: Array, engaged: Array, cell: int) -> Array:
+        The latter is the variance of the change of the mean's logarithm from the baseline, (C, m).
+        """
+        places, neutral = self._places(values)
+        known = self.curves.covariance(places)
+        weights, variance = self.curves.from_first(known)
+        mean = np.exp(_weighed(weights, self.means))
+        shape = np.sort(np.maximum(weights @ self.shapes, LEAST), axis=-1)
+        shape *= (mean / shape.mean(axis=-1))[..., None]
+        part, uncertain = self.share_curves.from_first(self.share_curves.covariance(places))
+        engaged = np.clip(_weighed(part, self.shares), 0.0, 1.0)
+        uncertain = np.maximum(uncertain, self.least[:, None]) + self._step(part, engaged)
+        late = np.clip(_weighed(part, self.late), 1e-3, 1.0 - 1e-3)
+        change = self.curves.change_variance(known, places, neutral)
+        return Reach(shape, engaged, variance, uncertain, late), change
+
+    def _places(self, values: Array) -> tuple[Array, Array]:
+        """Return coordinates of values (m, p) and of the neutral ones, (C, m, d) and (C, d).
+
+        They have the first axis 1 where all operating points have the same.
+        """
+        axes = self.axes[:1] if self._alike else self.axes
+        return np.array([a.at(values) for a in axes]), np.array([a.neutral for a in axes])
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether all operating points have the same coordinates."""
+        return all(axes.same(self.axes[0]) for axes in self.axes)
+
+    def _step(self, weights: Array, engaged: Array) -> Array:
         """Return the variance of a share that may fall anywhere between levels that differ."""
-        part = abs(weights) / abs(weights).sum(axis=1, keepdims=True)
-        variance: Array = (part * (self.shares[cell] - engaged[:, None]) ** 2).sum(axis=1)
+        part = abs(weights)
+        part /= part.sum(axis=-1, keepdims=True)
+        variance: Array = (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
         return variance
-
-    def change_variance(self, values: Array, cell: int) -> Array:
-        """Return the variance of the change of the mean's logarithm from the baseline, (m,)."""
-        axes = self.axes[cell]
-        return self.curves.change_variance(cell, axes.at(values), axes.neutral)
 
 
 def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
@@ -190,7 +204,7 @@ class BankEmulator:
             name: fit_effect(bank, self.effects[name], self._soon, self.late)
             for name in sorted(simulated)
         }
-        self._readings = lru_cache(maxsize=4)(self._readings_of)
+        self._asked: tuple[object, Spread] | None = None
         self.flights = FlightTables(self.effects, bank.settings, flights)
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
@@ -198,27 +212,36 @@ class BankEmulator:
 
         Raises InputError for an effect that the bank does not have.
         """
+        # Operating points are asked in turn, and all at once are much quicker than each alone.
+        key = hypothesis, values.shape, values.tobytes()
+        if self._asked is None or self._asked[0] != key:
+            self._asked = key, self._everywhere(hypothesis, values)
+        every = self._asked[1]
+        return Spread(**{f.name: getattr(every, f.name)[cell] for f in fields(every)})
+
+    def _everywhere(self, hypothesis: Hypothesis, values: Array) -> Spread:
+        """Return what is said of all operating points, (C, m) and (C, m, q)."""
         parts = self._parts(hypothesis, values)
-        base = self._baseline(cell)
-        reaches = {n: self.fits[n].at(mine, cell) for n, mine in parts.items() if n in self.fits}
+        alone = {n: self.fits[n].at(mine) for n, mine in parts.items() if n in self.fits}
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
-        weighted, delay = self._read(read, len(values), cell)
-        reaches |= {ANGLES: weighted} if weighted else {}
-        common = np.zeros(1)
-        if len(reaches) == 1:
-            (whole,) = reaches.values()
+        weighted, delay = self._read(read, len(values))
+        if weighted:
+            alone[ANGLES] = weighted, weighted.variance
+        common = np.zeros((1, 1))
+        if len(alone) == 1:
+            ((whole, _),) = alone.values()
         else:
-            variances = self._change_variances(parts, weighted, cell)
-            whole = together(base, list(reaches.values()), variances)
-            missed = self.interactions.missed(base, reaches, cell)
+            reaches = {name: reach for name, (reach, _) in alone.items()}
+            variances = [change for _, change in alone.values()]
+            whole = together(self._baseline, list(reaches.values()), variances)
+            missed = self.interactions.missed(self._baseline, reaches)
             common = missed.common
             whole = replace(
                 whole,
-                times=whole.times * np.exp(missed.moved)[:, None],
+                times=whole.times * np.exp(missed.moved)[..., None],
                 variance=whole.variance + missed.own**2,
             )
-        spread = self._spread(whole, delay, common, cell)
-        return _repeated(self._with_jumps(spread, hypothesis), len(values))
+        return self._spread(whole, delay, common, hypothesis)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
@@ -239,12 +262,9 @@ class BankEmulator:
             start += count
         return parts
 
-    def _baseline(self, cell: int) -> Reach:
-        return self._baselines[cell]
-
     @cached_property
-    def _baselines(self) -> list[Reach]:
-        return [self._weighted(cell, None) for cell in range(len(self.bank.settings))]
+    def _baseline(self) -> Reach:
+        return _stacked([self._weighted(cell, None) for cell in range(len(self.bank.settings))])
 
     def _weighted(self, cell: int, weights: Array | None) -> Reach:
         """Return the baseline with weights (m, n) on its angles."""
@@ -269,81 +289,64 @@ class BankEmulator:
         rare = (share - part) * count + PRIOR * self.late.share[cell]
         return Reach(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
 
-    def _read(self, parts: dict[str, Array], count: int, cell: int) -> tuple[Reach | None, Array]:
+    def _read(self, parts: dict[str, Array], count: int) -> tuple[Reach | None, Array]:
         """Return what weights on angles make of the baseline, None without, and delays (m,)."""
         if not parts:
             return None, np.zeros(count)
         rows = np.concatenate(list(parts.values()), axis=1)
-        delay, concentration, centre = self._readings(tuple(parts), rows.shape, rows.tobytes())
+        delay, concentration, centre = self._readings(tuple(parts), rows)
         if not concentration.any():
             return None, delay
-        setting = self.bank.settings[cell]
-        turns = self.bank.angles[cell] / setting.clutch.dog.pitch_angle
-        weights = angle_weights(turns, concentration[:, None], centre[:, None])
-        return self._weighted(cell, weights), delay
+        every = zip(self.bank.settings, self.bank.angles, strict=True)
+        turns = [angles / setting.clutch.dog.pitch_angle for setting, angles in every]
+        weights = [angle_weights(t, concentration[:, None], centre[:, None]) for t in turns]
+        return _stacked([self._weighted(cell, one) for cell, one in enumerate(weights)]), delay
 
-    def _readings_of(
-        self, names: tuple[str, ...], shape: tuple[int, int], raw: bytes
-    ) -> tuple[Array, Array, Array]:
+    def _readings(self, names: tuple[str, ...], rows: Array) -> tuple[Array, Array, Array]:
         """Return delay, concentration and centre of benches that only read otherwise, (m,) each.
 
-        They are the same at all operating points, which is why they are kept.
+        They are the same at all operating points.
         """
         setting = self.bank.settings[0]
-        rows = (np.frombuffer(raw) if raw else np.zeros(0)).reshape(shape).tolist()
-        read = [Level(names, tuple(row)).setting(self.effects, setting) for row in rows]
+        read = [Level(names, tuple(row)).setting(self.effects, setting) for row in rows.tolist()]
         found = [(s.delay - setting.delay, s.concentration, s.centre) for s in read]
         delay, concentration, centre = np.array(found).T
         return delay, concentration, centre
-
-    def _change_variances(
-        self, parts: dict[str, Array], weighted: Reach | None, cell: int
-    ) -> list[Array]:
-        simulated = [
-            self.fits[name].change_variance(mine, cell)
-            for name, mine in parts.items()
-            if name in self.fits
-        ]
-        return [*simulated, *([weighted.variance] if weighted else [])]
 
     @cached_property
     def interactions(self) -> Interactions:
         """How effects combine, by the pairs that were simulated."""
         return Interactions.of(self.bank)
 
-    def _with_jumps(self, spread: Spread, hypothesis: Hypothesis) -> Spread:
-        """Return a spread with how often levels of its effects lie behind a jump, and its size."""
-        mine = [self.fits[name] for name in hypothesis if name in self.fits]
-        missed = 1.0 - np.prod([1.0 - fit.missed for fit in mine])
-        jump = max([fit.jump for fit in mine], default=0.0)
-        size = jump * (spread.times.mean(axis=1) - spread.delay)
-        return replace(spread, missed=np.full(1, missed), jump=size)
-
-    def _spread(self, whole: Reach, delay: Array, common: Array, cell: int) -> Spread:
-        base = self._baseline(cell)
-        mean = whole.times.mean(axis=1)
-        variance = whole.variance * mean**2 + self._other[cell] * (mean / base.times.mean()) ** 2
+    def _spread(self, whole: Reach, delay: Array, common: Array, hypothesis: Hypothesis) -> Spread:
+        """Return the spread with how often levels lie behind a jump, and its size."""
+        fits = [self.fits[name] for name in hypothesis if name in self.fits]
+        mean = whole.times.mean(axis=-1)
+        ratio = mean / self._baseline.times.mean(axis=-1)
+        variance = whole.variance * mean**2 + self._other[:, None] * ratio**2
         n = self.bank.baseline.shape[1]
-        engaged = (whole.engaged * n + 0.5) / (n + 1.0)
-        nothing = np.zeros(1)
-        return Spread(
-            times=whole.times + delay[:, None],
-            engaged=engaged,
-            error=np.sqrt(variance),
-            engaged_error=np.sqrt(whole.engaged_variance),
-            common=common * mean,
-            late=whole.late,
-            behind=np.full(1, self.late.mean[cell]),
-            behind_sd=np.full(1, self.late.sd[cell]),
-            delay=delay,
-            missed=nothing,
-            jump=nothing,
-        )
+        times = whole.times + delay[:, None]
+        parts = {
+            "engaged": (whole.engaged * n + 0.5) / (n + 1.0),
+            "error": np.sqrt(variance),
+            "engaged_error": np.sqrt(whole.engaged_variance),
+            "common": common * mean,
+            "late": whole.late,
+            "behind": self.late.mean[:, None],
+            "behind_sd": self.late.sd[:, None],
+            "delay": delay,
+            "missed": 1.0 - np.prod([1.0 - fit.missed for fit in fits]),
+            "jump": max([fit.jump for fit in fits], default=0.0) * (times.mean(axis=-1) - delay),
+        }
+        # What is the same for all values is said of each.
+        shape = np.broadcast_shapes(mean.shape, (1, delay.size))
+        wide = np.broadcast_to(times, (*shape, times.shape[-1]))
+        return Spread(wide, **{name: np.broadcast_to(p, shape) for name, p in parts.items()})
 
     @cached_property
-    def _other(self) -> list[float]:
-        """Variance from numerics, by operating point, s2."""
-        return [self._other_of(cell) for cell in range(len(self.bank.settings))]
+    def _other(self) -> Array:
+        """Variance from numerics, by operating point, s2, (C,)."""
+        return np.array([self._other_of(cell) for cell in range(len(self.bank.settings))])
 
     def _other_of(self, cell: int) -> float:
         times = self._soon[cell]
@@ -354,8 +357,11 @@ class BankEmulator:
         return variance
 
 
-def _repeated(spread: Spread, count: int) -> Spread:
-    """Return a spread of one value for as many as were asked for."""
-    short = {f.name: part for f in fields(spread) if len(part := getattr(spread, f.name)) != count}
-    wide = {n: np.broadcast_to(part, (count, *part.shape[1:])) for n, part in short.items()}
-    return replace(spread, **wide)
+def _weighed(weights: Array, levels: Array) -> Array:
+    """Return what weights (C, m, N) make of levels (C, N), (C, m)."""
+    return np.stack([w @ level for w, level in zip(weights, levels, strict=True)])
+
+
+def _stacked(reaches: list[Reach]) -> Reach:
+    """Gather what is emulated at each operating point."""
+    return Reach(*(np.stack([getattr(one, f.name) for one in reaches]) for f in fields(Reach)))

@@ -21,7 +21,7 @@ much more than that: ``jumps_of`` says how many and by how much.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -35,7 +35,6 @@ LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)
 STEPS = (1e-4, 1e-3, 0.01, 0.05, 0.2)  #: shares of the variance that steps may have
 SIZES = np.geomspace(1e-3, 3.0, 12)  #: standard deviations that the logarithm may have
 USUAL = (0.2, 1.5)  #: median of that deviation, and spread of its logarithm
-KEPT = 4  #: places whose correlations are kept
 JUMP = 3.0  #: standard errors beyond which a level that was left out lies behind a jump
 FLOOR = 1e-4  #: relative error of a mean that is always there
 
@@ -60,36 +59,66 @@ class Curves:
 
         Weights (m, N) add up to one; variance of the logarithm, (m,).
         """
-        known = self._covariance(cell, places)
-        return self._solve(cell, known, 1.0, self.size[cell] ** 2)
+        size, inverse = self.size[cell], self.inverse[cell]
+        known = size**2 * _kernel(places[:, None] - self.sites[cell], self.lengths, self.step)
+        weights, left = _solved(inverse, known, 1.0)
+        ones = inverse.sum(axis=1)
+        variance = size**2 - _products(weights, known) + left**2 * ones.sum()
+        return weights + left[:, None] * ones, self.inflation * np.maximum(variance, 0.0)
 
-    def from_first(self, cell: int, places: Array) -> tuple[Array, Array]:
+    def covariance(self, places: Array) -> Array:
+        """Return the covariance of curves at ``places`` (C or 1, m, d) and levels, (C, m, N)."""
+        sites = self.sites[:1] if self._alike else self.sites
+        shape = _kernel(places[:, :, None] - sites[:, None], self.lengths, self.step)
+        known: Array = self.size[:, None, None] ** 2 * shape
+        return known
+
+    def from_first(self, known: Array) -> tuple[Array, Array]:
         """Return weights and variance of the first level with the curve's change from there.
 
-        At the first level they are its own: a change of nothing changes nothing. Shapes as for
-        ``weights``.
+        At the first level they are its own: a change of nothing changes nothing. ``known`` is the
+        covariance of places with levels; weights (C, m, N), variances (C, m).
         """
-        known = self._covariance(cell, places)
-        there, covariance = self._first[cell]
-        taken = self._solve(cell, known, 1.0, 0.0)[0] - there
-        taken[:, 0] += 1.0
-        variance = ((taken @ covariance - 2.0 * known) * taken).sum(axis=1)
-        variance = variance + self.size[cell] ** 2
+        there, covariance = self._first
+        weights, left = _solved(self.inverse, known, 1.0)
+        taken = weights + left[..., None] * self._ones[:, None] - there
+        taken[..., 0] += 1.0
+        variance = _products(taken @ covariance - 2.0 * known, taken)
+        variance = variance + self.size[:, None] ** 2
         return taken, self.inflation * np.maximum(variance, 0.0)
 
     @cached_property
-    def _first(self) -> list[tuple[Array, Array]]:
-        """Weights at the first level, (1, N), and the observations' covariance, by cell."""
+    def _first(self) -> tuple[Array, Array]:
+        """Weights at the first level, (C, 1, N), and the observations' covariance, (C, N, N)."""
         cells = range(len(self.sites))
         weights = [self.weights(cell, self.sites[cell, :1])[0] for cell in cells]
-        return list(zip(weights, np.linalg.inv(self.inverse), strict=True))
+        return np.array(weights), _inverse(self.inverse)
 
-    def change_variance(self, cell: int, places: Array, origin: Array) -> Array:
-        """Return the variance of the curve's change from ``origin`` (d,) to places, (m,)."""
-        apart = self._covariance(cell, places) - self._covariance(cell, origin[None])
-        between = self.size[cell] ** 2 * _kernel(places - origin, self.lengths, self.step)
-        both = 2.0 * (self.size[cell] ** 2 - between)
-        return self._solve(cell, apart, 0.0, both)[1]
+    def change_variance(self, known: Array, places: Array, origin: Array) -> Array:
+        """Return the variance of the curves' change from ``origin`` to places, (C, m).
+
+        ``known`` is the covariance of ``places`` (C or 1, m, d) with levels, ``origin`` (C or 1,
+        d) the coordinates of no change.
+        """
+        apart = known - self.covariance(origin[:, None])
+        between = _kernel(places - origin[:, None], self.lengths, self.step)
+        scale = self.size[:, None] ** 2
+        own = 2.0 * (scale - scale * between)
+        weights, left = _solved(self.inverse, apart, 0.0)
+        variance = own - _products(weights, apart) + left**2 * self._ones.sum(axis=1)[:, None]
+        found: Array = self.inflation * np.maximum(variance, 0.0)
+        return found
+
+    @cached_property
+    def _ones(self) -> Array:
+        """What the inverse makes of ones, (C, N)."""
+        ones: Array = self.inverse.sum(axis=2)
+        return ones
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether levels lie at the same coordinates at all operating points."""
+        return bool((self.sites == self.sites[:1]).all())
 
     def like(self, size: Array, errors: Array, longest: float = np.inf) -> Curves:
         """Return curves through other numbers at the same sites: ``size`` (C,), errors (C, N, N).
@@ -101,38 +130,18 @@ class Curves:
         inverse = _inverse(size[:, None, None] ** 2 * shape + errors)
         return Curves(self.sites, lengths, self.step, size, inverse, 1.0)
 
-    def _covariance(self, cell: int, places: Array) -> Array:
-        known: Array = self.size[cell] ** 2 * self._correlation(cell, places)
-        return known
 
-    def _correlation(self, cell: int, places: Array) -> Array:
-        """Return correlations of places and levels, (m, N); kept, since cells are asked in turn."""
-        key = (0 if self._alike else cell, places.tobytes())
-        if key not in self._kept:
-            if len(self._kept) >= KEPT:
-                self._kept.clear()
-            apart = places[:, None] - self.sites[cell]
-            self._kept[key] = _kernel(apart, self.lengths, self.step)
-        return self._kept[key]
+def _solved(inverse: Array, known: Array, total: float) -> tuple[Array, Array]:
+    """Return weights (..., m, N) of levels, and what they lack of ``total``, (..., m)."""
+    weights = known @ inverse
+    whole = inverse.sum(axis=-1).sum(axis=-1, keepdims=True)
+    return weights, (total - weights.sum(axis=-1)) / whole
 
-    @cached_property
-    def _alike(self) -> bool:
-        """Whether levels lie at the same coordinates at all operating points."""
-        return bool((self.sites == self.sites[:1]).all())
 
-    @cached_property
-    def _kept(self) -> dict[tuple[int, bytes], Array]:
-        return {}
-
-    def _solve(
-        self, cell: int, known: Array, total: float, own: float | Array
-    ) -> tuple[Array, Array]:
-        inverse = self.inverse[cell]
-        ones = inverse.sum(axis=1)
-        weights = known @ inverse
-        left = (total - weights.sum(axis=1)) / ones.sum()
-        variance = own - (weights * known).sum(axis=1) + left**2 * ones.sum()
-        return weights + left[:, None] * ones, self.inflation * np.maximum(variance, 0.0)
+def _products(one: Array, other: Array) -> Array:
+    """Return the inner products of rows, (..., m)."""
+    found: Array = (one * other).sum(axis=-1)
+    return found
 
 
 def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curves:
@@ -145,29 +154,37 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
     errors : their covariance (C, N, N).
     judged : the levels that are left out one by one to judge the variances.
     """
-    best: tuple[float, Curves] | None = None
+    best: tuple[float, Array, float, NDArray[np.intp]] | None = None
     prior = -0.5 * (np.log(SIZES / USUAL[0]) / USUAL[1]) ** 2
+    apart = sites[:, :, None] - sites[:, None]
+    white = _whitening(errors)
     for lengths in itertools.product(LENGTHS, repeat=sites.shape[2]):
         scaled = np.array(lengths)
         for step in STEPS:
-            shape = _kernel(sites[:, :, None] - sites[:, None], scaled, step)
-            fits = [_likelihoods(size**2 * shape + errors, means) for size in SIZES]
-            likelihoods = np.array([one[0] for one in fits]) + prior[:, None]
-            chosen = np.argmax(likelihoods, axis=0)
-            whole = float(likelihoods.max(axis=0).sum())
+            likelihoods = _likelihoods(_kernel(apart, scaled, step), white, means) + prior
+            whole = float(likelihoods.max(axis=1).sum())
             if best is None or whole > best[0]:
-                inverse = np.array([fits[k][1][c] for c, k in enumerate(chosen)])
-                best = whole, Curves(sites, scaled, step, SIZES[chosen], inverse, 1.0)
+                best = whole, scaled, step, np.argmax(likelihoods, axis=1)
     assert best is not None
-    curves = best[1]
-    return replace(curves, inflation=_inflation(curves.inverse, means, judged))
+    _, scaled, step, chosen = best
+    size = SIZES[chosen]
+    inverse = _inverse(size[:, None, None] ** 2 * _kernel(apart, scaled, step) + errors)
+    inflation = _inflation(inverse, means, judged)
+    return Curves(sites, scaled, step, size, inverse, inflation)
 
 
 def _kernel(apart: Array, lengths: Array, step: float) -> Array:
     """Return the correlation of places ``apart`` (..., d), (...)."""
-    smooth = np.sqrt(((apart / lengths) ** 2).sum(axis=-1))
-    rough = np.sqrt((apart**2).sum(axis=-1)) / SHORT
+    smooth, rough = _length(apart / lengths), _length(apart) / SHORT
     return (1.0 - step) * _matern(smooth) + step * _matern(rough)
+
+
+def _length(apart: Array) -> Array:
+    """Return lengths of vectors (..., d), much quicker for few coordinates than a sum over them."""
+    squares = apart[..., 0] ** 2
+    for place in range(1, apart.shape[-1]):
+        squares = squares + apart[..., place] ** 2
+    return np.sqrt(squares)
 
 
 def _matern(distance: Array) -> Array:
@@ -180,15 +197,27 @@ def _inverse(covariance: Array) -> Array:
     return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
 
 
-def _likelihoods(covariance: Array, means: Array) -> tuple[Array, Array]:
-    """Return log-likelihoods (C,) without the constant, and inverse covariances (C, N, N)."""
-    inverse = _inverse(covariance)
-    ones = inverse.sum(axis=2)
-    total = ones.sum(axis=1)
-    solved = (inverse * means[:, None]).sum(axis=2)
-    misfit = (means * solved).sum(axis=1) - (ones * means).sum(axis=1) ** 2 / total
-    spread = np.linalg.slogdet(covariance)[1]
-    return -0.5 * (misfit + spread + np.log(total)), inverse
+def _whitening(errors: Array) -> Array:
+    """Return *W* with W S W^T = 1 for covariances *S* (C, N, N)."""
+    white: Array = np.linalg.inv(np.linalg.cholesky(errors))
+    return white
+
+
+def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
+    """Return log-likelihoods of all ``SIZES``, (C, sizes), up to a constant of each row.
+
+    One decomposition serves all sizes: with W k W^T = Q L Q^T at s = 1 the covariance
+    s^2 k + S has the inverse W^T Q (s^2 L + 1)^-1 Q^T W.
+    """
+    values, vectors = np.linalg.eigh(white @ shape @ np.swapaxes(white, 1, 2))
+    turned = np.swapaxes(vectors, 1, 2) @ white
+    ones, mine = turned.sum(axis=2), (turned @ means[..., None])[..., 0]
+    spread = SIZES[:, None] ** 2 * np.maximum(values, 0.0)[:, None] + 1.0
+    total = (ones[:, None] ** 2 / spread).sum(axis=2)
+    misfit = ((mine**2)[:, None] / spread).sum(axis=2)
+    misfit -= ((ones * mine)[:, None] / spread).sum(axis=2) ** 2 / total
+    found: Array = -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
+    return found
 
 
 def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]:

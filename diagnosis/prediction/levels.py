@@ -162,6 +162,11 @@ class Axes:
             places[:, self.dependent] = (places[:, self.dependent] - 0.5) * apart
         return places
 
+    def same(self, other: Axes) -> bool:
+        """Tell whether all values have the same coordinates by other axes."""
+        mine, theirs = vars(self), vars(other)
+        return all(np.array_equal(mine[name], theirs[name]) for name in mine)
+
     @property
     def neutral(self) -> Array:
         """Coordinates of the neutral values, (p,)."""

@@ -130,14 +130,16 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
     """
     plain, turned = plans_of(bench, effects)
     store = BankStore((brought(TIMES), means.bank / TIMES))
-    lacking = store.missing(blocks_by_key((plain, turned)).values())
 
     def made(run: Runner) -> tuple[Bank, Bank]:
         first = store.bank(*plain, run)
         return first, store.bank(*turned, run, first.numerics)
 
-    if not lacking:
-        return made(_none_left)
+    try:
+        return made(_none)
+    except _Lacking:
+        # What both banks lack is counted first, so that the time is told once.
+        lacking = store.missing(blocks_by_key((plain, turned)).values())
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
     means.progress.say(_announced(left, _finished(lacking, kept), means))
@@ -172,5 +174,9 @@ def _announced(shifts: int, finished: int, means: Means) -> str:
     )
 
 
-def _none_left(blocks: Sequence[Block]) -> list[list[Record]]:
-    raise AssertionError(f"{len(blocks)} blocks are simulated that the bank has")
+class _Lacking(Exception):  # noqa: N818  # no error: shifts are still to be simulated
+    """Says that no file has some of the shifts."""
+
+
+def _none(blocks: Sequence[Block]) -> list[list[Record]]:
+    raise _Lacking
