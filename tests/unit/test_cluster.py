@@ -156,7 +156,7 @@ dogshape.sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
 """
 NO_DOGSHAPE = """
 import sys
-sys.modules["pipeline.simulate.executor"] = None
+sys.modules["dogshape.pipeline.simulate.executor"] = None
 """
 
 
