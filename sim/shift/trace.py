@@ -49,7 +49,10 @@ class Trace:
 
 
 def trace_of(
-    clutch: Clutch, point: OperatingPoint, times: Sequence[float], states: Sequence[Series]
+    clutch: Clutch,
+    point: OperatingPoint,
+    times: Sequence[float] | Series,
+    states: Sequence[Series] | Series,
 ) -> Trace:
     """Return the trace of a run.
 
