@@ -336,7 +336,8 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     if section.scheme is not None:
         solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
     if section.engine is not None:
-        accuracy = PLANAR_ACCURACY if section.engine == "planar" else solver.accuracy
+        planar = section.engine == "planar"
+        accuracy = PLANAR_ACCURACY if planar else solver.accuracy
         solver = replace(solver, engine=section.engine, accuracy=accuracy)
     if section.accuracy is not None:
         solver = replace(solver, accuracy=section.accuracy)

@@ -139,6 +139,12 @@ class Clutch:
         fine = replace(solver, accuracy=accuracy, max_step=step)
         return replace(self, solver=fine)
 
+    def with_engine(self, engine: str) -> Clutch:
+        """Return the same clutch for another engine, at that engine's own accuracy."""
+        solver = solver_for(self.contact)
+        accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
+        return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
+
     def with_dog(self, dog: Dog) -> Clutch:
         """Return the same clutch with another dog."""
         return replace(self, dog=dog)
