@@ -32,7 +32,8 @@ from benchmarks.common import default_study, point_of
 from benchmarks.convergence import plant_with
 from dogshape.pipeline.config.study_file import VARIABLES, Study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.phases import crests_cross
 from dogshape.sim.shift.plant import ClutchPlant

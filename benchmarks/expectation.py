@@ -3,12 +3,11 @@
     python -m benchmarks.expectation
 
 The prototype at all operating points of the default study. Random angles: what the
-variance over 96 even angles at each point asks for, times what a shift costs. Even
-angles, alone and with the planar model as control variate where it follows the simulation
-(up to 15 1/min): how many give one percent, with the scatter of the mean over 400 random
-starts on the same 96 times; and what the program itself
-reports, run to one percent. MuJoCo: as many random angles at its cost a shift, measured
-interleaved with Drake's. One process; takes about fifteen minutes; needs the extra ``blind``.
+variance over 96 even angles at each point asks for, times what a shift costs. Even angles: how
+many give one percent, with the scatter of the mean over 400 random starts on the same 96 times;
+and what the program itself reports, run to one percent. MuJoCo: as many random angles at its cost
+a shift, measured interleaved with Drake's. One process; takes about fifteen minutes; needs the
+extra ``blind``.
 """
 
 from __future__ import annotations
@@ -24,13 +23,10 @@ from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.planar import planar_times
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.units import RPM
 from dogshape.validation.second_engine import SecondEngine
 
 DENSE, STARTS, GOAL = 96, 400, 0.01
-SLOW = 15.0 * RPM  #: mismatch up to which the planar model follows the simulation
 
 
 def main() -> None:
@@ -56,28 +52,16 @@ def main() -> None:
     print(f"random angles: {random:.0f} shifts for 1 %")
     print(f"  Drake  {cpu.mean() * 1e3:6.1f} ms a shift, {drake:7.1f} s CPU")
     print(f"  MuJoCo {other / len(points) * 1e3:6.1f} ms a shift, {second:7.1f} s CPU")
-    start = time.process_time()
-    slow = [index for index, point in enumerate(points) if abs(point.mismatch) <= SLOW]
-    planar = planar_times(clutch, [points[k] for k in slow], np.tile(grid, (len(slow), 1)))
-    spent = time.process_time() - start
-    gap, relied = times.copy(), np.zeros(len(points), dtype=bool)
-    gap[slow] -= planar - planar.mean(axis=1, keepdims=True)
-    relied[slow] = True
-    print(f"planar model: {spent:.1f} s CPU, used at {relied.sum()} of {len(points)} points")
-    for name, table, base, extra in (
-        ("even angles", times, np.full(len(points), FIRST), 0.0),
-        ("even angles and planar model", gap, np.where(relied, 4, FIRST), spent),
-    ):
-        print(name)
-        for factor in (1.0, 4 / 3, 5 / 3, 2.0):
-            count = np.round(base * factor).astype(int)
-            error = scatter(table, count) / mean
-            cost = float(count @ cpu) + extra
-            # Error falls as one over the angles: cost at one percent.
-            scaled = (cost - extra) * error / GOAL + extra
-            times_less = f"1/{drake / scaled:.1f} of Drake, 1/{second / scaled:.1f} of MuJoCo"
-            line = f"  {count.sum():4d} shifts: {error:.2%} in {cost:6.1f} s; "
-            print(f"{line}1 % in {scaled:6.1f} s CPU, {times_less} at random angles")
+    print("even angles")
+    for factor in (1.0, 4 / 3, 5 / 3, 2.0):
+        count = np.round(np.full(len(points), FIRST) * factor).astype(int)
+        error = scatter(times, count) / mean
+        cost = float(count @ cpu)
+        # Error falls as one over the angles: cost at one percent.
+        scaled = cost * error / GOAL
+        times_less = f"1/{drake / scaled:.1f} of Drake, 1/{second / scaled:.1f} of MuJoCo"
+        line = f"  {count.sum():4d} shifts: {error:.2%} in {cost:6.1f} s; "
+        print(f"{line}1 % in {scaled:6.1f} s CPU, {times_less} at random angles")
     reported(study)
 
 

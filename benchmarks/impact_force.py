@@ -30,8 +30,9 @@ from benchmarks.common import default_study
 from dogshape.pipeline.config.study_file import Study
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.contact import ContactSet
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.strength.landing import hardest

@@ -74,6 +74,7 @@ class Bench:
         self,
         angles: int | Sequence[float] | None = None,
         *,
+        engine: str | None = None,
         jobs: int = 0,
         keep: str | Path | None = None,
         progress: Progress = SILENT,
@@ -86,7 +87,7 @@ class Bench:
         from dogshape.running import Where  # noqa: PLC0415
 
         where = Where(jobs, None, None if keep is None else Path(keep), progress)
-        return simulate_bench(self.data, where, angles)
+        return simulate_bench(self.data, where, angles, engine)
 
     def diagnose(self, **options: Any) -> Diagnosis:
         """Find what makes the bench differ from the simulation (``dogshape.diagnose``)."""

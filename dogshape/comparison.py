@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
@@ -61,6 +61,7 @@ class Comparison(Result):
         result = self.compared
         return {
             "name": result.bench.name,
+            "engine": result.bench.clutch.solver.engine,
             "points": [difference_record(d) for d in result.differences],
             "rmse_s": result.rmse,
             "relative_rms": result.relative_rms,
@@ -83,7 +84,10 @@ class Comparison(Result):
 
 
 def simulate_bench(
-    bench: BenchData, where: Where, angles: int | Sequence[float] | None = None
+    bench: BenchData,
+    where: Where,
+    angles: int | Sequence[float] | None = None,
+    engine: str | None = None,
 ) -> Comparison:
     """Simulate the operating points of a data set and compare.
 
@@ -93,6 +97,7 @@ def simulate_bench(
     where : where the shifts run, and are kept.
     angles : how many evenly spaced relative angles, or the angles themselves, deg, at least
         three; None for those of the set, or sixteen.
+    engine : ``drake`` or ``planar``; None for that of the set's study.
 
     Raises
     ------
@@ -110,6 +115,8 @@ def simulate_bench(
             f"--angles is '{angles_text(angles)}', but a comparison needs at least three; give more"
         )
     require_something(bench)
+    if engine is not None:
+        bench = replace(bench, clutch=bench.clutch.with_engine(engine))
     own = bench.relative_angles if angles is None else None
     shifts = len(bench.cells) * (len(own) if own else given)
     asked = bench.name, clutch_record(bench.clutch), angles_text(angles)

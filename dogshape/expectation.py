@@ -59,7 +59,7 @@ class Expectation(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""
-        return expectation_record(self.mean)
+        return {"engine": self.config.clutch.solver.engine, **expectation_record(self.mean)}
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""

@@ -10,10 +10,10 @@ from dogshape.pipeline.config.asked_points import point_of
 from dogshape.pipeline.config.study_file import Study as StudyConfig
 from dogshape.pipeline.reports.shift.animation import curves, trace_frame, write_animation
 from dogshape.result import Result, ms
+from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.driveline import TorquePeaks
-from dogshape.sim.shift.engagement import Engagement, engage
-from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.batch import events_record, loads_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
@@ -67,6 +67,7 @@ class Shift(Result):
         result, peaks = self.engagement, self.torque_peaks
         solver = result.clutch.solver
         return {
+            "engine": solver.engine,
             "outcome": result.outcome.value,
             "shift_time_s": result.shift_time,
             "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
@@ -135,5 +136,5 @@ def simulate_shift(
     if not abs(angle_deg) <= 1e6:
         rule, remedy = "it must be a finite angle", "give an angle in degrees"
         raise InputError(refusal("relative angle", angle_deg, "deg", rule, remedy))
-    result = engage(ClutchPlant(clutch), point, angle_deg * DEG)
+    result = engage(clutch, point, angle_deg * DEG)
     return Shift(config, result, config.torque_peaks(result.clutch, result.trace, result.loads))

@@ -38,6 +38,7 @@ class Strength(Checked):
         """Give every check, the load and the material's limits, in the edge's units."""
         limits = self.config.limits
         record = {
+            "engine": self.config.clutch.solver.engine,
             **self.record,
             "warnings": list(self.notes),
             "load": {

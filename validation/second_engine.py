@@ -33,8 +33,7 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import STILL_WINDOW
-from dogshape.sim.shift.events import stays_held
+from dogshape.sim.shift.events import STILL_WINDOW, stays_held
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.trace import Series, Trace, trace_of
 from dogshape.validation.second_model import (

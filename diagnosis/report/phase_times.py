@@ -32,10 +32,9 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.trace import Trace
-from dogshape.sim.statistics.batch import plant_of
 from dogshape.sim.statistics.blocks import Block, even_blocks
 
 Series = NDArray[np.float64]
@@ -143,7 +142,7 @@ def along(
 def simulate(blocks: Sequence[Block]) -> list[list[Trace]]:
     """Simulate blocks in this process, traces out."""
     return [
-        [engage(plant_of(block.clutch), block.point, angle).trace for angle in block.angles]
+        [engage(block.clutch, block.point, angle).trace for angle in block.angles]
         for block in blocks
     ]
 

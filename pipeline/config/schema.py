@@ -240,6 +240,7 @@ class SearchSection(Section):
 class SolverSection(Section):
     """Numerical settings; absent ones follow from the contact set."""
 
+    engine: str | None = _unless_given()
     scheme: str | None = None
     accuracy: float | None = None
     max_step_s: float | None = None

@@ -21,7 +21,14 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import ForceProfile, RiseTable
-from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver, solver_for
+from dogshape.sim.shift.clutch import (
+    PLANAR_ACCURACY,
+    SCHEMES,
+    Clutch,
+    OperatingPoint,
+    Solver,
+    solver_for,
+)
 from dogshape.sim.shift.contact import ContactSet, contact_set
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import Dog
@@ -328,6 +335,10 @@ def _solver(file: StudyFile, contact: ContactSet) -> Solver:
     solver, section = solver_for(contact), file.solver
     if section.scheme is not None:
         solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
+    if section.engine is not None:
+        planar = section.engine == "planar"
+        accuracy = PLANAR_ACCURACY if planar else solver.accuracy
+        solver = replace(solver, engine=section.engine, accuracy=accuracy)
     if section.accuracy is not None:
         solver = replace(solver, accuracy=section.accuracy)
     if section.max_step_s is not None:

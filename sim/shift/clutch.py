@@ -63,6 +63,9 @@ class Solver:
     A shift takes some hundred steps and a fifth of a second. One that takes more than
     ``max_steps``, or more than ``time_limit`` in s, counts as diverged. The first limit makes
     the same shift fail on every machine and stands far below the second.
+
+    ``engine`` is Drake's plant, or the compiled one (``sim.planar``). That one takes from the
+    scheme the friction law alone, and ``accuracy`` is the error of a step in m/s.
     """
 
     scheme: str = "runge_kutta3"
@@ -71,8 +74,12 @@ class Solver:
     all_dogs: bool = False
     max_steps: int = MAX_STEPS
     time_limit: float = 600.0
+    engine: str = "drake"
 
     def __post_init__(self) -> None:
+        if self.engine not in ENGINES:
+            hint = did_you_mean(self.engine, ENGINES)
+            raise InputError(f"solver.engine is '{self.engine}', which is not an engine; {hint}")
         if self.scheme not in SCHEMES:
             hint = did_you_mean(self.scheme, SCHEMES)
             raise InputError(f"solver.scheme is '{self.scheme}', which is not a scheme; {hint}")
@@ -83,6 +90,8 @@ class Solver:
         require_between("solver.time_limit_s", self.time_limit, 0.01, 86_400.0, remedy)
 
 
+ENGINES = ("drake", "planar")
+PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
 
@@ -129,6 +138,12 @@ class Clutch:
         accuracy, step = max(solver.accuracy / 30.0, 1e-10), max(0.5 * solver.max_step, 1e-6)
         fine = replace(solver, accuracy=accuracy, max_step=step)
         return replace(self, solver=fine)
+
+    def with_engine(self, engine: str) -> Clutch:
+        """Return the same clutch for another engine, at that engine's own accuracy."""
+        solver = solver_for(self.contact)
+        accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
+        return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
 
     def with_dog(self, dog: Dog) -> Clutch:
         """Return the same clutch with another dog."""

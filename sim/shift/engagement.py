@@ -9,47 +9,17 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import Events, events_of, stays_held
-from dogshape.sim.shift.loads import Loads, loads_of
-from dogshape.sim.shift.outcome import TIME_LIMIT, Outcome
-from dogshape.sim.shift.passing import passing_through
-from dogshape.sim.shift.phases import Phase, phases_of
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
+from dogshape.sim.shift.events import STILL_WINDOW, stands_still
+from dogshape.sim.shift.outcome import TIME_LIMIT
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
-
-FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
-STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
-
-
-@dataclass(frozen=True)
-class Engagement:
-    """Result of one shift, with its problem.
-
-    ``shift_time`` is in s, None unless engaged; ``evaluations`` counts the
-    derivatives that the integrator asked for, the measure of what a shift costs.
-    ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
-    unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
-    """
-
-    clutch: Clutch
-    point: OperatingPoint
-    relative_angle: float
-    outcome: Outcome
-    shift_time: float | None
-    actuator_time: float | None
-    phases: tuple[Phase, ...]
-    events: Events
-    loads: Loads
-    steps: int
-    evaluations: int
-    detail: str
-    trace: Trace
+from dogshape.sim.shift.trace import Series
 
 
 class _Record:
@@ -63,15 +33,11 @@ class _Record:
         #: Places in the state of what has not made its travel: ring, actuator.
         self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
         self._size = 8 if clutch.mechanism.has_linkage else 6
-        self.timeout = clutch.timeout
         self.clutch = clutch
-        self.force = point.profile.force
         self.times: list[float] = []
         self.states: list[Series] = []
         self.blocked = False
         self.failure = ""
-        self.passed = False
-        self.evaluations = 0
         self._solver = clutch.solver
         self._end = time.monotonic() + clutch.solver.time_limit
         self._check_at = STILL_WINDOW
@@ -116,13 +82,9 @@ class _Record:
             raise RuntimeError(f"{limit}, at {now:.6g} s of the shift")
 
     def _stands_still(self, time: float, state: Series) -> bool:
-        """Tell whether the rings are held, once the force is half up and would move free ones."""
         last, self._last = self._last, state
         self._check_at = time + STILL_WINDOW
-        if last is None or self.point.profile.at(time - STILL_WINDOW) < 0.5 * self.force:
-            return False
-        states = np.array([last, state])
-        return stays_held(self.clutch, states, STILL_WINDOW, self.timeout - time)
+        return stands_still(self.clutch, self.point, time, last, state)
 
     def _stop(self, reason: str) -> EventStatus:
         return EventStatus.ReachedTermination(self.plant.plant, reason)
@@ -146,8 +108,8 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     Engagement
         Never raises for physical failure; a failed integration is an outcome.
     """
-    record, found = _simulated(plant, point, relative_angle)
-    if not record.passed:
+    run, found = _simulated(plant, point, relative_angle)
+    if not passed_through(run, found):
         return found
     solver = plant.clutch.solver
     finer = replace(solver, max_step=solver.max_step / FINER)
@@ -157,7 +119,7 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
 
 def _simulated(
     plant: ClutchPlant, point: OperatingPoint, relative_angle: float
-) -> tuple[_Record, Engagement]:
+) -> tuple[Run, Engagement]:
     record = _Record(plant, point)
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
@@ -170,43 +132,6 @@ def _simulated(
         record.failure = str(error).split("\n")[0]
     finally:
         simulator.clear_monitor()
-    record.evaluations = simulator.get_integrator().get_num_derivative_evaluations()
-    return record, _conclude(record, relative_angle)
-
-
-def _conclude(record: _Record, angle: float) -> Engagement:
-    clutch, point = record.clutch, record.point
-    trace = trace_of(clutch, point, record.times, record.states)
-    outcome = _outcome(record, trace)
-    if outcome is Outcome.ENGAGED:
-        record.failure = passing_through(clutch, trace.displacement, trace.relative_angle)
-        record.passed = bool(record.failure)
-        outcome = _outcome(record, trace)
-    way = clutch.shift_travel
-    done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
-    far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
-    end = float(trace.time[-1]) if done is None else done
-    phases = phases_of(clutch, trace, end)
-    return Engagement(
-        clutch=clutch,
-        point=point,
-        relative_angle=angle,
-        outcome=outcome,
-        shift_time=done if outcome is Outcome.ENGAGED else None,
-        actuator_time=None if outcome is Outcome.DIVERGED else far,
-        phases=phases,
-        events=events_of(clutch, trace),
-        loads=loads_of(clutch, trace, phases),
-        steps=len(trace.time),
-        evaluations=record.evaluations,
-        detail=record.failure or outcome.message,
-        trace=trace,
-    )
-
-
-def _outcome(record: _Record, trace: Trace) -> Outcome:
-    if record.failure:
-        return Outcome.DIVERGED
-    if (trace.displacement >= record.clutch.shift_travel).any():
-        return Outcome.ENGAGED
-    return Outcome.BLOCKED if record.blocked else Outcome.TIMED_OUT
+    spent = simulator.get_integrator().get_num_derivative_evaluations()
+    run = Run(record.times, record.states, record.blocked, record.failure, spent)
+    return run, conclude(plant.clutch, point, relative_angle, run)

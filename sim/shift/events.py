@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.phases import Flags, face_left, face_overlap, on_face
 from dogshape.sim.shift.trace import Series, Trace
 
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
 STILL = 1e-3  #: m/s of slip below which faces count as held
+STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 SLID = 5e-5  #: m of sliding from which faces count as having slid
 
 
@@ -56,6 +57,23 @@ def events_of(clutch: Clutch, trace: Trace) -> Events:
         time_blocked=float(steps[faces & held].sum()),
         face_slide=float((slip * steps)[faces & ~held].sum()),
     )
+
+
+def stands_still(
+    clutch: Clutch, point: OperatingPoint, time: float, before: Series | None, now: Series
+) -> bool:
+    """Decide whether the rings are held, once the force is half up and would move free ones.
+
+    Parameters
+    ----------
+    time : of ``now``, s.
+    before, now : states (6,) or (8,), one ``STILL_WINDOW`` apart; None where there is none.
+    """
+    profile = point.profile
+    if before is None or profile.at(time - STILL_WINDOW) < 0.5 * profile.force:
+        return False
+    states = np.array([before, now])
+    return stays_held(clutch, states, STILL_WINDOW, clutch.timeout - time)
 
 
 def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool:

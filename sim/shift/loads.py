@@ -106,7 +106,9 @@ def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
     overlap, most = face_overlap(clutch, trace.relative_angle)
     # Past the middle the braking edge parts the faces.
     classes = np.searchsorted(OVERLAPS, np.minimum(overlap, most - overlap), side="right") - 1
-    return Landing(tuple(load[classes == i].max(initial=0.0).item() for i in range(len(OVERLAPS))))
+    largest = np.zeros(len(OVERLAPS))
+    np.maximum.at(largest, classes[landed], load[landed])
+    return Landing(tuple(largest.tolist()))
 
 
 def _within_impact(trace: Trace, force: Series) -> Series:

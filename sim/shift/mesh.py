@@ -24,6 +24,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -161,6 +162,7 @@ def rotation(angle: float) -> NDArray[np.float64]:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+@lru_cache(maxsize=64)
 def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     """Return the point (3,) equally deep below the three faces that touch, and its depth, m.
 

@@ -1,18 +1,15 @@
 """Many shifts: a block of work simulated one shift after the other, flat records out.
 
-The plant is built in the process that simulates and kept for the next block of the
-same clutch.
+A plant is built in the process that simulates and kept for the next block of the same clutch.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import lru_cache
 
-from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.engines import engage
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
 from dogshape.sim.units import MM, RPM
@@ -67,16 +64,10 @@ def shift_record(result: Engagement, given: Record) -> Record:
     }
 
 
-@lru_cache(maxsize=2)
-def plant_of(clutch: Clutch) -> ClutchPlant:
-    """Return the plant of a clutch, built once in this process."""
-    return ClutchPlant(clutch)
-
-
 def run_block(block: Block) -> Iterator[Record]:
     """Simulate the shifts of a block one after the other and yield their records."""
     for angle, variant, given in zip(block.angles, block.each_variant, block.inputs, strict=True):
         clutch, point = block.clutch, block.point
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
-        yield {**shift_record(engage(plant_of(clutch), point, angle), given), "seed": block.seed}
+        yield {**shift_record(engage(clutch, point, angle), given), "seed": block.seed}

@@ -56,6 +56,7 @@ def clutch_record(clutch: Clutch) -> Record:
         "accuracy": solver.accuracy,
         "max_step_s": solver.max_step,
         "all_dogs": solver.all_dogs,
+        **({} if solver.engine == "drake" else {"engine": solver.engine}),
         **({} if solver.max_steps == MAX_STEPS else {"max_steps": solver.max_steps}),
         **clutch.mechanism.record,
     }

@@ -21,7 +21,8 @@ from dogshape.pipeline.reports.study.publish import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, MS
 from tests.browser import PROBE, REPORT_PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf

@@ -12,7 +12,8 @@ import pytest
 from benchmarks.crest_hang import DESIGNS, Crests, crests_of, time_on_crests
 from dogshape.pipeline.reports.shift.story import event_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.phases import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant

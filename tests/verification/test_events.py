@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import Engagement, engage
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.loads import energy_lost
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.plant import ClutchPlant

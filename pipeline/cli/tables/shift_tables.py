@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.pipeline.reports.shift.story import event_facts, load_facts, phase_title
-from dogshape.sim.shift.engagement import Engagement
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import RPM
 

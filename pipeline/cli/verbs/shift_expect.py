@@ -15,6 +15,7 @@ from dogshape.expectation import simulate_mean
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
     Cluster,
+    Engine,
     Jobs,
     Json,
     OneForce,
@@ -22,6 +23,7 @@ from dogshape.pipeline.cli.options import (
     Sets,
     StudyArg,
     angles_of,
+    with_engine,
 )
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.shift_tables import expectation_table, shift_table
@@ -60,6 +62,7 @@ def shift(
     all_dogs: Annotated[bool, typer.Option("--all-dogs", help="model every dog")] = False,
     html: Annotated[Path | None, typer.Option(help="write an animation with its curves")] = None,
     trace: Annotated[Path | None, typer.Option(help="write the time series as CSV")] = None,
+    engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
@@ -70,7 +73,7 @@ def shift(
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
     require_targets({"--html": html, "--trace": trace})
-    given = load_study(study, set_)
+    given = load_study(study, with_engine(set_, engine))
     found = simulate_shift(
         given, mismatch_rpm, force_N, relative_angle_deg, force_rise_s, all_dogs=all_dogs
     )
@@ -96,6 +99,7 @@ def expect(
     precision: Annotated[
         float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
     ] = None,
+    engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
@@ -105,7 +109,7 @@ def expect(
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
-    given = load_study(study, set_)
+    given = load_study(study, with_engine(set_, engine))
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(
         given, where, mismatch_rpm, force_N, force_rise_s, angles=angles_of(angles),

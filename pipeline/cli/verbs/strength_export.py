@@ -10,7 +10,7 @@ import typer
 from rich.console import Group, RenderableType
 
 from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.options import Engine, Jobs, Json, Sets, StudyArg, with_engine
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
@@ -41,6 +41,7 @@ def strength(
     fem: Annotated[
         bool, typer.Option("--fem", help="root stress by finite elements too; extra [fem]")
     ] = False,
+    engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -52,7 +53,7 @@ def strength(
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    given = load_study(study, set_)
+    given = load_study(study, with_engine(set_, engine))
     roots = root_checks(given.clutch.dog, given.limits) if fem else []
     found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
     if fem:

@@ -9,7 +9,7 @@ import typer
 
 from dogshape.fitted import fit as fit_surrogate
 from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Cluster, Jobs, Json, Sets, StudyArg
+from dogshape.pipeline.cli.options import Cluster, Engine, Jobs, Json, Sets, StudyArg, with_engine
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.study_tables import study_table, validation_text
 from dogshape.pipeline.config.study_file import load_study
@@ -34,6 +34,7 @@ def study(
     no_report: Annotated[
         bool, typer.Option("--no-report", help="result only; 'dogshape report' makes it later")
     ] = False,
+    engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
@@ -43,7 +44,7 @@ def study(
 
     Example: dogshape study mq200 --out results/mq200 --trials 48
     """
-    overrides = list(set_ or [])
+    overrides = with_engine(set_, engine)
     overrides += [f"search.trials={trials}"] if trials is not None else []
     overrides += [f"search.seed={seed}"] if seed is not None else []
     given = load_study(study, overrides)
@@ -84,6 +85,7 @@ def fit(
     shifts: Annotated[int, typer.Option(min=1, help="with --question: how many more")] = 1024,
     jobs: Jobs = 0,
     cluster: Cluster = None,
+    engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
@@ -97,7 +99,7 @@ def fit(
     Example: dogshape fit results/mq200
     """
     found = fit_surrogate(
-        where, set_, out=out, choose=choose, question=question, shifts=shifts, jobs=jobs,
-        cluster=cluster, progress=ProgressBar(),
+        where, with_engine(set_, engine), out=out, choose=choose, question=question,
+        shifts=shifts, jobs=jobs, cluster=cluster, progress=ProgressBar(),
     )  # fmt: skip
     emit(found.to_dict(), json, lambda: validation_text(found.stored, found.path))

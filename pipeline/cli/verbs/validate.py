@@ -9,7 +9,7 @@ import typer
 from dogshape.bench import Bench
 from dogshape.comparison import simulate_bench
 from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Corrections, Jobs, Json, angles_of
+from dogshape.pipeline.cli.options import Corrections, Engine, Jobs, Json, angles_of
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.validate_tables import comparison_table
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS
@@ -24,6 +24,7 @@ def validate(
         typer.Option(help="how many, or angles A,B,C in degrees; default: the set's own, or 16"),
     ] = None,
     correct: Corrections = None,
+    engine: Engine = None,
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
@@ -33,5 +34,5 @@ def validate(
     """
     given = Bench(bench, correct or ())
     where = Where(jobs, None, SHIFTS, ProgressBar())
-    found = simulate_bench(given.data, where, angles_of(angles))
+    found = simulate_bench(given.data, where, angles_of(angles), engine)
     emit(found.to_dict(), json, lambda: comparison_table(found.compared))

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dogshape.pipeline.reports.kit.text import in_ms
-from dogshape.sim.shift.engagement import Engagement
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.loads import peak_duration
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.phases import Phase, crests_cross

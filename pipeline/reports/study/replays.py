@@ -84,8 +84,7 @@ def drawn_variant(row: Record) -> Variant | None:
 def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     # Only a folder that lacks pages waits for the simulation to be loaded.
     from dogshape.pipeline.reports.shift.animation import write_animation  # noqa: PLC0415
-    from dogshape.sim.shift.engagement import engage  # noqa: PLC0415
-    from dogshape.sim.statistics.batch import plant_of  # noqa: PLC0415
+    from dogshape.sim.engines import engage  # noqa: PLC0415
 
     study, row = shifts.study, one.shift
     design = {name: row[name] for name in study.variables}
@@ -95,7 +94,7 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     variant = drawn_variant(row)
     if variant is not None:
         clutch, point = variant.clutch(clutch), variant.point(point)
-    result = engage(plant_of(clutch), point, row["relative_angle_deg"] * DEG)
+    result = engage(clutch, point, row["relative_angle_deg"] * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
     peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
     peak = None if peaks is None else peaks.whole

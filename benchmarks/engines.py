@@ -1,0 +1,154 @@
+"""The compiled engine against Drake, shift by shift.
+
+    python -m benchmarks.engines [--seed N] [--designs N]
+
+Clutches of three sizes (prototype, small, large), both contact sets, designs drawn over the
+search space, seven mismatch speeds of either sign at a random force of the default study, eight
+even angles from a random start: 3 x 2 x designs x 7 x 8 shifts in each engine, in turn. The
+published set is Drake's ``cenic`` at its default accuracy; ``--fine`` makes its steps finer.
+One process; takes ten minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.common import default_study
+from dogshape.sim.engines import engage
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.units import DEG, RPM
+
+ANGLES = 8
+SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
+#: Diameters in m, mass in kg, both inertias in kg m2, numbers of dogs, heights in m.
+SIZES = {
+    "prototype": (52e-3, 44e-3, Rings(0.3, 0.01, 0.6048), (6, 36), (1.6e-3, 6e-3)),
+    "small": (40e-3, 32e-3, Rings(0.2, 0.003, 0.2), (6, 28), (1.4e-3, 5e-3)),
+    "large": (120e-3, 100e-3, Rings(2.0, 0.12, 4.0), (8, 36), (2e-3, 9e-3)),
+}
+Pair = tuple[Engagement, Engagement]
+Series = NDArray[np.float64]
+
+
+def drawn(rng: np.random.Generator, size: str) -> Dog:
+    """Draw a dog that can be made at all and that faces other dogs over a millimetre."""
+    outer, inner, _, counts, heights = SIZES[size]
+    while True:
+        angles = rng.uniform([0.0, 4.0, 4.0], [20.0, 30.0, 30.0]) * DEG
+        count = int(rng.integers(counts[0], counts[1] + 1))
+        try:
+            dog = Dog(count, *map(float, angles), float(rng.uniform(*heights)), outer, inner, 1e-3)
+        except DogshapeError:
+            continue
+        if dog.tip_width_at(dog.inner_radius) > 1e-3:
+            return dog
+
+
+def sampled(
+    seed: int, designs: int, fine: bool
+) -> list[tuple[str, str, float, list[Pair], Series]]:
+    """Simulate: size, contact set, speed in 1/min, pairs of shifts and CPU time of each, s."""
+    rng, study, found = np.random.default_rng(seed), default_study(), []
+    forces = sorted({point.profile.force for point in study.points})
+    profiles = {point.profile.force: point.profile for point in study.points}
+    for size, (_, _, rings, _, _) in SIZES.items():
+        for name, contact in CONTACT_SETS.items():
+            for _ in range(designs):
+                dog = drawn(rng, size)
+                clutch = Clutch(dog, rings, contact, solver_for(contact))
+                for speed in SPEEDS:
+                    sign, force = rng.choice([-1.0, 1.0]), float(rng.choice(forces))
+                    point = OperatingPoint(sign * speed * RPM, profiles[force])
+                    found.append((size, name, speed, *shifts(clutch, point, rng.random(), fine)))
+    return found
+
+
+def shifts(
+    clutch: Clutch, point: OperatingPoint, start: float, fine: bool
+) -> tuple[list[Pair], Series]:
+    """Simulate even angles with either engine in turn; CPU times (n, 2), s."""
+    pairs, spent = [], []
+    compiled = clutch.with_engine("planar")
+    clutch = clutch.refined() if fine else clutch
+    for angle in (np.arange(ANGLES) + start) / ANGLES * clutch.dog.pitch_angle:
+        begin = time.process_time()
+        first = engage(compiled, point, float(angle))
+        middle = time.process_time()
+        pairs.append((first, engage(clutch, point, float(angle))))
+        spent.append((middle - begin, time.process_time() - middle))
+    return pairs, np.array(spent)
+
+
+def print_table(groups: list[tuple[str, str, float, list[Pair], Series]]) -> None:
+    """Print a line for each speed: deviation, variance left, bias, loads, CPU time."""
+    print(
+        "1/min  shifts  outcome   deviation of a shift   variance  bias of   peak  landing   CPU ms"
+    )
+    print("              the same  median   90 %    > 1 %     left    a mean  force    load  planar  "
+          "Drake  ratio")  # fmt: skip
+    for speed in SPEEDS:
+        mine = [(pairs, spent) for _, _, s, pairs, spent in groups if s == speed]
+        print(f"{speed:5.0f} {row(mine)}")
+    print(f"  all {row([(pairs, spent) for *_, pairs, spent in groups])}")
+
+
+def row(groups: list[tuple[list[Pair], Series]]) -> str:
+    """Format the figures of groups of shifts of one design at one point."""
+    deviations, left, whole, biases, peaks, landings, same, count = [], 0.0, 0.0, [], [], [], 0, 0
+    for pairs, _ in groups:
+        same += sum(a.outcome is b.outcome for a, b in pairs)
+        count += len(pairs)
+        both = [(a, b) for a, b in pairs if a.shift_time and b.shift_time]
+        if len(both) < 3:
+            continue
+        mine, drake = np.array([(a.shift_time, b.shift_time) for a, b in both]).T
+        deviations += (np.abs(mine / drake - 1.0)).tolist()
+        left += float(((mine - drake - (mine - drake).mean()) ** 2).sum())
+        whole += float(((drake - drake.mean()) ** 2).sum())
+        biases.append(float(mine.mean() / drake.mean() - 1.0))
+        peaks += [abs(a.loads.peak_axial_force / b.loads.peak_axial_force - 1.0) for a, b in both]
+        for a, b in both:
+            ours, theirs = max(a.loads.landing.line_loads), max(b.loads.landing.line_loads)
+            if theirs > 0.0:
+                landings.append(abs(ours / theirs - 1.0))
+    cpu = np.median(np.concatenate([spent for _, spent in groups]), axis=0) * 1e3
+    total = np.concatenate([spent for _, spent in groups]).sum(axis=0)
+    off = np.array(deviations)
+    return (
+        f"{count:8d} {same / count:9.2%} {np.median(off):9.3%} {np.quantile(off, 0.9):7.2%} "
+        f"{(off > 0.01).mean():7.2%} {left / whole:9.2%} {np.median(np.abs(biases)):8.3%} "
+        f"{np.median(peaks):8.2%} {np.median(landings) if landings else math.nan:7.2%} "
+        f"{cpu[0]:7.2f} {cpu[1]:6.1f} {total[1] / total[0]:7.0f}"
+    )
+
+
+def main() -> None:
+    """Simulate and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=20261123)
+    parser.add_argument("--designs", type=int, default=9)
+    parser.add_argument("--fine", action="store_true", help="Drake at its refined accuracy")
+    given = parser.parse_args()
+    study = default_study()
+    engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
+    groups = sampled(given.seed, given.designs, given.fine)
+    print(f"seed {given.seed}, {given.designs} designs of each clutch and contact set, "
+          f"{ANGLES} angles; median of the bias's size")  # fmt: skip
+    print_table(groups)
+    for size in SIZES:
+        for name in CONTACT_SETS:
+            few = [(p, c) for s, n, _, p, c in groups if (s, n) == (size, name)]
+            print(f"{size}, {name}\n      {row(few)}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""A clutch as the numbers that the compiled engine wants."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.planar import kernel
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import DEEP, SLIP, TURN
+from dogshape.sim.shift.mesh import dog_planes, rigid_dog
+
+Floats = NDArray[np.float64]
+
+TOUCHING = ("traction", "face", "braking")
+#: Corners of the same three surfaces in ``rigid_dog``.
+QUADS = ((5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2))
+
+
+@dataclass(frozen=True)
+class PlanarClutch:
+    """A clutch prepared for the compiled engine, to be shifted again and again.
+
+    Parameters
+    ----------
+    clutch : what is simulated.
+    surfaces : corners of the rigid surfaces, m, (3, 4, 3); outward normals, (3, 3); offsets of the
+        compliant dog's planes, m, (3,); half angle of a dog, pitch, rad; gap and travel, m.
+    numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
+    law : of the contact, (5,).
+    """
+
+    clutch: Clutch
+    surfaces: tuple[Floats, Floats, Floats, float, float, float, float]
+    numbers: Floats
+    law: Floats
+
+
+def planar_clutch(clutch: Clutch) -> PlanarClutch:
+    """Prepare a clutch."""
+    return PlanarClutch(clutch, surfaces_of(clutch.dog), _numbers(clutch), law_of(clutch))
+
+
+def surfaces_of(dog: Dog) -> tuple[Floats, Floats, Floats, float, float, float, float]:
+    """Describe where dogs touch (``PlanarClutch.surfaces``)."""
+    vertices, planes = rigid_dog(dog).vertices, dog_planes(dog)
+    corners = np.array([vertices[list(quad)] for quad in QUADS])
+    normals = np.array([planes[name].normal for name in TOUCHING])
+    offsets = np.array([planes[name].offset for name in TOUCHING])
+    half = float(np.abs(np.arctan2(vertices[:, 1], vertices[:, 0])).max())
+    return corners, normals, offsets, half, dog.pitch_angle, dog.axial_gap, dog.travel
+
+
+def law_of(clutch: Clutch) -> Floats:
+    """Give the contact's law: stiffness, dissipation, dynamic friction, stiction velocity, static.
+
+    As in the Drake plant static friction counts where the contact set needs ``cenic``.
+    """
+    contact = clutch.contact
+    falls = clutch.solver.scheme == "cenic"
+    static = contact.static_friction if falls else contact.dynamic_friction
+    return np.array(
+        [
+            contact.stiffness,
+            contact.dissipation,
+            contact.dynamic_friction,
+            contact.stiction_velocity,
+            static,
+        ]
+    )
+
+
+def _numbers(clutch: Clutch) -> Floats:
+    dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
+    stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
+    share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
+    numbers = np.zeros(kernel.NUMBERS)
+    for place, value in {
+        kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
+        kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
+        kernel.SLIDING: rings.sliding_inertia,
+        kernel.OUTPUT: rings.output_inertia,
+        kernel.DAMPING: mechanism.damping,
+        kernel.FRICTION: mechanism.friction,
+        kernel.DETENT: mechanism.detent,
+        kernel.DETENT_AT: mechanism.detent_position,
+        kernel.DETENT_WIDTH: mechanism.detent_width,
+        kernel.SPLINE: share * mechanism.spline_friction / mechanism.spline_radius,
+        kernel.DRAG: mechanism.drag_torque,
+        kernel.STIFF: stiff,
+        kernel.LOSS: loss,
+        kernel.PLAY: mechanism.free_play,
+        kernel.DOGS: dog.count,
+        kernel.REBOUND: clutch.rebound,
+        kernel.STOP: clutch.contact.stiffness * dog.count * dog.tip_width * dog.radial_width,
+        kernel.RADIUS: dog.mean_radius,
+        kernel.WAY: clutch.shift_travel,
+        kernel.SLIP_SPEED: SLIP,
+        kernel.TURN_SPEED: TURN,
+        kernel.DEEP_STOP: DEEP,
+        kernel.LINKED: mechanism.has_linkage,
+    }.items():
+        numbers[place] = value
+    return numbers
