@@ -90,11 +90,11 @@ def shifts(
 
 def print_table(groups: list[tuple[str, str, float, list[Pair], Series]]) -> None:
     """Print a line for each speed: deviation, variance left, bias, loads, CPU time."""
+    print("1/min  shifts  outcome  deviation of a shift  variance  bias of   peak  landing  CPU ms")
     print(
-        "1/min  shifts  outcome   deviation of a shift   variance  bias of   peak  landing   CPU ms"
+        "              the same  median   90 %   > 1 %     left    a mean  force    load  planar"
+        "  Drake  ratio"
     )
-    print("              the same  median   90 %    > 1 %     left    a mean  force    load  planar  "
-          "Drake  ratio")  # fmt: skip
     for speed in SPEEDS:
         mine = [(pairs, spent) for _, _, s, pairs, spent in groups if s == speed]
         print(f"{speed:5.0f} {row(mine)}")
