@@ -54,7 +54,7 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind score $(BLIND)
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
-  adams root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
+  adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
   valid_range keeping sense
 SURROGATE := learning_curve active_learning asking
 
