@@ -11,11 +11,9 @@ from xml.etree import ElementTree
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.export.cad import cad_available
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.strength.checks import GROUPS
-from dogshape.validation.finite_elements.root_stress import fem_available
-from tests.conftest import Said, needed
+from tests.conftest import Said
 
 Call = Callable[..., Said]
 
@@ -35,7 +33,8 @@ def test_strength_checks_everything(dogshape: Call) -> None:
     for check in checks.values():
         assert all(check[key] for key in ("meaning", "formula", "source", "limit_key"))
     assert checks["flank_pressure_traction"]["value"] == pytest.approx(132, abs=0.5)
-    assert 0.0 < checks["face_pressure_impact"]["value"] < 1907
+    assert checks["face_pressure_impact"]["value"] == pytest.approx(40.9, rel=0.1)
+    assert checks["face_pressure_impact"]["limit"] == pytest.approx(1907, abs=1)
     assert said.json["load"]["blocking_force_N"] == pytest.approx(4338, abs=1)
     assert said.json["load"]["force_per_dog_N"] == pytest.approx(1666.7, abs=0.1)
     assert "16MnCr5" in said.json["material"]["set"]
@@ -75,17 +74,6 @@ def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     assert any(check["margin_worst_case"] is None for check in said.json["checks"])
     text = dogshape("strength", "mq200", "--no-simulation", "--set", "dog.count=60").out
     assert "no dog" in text
-
-
-def test_finite_elements_on_request(dogshape: Call) -> None:
-    needed(fem_available(), "scikit-fem")
-    said = dogshape("strength", "mq200", "--no-simulation", "--fem", "--json").json
-    rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
-    assert len(rows) == 6
-    for row in rows.values():
-        assert row["closed_form_MPa"] == pytest.approx(row["finite_elements_MPa"], rel=0.1)
-    bending = next(c for c in said["checks"] if c["name"] == "root_bending_traction")
-    assert rows["traction", "load"]["closed_form_MPa"] == pytest.approx(bending["value"])
 
 
 def test_export_of_a_weak_design_warns(dogshape: Call) -> None:
@@ -128,14 +116,6 @@ def test_drawing_carries_every_dimension() -> None:
         "15 dogs on Ø52.00 ±0.15 / Ø44.00 ±0.15 mm", "travel 4.70 mm", "16MnCr5",
     ):  # fmt: skip
         assert text in words
-
-
-def test_export_to_cad(dogshape: Call) -> None:
-    needed(cad_available(), "build123d")
-    said = dogshape("export", "mq200", "--step", "rings.step")
-    assert said.status == 0
-    assert "wrote rings.step (both rings)" in said.out
-    assert Path("rings.step").read_text().startswith("ISO-10303-21;")
 
 
 @pytest.mark.parametrize(

@@ -5,24 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import optuna
 import pytest
 from optuna.samplers import BaseSampler
 
-from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Study, build_study, load_study
-from dogshape.pipeline.search.dog_guide import dataset_of_trials
-from dogshape.pipeline.search.front_uncertainty import standings
+from dogshape.pipeline.config.study_file import Study, load_study
 from dogshape.pipeline.search.rounds import ROUND, WORKER, next_round
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, open_search
-from dogshape.pipeline.simulate.design import worth_simulating
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run, run_study
-from tests.conftest import SMALL
+from dogshape.pipeline.search.search import Search
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 TRIALS = 12
@@ -77,6 +70,15 @@ def _go_on(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[dic
     return [trial.params for trial in search.trials()]
 
 
+@cache
+def _whole(sampler: str) -> Search:
+    """A search that nothing cut off, to be read alone."""
+    study = _study(sampler)
+    search = _opened(study)
+    _go_on(search, sampler_factory(study))
+    return search
+
+
 def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[int], BaseSampler]:
     """Return what ends the process where proposal ``number`` would be asked."""
 
@@ -91,9 +93,8 @@ def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("number", [2, 6])
 def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: int) -> None:
-    study = _study(sampler)
+    study, whole = _study(sampler), [trial.params for trial in _whole(sampler).trials()]
     sampler_of = sampler_factory(study)
-    whole = _go_on(_opened(study), sampler_of)
     search = _opened(study)
     with pytest.raises(CutOffError):
         _go_on(search, _ending(sampler_of, number))
@@ -106,9 +107,8 @@ def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: 
 @pytest.mark.parametrize("told", [1, 3])
 def test_a_round_cut_off_while_it_was_told_asks_no_more(sampler: str, told: int) -> None:
     """The rounds after it begin where they would have."""
-    study = _study(sampler)
-    whole = _opened(study)
-    params = _go_on(whole, sampler_factory(study))
+    study, whole = _study(sampler), _whole(sampler)
+    params = [trial.params for trial in whole.trials()]
     search, sampler_of = _opened(study), sampler_factory(study)
     _tell(search, next_round(search, sampler_of))
     second = next_round(search, sampler_of)
@@ -141,9 +141,7 @@ def test_a_trial_that_was_cut_off_while_it_was_asked_keeps_its_number(
     sampler: str, number: int
 ) -> None:
     """Whatever of its design had been drawn, designs have the numbers that they would have had."""
-    study = _study(sampler)
-    whole = _opened(study)
-    _go_on(whole, sampler_factory(study))
+    study, whole = _study(sampler), _whole(sampler)
     for drawn in (0, 2):
         search = _opened(study)
         with _cut_off_in_suggestion(number, drawn), pytest.raises(CutOffError):
@@ -212,37 +210,3 @@ def test_each_round_of_a_dead_run_is_taken_over_as_it_is() -> None:
     assert {t.user_attrs[WORKER] for t in trials} == {3}
     rounds = [tuple(t.user_attrs[ROUND]) for t in trials]
     assert rounds == [(0, 4)] * 4 + [(4, 4)] * 4 + [(8, 4)] * 4
-
-
-def _small_space(*more: str) -> Study:
-    """A study of the number of dogs alone: few designs, some of which pass the checks."""
-    file = load_study("mq200", [*SMALL, "search.trials=40", *more]).file
-    few = VariablesSection(count=[13, 20])
-    return build_study(file.model_copy(update={"variables": few}))
-
-
-def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
-    study = _small_space()
-    allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
-    assert 1 < len(allowed) < 10
-    how = Run(StudyFolder(tmp_path), jobs=1, resume=True)
-    result = run_study(study, how)
-    assert sorted(row["count"] for row in result["trials"]) == allowed
-    assert result["best"] is not None
-    again = run_study(study, how)
-    assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]
-
-
-def test_a_design_that_was_proposed_again_counts_once(tmp_path: Path) -> None:
-    study = _small_space("search.sampler=random", "search.trials=12")
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
-    told = [row for row in result["trials"] if row["expected_shift_time_s"] is not None]
-    designs = {row["count"] for row in told}
-    assert len(designs) < len(told)
-    assert result["n_simulated_designs"] == len(designs)
-    shown = [row["count"] for row in result["front"]]
-    assert len(set(shown)) == len(shown)
-    assert len(result["confirmation"]["designs"]) == 1
-    state = open_search(study, StudyFolder(tmp_path), None, resume=True).read()
-    assert len(standings(state)) == len(state.feasible) <= len(designs)
-    assert len(dataset_of_trials(study, state.simulated)) == len(designs) * len(study.points)
