@@ -11,8 +11,12 @@ import optuna
 import pytest
 
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.reports.study.design_names import designs_shown, failed_afresh, of_kinds
-from dogshape.pipeline.reports.study.design_tables import designs_frame
+from dogshape.pipeline.reports.study.designs import (
+    designs_frame,
+    designs_shown,
+    failed_at_new_angles,
+    of_kinds,
+)
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.samplers import sampler_factory
@@ -222,7 +226,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     assert first.number in over
     assert first.number not in shown
     assert fails["best"]["trial"] in shown
-    assert [row["trial"] for row in failed_afresh(fails)] == [first.number]
+    assert [row["trial"] for row in failed_at_new_angles(fails)] == [first.number]
     table = [row["trial"] for row in designs_shown(fails)]
     assert table == [*({0} - {*shown}), *shown, first.number]
     assert first.number in [row["trial"] for row in of_kinds(fails)["lands too hard"]]

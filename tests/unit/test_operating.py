@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
-from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.precision import FIRST

@@ -17,15 +17,15 @@ import pytest
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.reports.kit.html import csv_link
+from dogshape.pipeline.reports.kit.text import percent
 from dogshape.pipeline.reports.study import replays
-from dogshape.pipeline.reports.study.design_names import of_kinds, percent
-from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes, quantile, weights_of
-from dogshape.pipeline.reports.study.design_tables import csv_link, designs_frame, in_parts
+from dogshape.pipeline.reports.study.designs import designs_frame, in_parts, of_kinds
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
-from dogshape.pipeline.reports.study.learned import learn_effects, stored_effects
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
+from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quantile, weights_of
 from dogshape.pipeline.reports.study.summary import (
     Gained,
     at_the_ends,
@@ -36,6 +36,7 @@ from dogshape.pipeline.reports.study.summary import (
     passed_over,
     points_of,
 )
+from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.pipeline.simulate.evaluation import FRESH
 from dogshape.pipeline.store.folder import StudyFolder
@@ -83,7 +84,7 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> N
     found = Shifts(study, rows)
     assert [row["relative_angle_deg"] for row in found.of(own)] == [1.0, 2.0]
     assert [row["relative_angle_deg"] for row in found.searched(own)] == [1.0]
-    assert [row["relative_angle_deg"] for row in found.fresh(own)] == [2.0]
+    assert [row["relative_angle_deg"] for row in found.confirmed(own)] == [2.0]
     fast, slow = extremes(found.of(own)) or pytest.fail("no shifts")
     assert (fast["shift_time_s"], slow["outcome"]) == (0.05, "blocked")
     assert extremes([]) is None
@@ -215,10 +216,10 @@ def test_designs_that_fail_at_the_fresh_angles_are_said(result: Row) -> None:
     (said,) = failures_of(result)
     assert "none of those confirmed does" in choice(result)
     assert said == (
-        "Design 2, the chosen one, fails at the fresh angles: "
+        "Design 2, the chosen one, fails at the new angles: "
         "edge pressure impact (\N{MINUS SIGN}10 %)."
     )
-    assert headline(result).endswith("but fails a check at the fresh angles.")
+    assert headline(result).endswith("but fails a check at the new angles.")
 
 
 def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
@@ -231,11 +232,11 @@ def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
     c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **worse}]
     assert failures_of(result) == [], "nobody chose them"
     assert passed_over(result) == (
-        "Designs 1, 3, found by the search, are out: they fail at the fresh angles by 2.0 % to "
+        "Designs 1, 3, found by the search, are out: they fail at the new angles by 2.0 % to "
         "10 % (edge pressure impact)."
     )
     c["designs"] = [{"trial": 1, **failing}, own]
-    assert passed_over(result).startswith("Design 1 is out: it fails at the fresh angles by 10 %")
+    assert passed_over(result).startswith("Design 1 is out: it fails at the new angles by 10 %")
     assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
 
 
@@ -417,8 +418,8 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
         calls.append("learned")
         return known
 
-    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.Over", lambda *_: None)
-    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.learned", learned)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.Over", lambda *_: None)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.learned", learned)
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
     assert calls.count("learned") == 1
