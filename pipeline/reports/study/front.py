@@ -18,6 +18,8 @@ MAIN, ASIDE = 1.0, 0.15  #: widths of all panels together, and of each beside th
 EMPTY = 1.0 / 3.0  #: share of the axis that may be empty before the prototype has its own panel
 CHOICES = ("front", "prototype", "chosen")  #: kinds of designs that are named
 REACH = 20.0  #: least distance of a name from its mark, px
+LETTER = 8.0  #: width of a letter, px
+PLOT = (600.0, 320.0)  #: size of a narrow plot, px, in which names stay within the axes
 
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
@@ -57,7 +59,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     x = window([lead.shown(row) for row in ([*near, *beaten] if far else near)])
     chosen = kinds["chosen"]
     names = [f"<b>chosen: {design_name(r)}</b>" if r in chosen else _short(r) for r in near]
-    _write_names(figure, near, names, (lead, second), row=1, col=1)
+    _write_names(figure, near, names, (lead, second), (x, y), row=1, col=1)
     figure.update_xaxes(title=lead.axis, range=x, col=1)
     figure.update_yaxes(title=second.axis, range=y, col=1)
     for row in far:
@@ -88,29 +90,34 @@ def _write_far(figure: go.Figure, row: Row, lead: Goal, second: Goal) -> None:
 
 def _write_names(
     figure: go.Figure, rows: Sequence[Row], names: Sequence[str], goals: tuple[Goal, Goal],
-    size: float = 0.0, **where: int,
+    ends: tuple[tuple[float, float], tuple[float, float]], size: float = 0.0, **where: int,
 ) -> None:  # fmt: skip
     """Name designs beside their marks: on the better side, where the front leaves no other mark.
 
-    Names of neighbours stand at three distances in turn; ``size`` is of the largest marks, px.
+    Names of neighbours stand at three distances in turn; ``ends`` are of the axes, within which
+    all names stay, ``size`` is of the largest marks, px.
     """
-    ways = [1.0 if goal.objective.maximise else -1.0 for goal in goals]
-    order = sorted(range(len(rows)), key=lambda k: goals[0].shown(rows[k]))
-    for turn, k in enumerate(order):
-        # The prototype is seldom on the front: its better side is full, the other one is not.
-        side = -1.0 if rows[k]["prototype"] else 1.0
-        reach = side * (REACH + 0.5 * size + 17.0 * (turn % 3))
-        at = goals[0].shown(rows[k]), goals[1].shown(rows[k])
-        _write(figure, at, names[k], (ways[0] * reach, -ways[1] * reach), **where)
+    for turn, k in enumerate(sorted(range(len(rows)), key=lambda k: goals[0].shown(rows[k]))):
+        half = 0.5 * LETTER * len(names[k].replace("<b>", "").replace("</b>", ""))
+        off = 8.0 + 0.5 * size + half, REACH + 0.5 * size + 16.0 * (turn % 3)
+        at, place = (goals[0].shown(rows[k]), goals[1].shown(rows[k])), []
+        for axis, room in enumerate((half, 10.0)):
+            # The prototype is seldom on the front: its better side is full, the other one is not.
+            better = goals[axis].objective.maximise != bool(rows[k]["prototype"])
+            low, high = ends[axis]
+            own = PLOT[axis] * (at[axis] - low) / (high - low)
+            wanted = own + (off[axis] if better else -off[axis])
+            place.append(min(max(wanted, room), PLOT[axis] - room) - own)
+        _write(figure, at, names[k], (place[0], -place[1]), **where)
 
 
 def _write(
     figure: go.Figure, at: tuple[float, float], words: str, off: tuple[float, float], **where: int
 ) -> None:
-    anchor = {-1.0: "right", 0.0: "center", 1.0: "left"}[float((off[0] > 0) - (off[0] < 0))]
     figure.add_annotation(
-        x=at[0], y=at[1], text=words, ax=off[0], ay=off[1], xanchor=anchor, showarrow=True,
-        arrowhead=0, arrowwidth=1, arrowcolor=INK, standoff=7, font={"size": 14}, **where,
+        x=at[0], y=at[1], text=words, ax=off[0], ay=off[1], showarrow=True, arrowhead=0,
+        arrowwidth=1, arrowcolor=INK, standoff=7, font={"size": 14},
+        bgcolor="rgba(255, 255, 255, 0.75)", **where,
     )  # fmt: skip
 
 
@@ -131,9 +138,10 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
             figure.add_trace(trace)
     seen = _simulated(kinds)
     names = [f"{_short(row)}: {size.number(size.shown(row))}" for row in seen]
-    _write_names(figure, seen, names, (lead, up), LARGEST)
-    figure.update_xaxes(title=lead.axis, range=window([lead.shown(row) for row in seen]))
-    figure.update_yaxes(title=up.axis, range=window([up.shown(row) for row in seen]))
+    x, y = (window([goal.shown(row) for row in seen]) for goal in (lead, up))
+    _write_names(figure, seen, names, (lead, up), (x, y), LARGEST)
+    figure.update_xaxes(title=lead.axis, range=x)
+    figure.update_yaxes(title=up.axis, range=y)
     return styled(figure, 520).update_layout(legend={"itemsizing": "constant"})
 
 

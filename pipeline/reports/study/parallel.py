@@ -81,7 +81,9 @@ def _value(row: Row, name: str) -> float:
 def _upright(figure: go.Figure, place: int, title: str, ends: tuple[float, float]) -> None:
     """Draw an axis with its ends, clear of the largest mark, and its title."""
     line = {"color": INK, "width": 1}
-    figure.add_shape(type="line", x0=place, x1=place, y0=0, y1=1, line=line, layer="below")
+    figure.add_shape(
+        type="line", x0=place, x1=place, y0=0, y1=1, line=line, layer="below", opacity=1
+    )
     texts = [minus(f"{end:.0f}" if abs(end) >= 1e3 else f"{end:.3g}") for end in ends]
     for level, text, anchor, shift, size in (
         (0.0, texts[0], "top", -9, 12), (1.0, texts[1], "bottom", 9, 12),
