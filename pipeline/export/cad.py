@@ -37,7 +37,7 @@ TIME = "2000-01-01T00:00:00"
 
 
 def cad_available() -> bool:
-    """Tell whether build123d can be imported."""
+    """Check whether build123d can be imported."""
     try:
         _kernel()
     except InputError:
@@ -164,7 +164,6 @@ def _beyond(dog: Dog) -> tuple[float, float]:
 
 
 def _corner_edges(dog: Dog, corner: Corner) -> tuple[_Edge, _Edge]:
-    """Return first and last line of a corner, cut at right angles beyond the annulus."""
     lines = corner.lines(8)
     inner, outer = ((lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog))
     ways = (float(inner.min()), float(outer.max()))
@@ -208,7 +207,6 @@ def _sector(dog: Dog, body: float, stop: float) -> Any:
 
 
 def _on_cut(face: Any, stop: float, pitch_angle: float) -> bool:
-    """Tell whether a face of the pitch is one of the two cuts to its neighbours."""
     centre = face.center()
     angle = math.atan2(centre.Y, centre.X)
     ends = (stop - pitch_angle, stop)

@@ -30,7 +30,7 @@ class Pool:
         self._listed: list[dict[str, Any]] | None = None
         self._drawn: list[list[dict[str, Any]]] = []
 
-    def fresh(self, space: Space, taken: Sequence[Params]) -> list[dict[str, Any]]:
+    def untaken(self, space: Space, taken: Sequence[Params]) -> list[dict[str, Any]]:
         """Return up to ``wide`` allowed designs of a space that were not taken.
 
         None where every one was. Raises InputError where next to none is allowed.
@@ -47,7 +47,7 @@ class Pool:
 
     def first(self, space: Space) -> list[dict[str, Any]]:
         """Return up to ``wide`` allowed designs of a space, taken or not."""
-        return self.fresh(space, [])
+        return self.untaken(space, [])
 
     def drawn(
         self, space: Space, rng: np.random.Generator, size: int, near: Sequence[Params] | None
@@ -92,7 +92,7 @@ def _not_of(gone: set[Any], space: Space, pool: Sequence[dict[str, Any]]) -> lis
 
 
 def _some(found: list[dict[str, Any]], none_of: str) -> list[dict[str, Any]]:
-    """Return what was found; raise InputError where that is nothing."""
+    """Require a design; raise InputError where there is none."""
     if not found:
         raise InputError(
             f"{none_of} passes every check; "

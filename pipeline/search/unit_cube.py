@@ -44,18 +44,18 @@ class Space:
         )
 
     def holds(self, params: Mapping[str, Any]) -> bool:
-        """Tell whether parameters are of this space and within its ranges."""
+        """Check whether parameters are of this space and within its ranges."""
         return all(
             name in params and known._contains(known.to_internal_repr(params[name]))
             for name, known in self.distributions.items()
         )
 
     def key(self, params: Mapping[str, Any]) -> tuple[float, ...]:
-        """Return what parameters of the space have in common only with the same ones."""
+        """Return a hashable key of parameters; equal ones have equal keys."""
         return tuple(d.to_internal_repr(params[name]) for name, d in self.distributions.items())
 
     def every(self, most: int) -> list[dict[str, Any]] | None:
-        """Return all parameters there are; None where they are more than ``most``."""
+        """List all parameters there are; None where they are more than ``most``."""
         values = [_values(known, most) for known in self.distributions.values()]
         if math.prod(math.inf if some is None else len(some) for some in values) > most:
             return None
@@ -128,7 +128,6 @@ def _value(known: Number, unit: float) -> float:
 
 
 def _stepped(known: Number, value: float) -> float:
-    """Return the nearest value that a number may have."""
     if known.step is not None:
         value = known.low + round((value - known.low) / known.step) * known.step
     value = min(max(value, known.low), known.high)

@@ -139,7 +139,6 @@ def train(
 
 
 def _data_of(study: Study, folder: StudyFolder) -> Dataset:
-    """Return what the folder's shifts say, after what all machines at its search found."""
     own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
     if not folder.others.exists():
         return own

@@ -55,7 +55,6 @@ def row_record(rows: Array) -> list[list[float | None]]:
 
 
 def _rises_as(study: Study, shift: Record) -> bool:
-    """Tell whether the force of a shift rose as the study's table says, drawn or not."""
     table = rise_table(study.file)
     kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
     profiles = [ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds]

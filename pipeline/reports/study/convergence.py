@@ -1,4 +1,4 @@
-r"""How the search converged: best value and hypervolume against the shifts simulated.
+r"""Convergence of the search: best value and hypervolume against the shifts simulated.
 
 The hypervolume is what the front dominates of the box between the best and the worst value of
 each objective that feasible designs of the search have.

@@ -78,7 +78,6 @@ def _far_prototype(prototype: list[Row], others: list[Row], lead: Goal) -> list[
 
 
 def _write_far(figure: go.Figure, row: Row, lead: Goal, second: Goal) -> None:
-    """Give the prototype its name and an axis of its own, in the second panel."""
     at = lead.shown(row)
     room = 1.6 * max(abs(end - at) for end in lead.interval(row)) or 0.1 * abs(at)
     figure.update_xaxes(
@@ -90,7 +89,7 @@ def _write_far(figure: go.Figure, row: Row, lead: Goal, second: Goal) -> None:
 
 def _write_names(
     figure: go.Figure, rows: Sequence[Row], names: Sequence[str], goals: tuple[Goal, Goal],
-    ends: tuple[tuple[float, float], tuple[float, float]], size: float = 0.0, **where: int,
+    ends: tuple[tuple[float, float], tuple[float, float]], *, size: float = 0.0, **where: int,
 ) -> None:  # fmt: skip
     """Name designs beside their marks: on the better side, where the front leaves no other mark.
 
@@ -139,7 +138,7 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
     seen = _simulated(kinds)
     names = [f"{_short(row)}: {size.number(size.shown(row))}" for row in seen]
     x, y = (window([goal.shown(row) for row in seen]) for goal in (lead, up))
-    _write_names(figure, seen, names, (lead, up), (x, y), LARGEST)
+    _write_names(figure, seen, names, (lead, up), (x, y), size=LARGEST)
     figure.update_xaxes(title=lead.axis, range=x)
     figure.update_yaxes(title=up.axis, range=y)
     return styled(figure, 520).update_layout(legend={"itemsizing": "constant"})
@@ -194,7 +193,6 @@ def confirmed_designs(result: Row) -> dict[int, Row]:
 
 
 def _bars(rows: list[Row], goal: Goal) -> Row:
-    """Return the 95 % intervals of designs as error bars."""
     pairs = [(goal.shown(row), goal.interval(row)) for row in rows]
     return {
         "type": "data",

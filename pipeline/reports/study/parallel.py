@@ -72,7 +72,6 @@ def parallel_figure(result: Row, variables: list[str]) -> go.Figure:
 
 
 def _value(row: Row, name: str) -> float:
-    """Return a value as shown."""
     if name in OBJECTIVES:
         return Goal(OBJECTIVES[name], 0.0, False).shown(row)
     return float(row[name])

@@ -204,7 +204,6 @@ def _surrogate_figures(folder: StudyFolder) -> Row:
 
 
 def _distributions(result: Row, shifts: Shifts) -> dict[str, single_shifts.Distribution]:
-    """Return the distribution of prototype and chosen design, both or none."""
     if not result["confirmation"] or result["best"] is None:
         return {}
     best = {name: result["best"][name] for name in shifts.study.variables}
@@ -226,7 +225,6 @@ def _drawings(study: Study, best: Row | None) -> Row:
 
 
 def _replays(folder: StudyFolder, shifts: Shifts, shown: list[Row]) -> list[Row]:
-    """Return the fastest and slowest shift of each design shown, with the pages that are there."""
     return [
         {
             "design": pair[0].design,

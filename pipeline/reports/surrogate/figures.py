@@ -164,7 +164,6 @@ def _trace(name: str, series: Series, look: Row, place: int) -> go.Scatter:
 
 
 def _with_marks(look: Row) -> Row:
-    """Return a look with a mark at each whole number."""
     if look["mode"] == "markers":
         return look
     solid = "dash" not in look["line"]
