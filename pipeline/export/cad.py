@@ -139,7 +139,11 @@ def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
         rays.append(Lines(level, np.array([[math.cos(angle), math.sin(angle), 0.0]])))
     edges, faces = [_Edge(dog, rays[0])], []
     for corner in corners:
-        begin, end = _corner_edges(dog, corner)
+        lines = corner.lines(8)
+        # Cut at right angles to the corner's axis, beyond the annulus.
+        cuts = [(lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog)]
+        ways = (float(cuts[0].min()), float(cuts[1].max()))
+        begin, end = _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
         faces.append(_plane(dog, edges[-1], begin))
         if corner.radius:
             faces.append(_cylinder(corner, begin, end))
@@ -161,13 +165,6 @@ class _Edge:
 
 def _beyond(dog: Dog) -> tuple[float, float]:
     return dog.inner_radius - BEYOND, dog.outer_radius + BEYOND
-
-
-def _corner_edges(dog: Dog, corner: Corner) -> tuple[_Edge, _Edge]:
-    lines = corner.lines(8)
-    inner, outer = ((lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog))
-    ways = (float(inner.min()), float(outer.max()))
-    return _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
 
 
 def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:

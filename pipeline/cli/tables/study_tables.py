@@ -41,7 +41,7 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
     if result["best"] is not None:
-        last = ", last what failed at the fresh angles" if failed_at_new_angles(result) else ""
+        last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
         lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
         lines += [_front(study, result), ""]
         lines += [words] if (words := replicated_words(result)) else []
@@ -59,7 +59,7 @@ def _pair(study: Study, result: Row) -> Table:
     best, angles = result["best"], result["confirmation"]["angles"]
     own = next(row for row in result["trials"] if row["prototype"])
     chosen = "the same" if best["prototype"] else f"design {best['trial']}, chosen"
-    table = columns(f"at {angles} fresh angles (95 % interval)", "prototype", chosen, "change")
+    table = columns(f"at {angles} new angles (95 % interval)", "prototype", chosen, "change")
     for name in study.variables:
         table.add_row(axis(name), *(f"{row[name]:.4g}" for row in (own, best)), "")
     for one in gained(result):
