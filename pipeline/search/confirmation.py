@@ -40,12 +40,17 @@ def confirm(
     study, found = state.study, dict[int, Simulated]()
     params: dict[int, dict[str, float]] = {}
     while trials := _next(state, found):
-        told(len(trials), _line(state, len(trials)))
+        count, failed = len(trials), len(state.findings.unfit)
+        line = f"confirming prototype and {count} of the front at new angles"
+        if failed:
+            line = f"{failed} failed at the new angles: confirming {count} more of the front"
+            line += " without them"
+        told(count, line)
         these = {trial.number: dict(trial.params) for trial in trials}
         new = resimulated(study, these, executor)
         params, found = params | these, found | new
-        failed = [t for t, one in new.items() if not _passes(study, these[t], one)]
-        state = state.reject(failed) if failed else state
+        unfit = [t for t, one in new.items() if not _passes(study, these[t], one)]
+        state = state.reject(unfit) if unfit else state
     if not found:
         return None, state
     loss = {t.number: state.leading_loss(t) for t in state.simulated if t.number in found}
@@ -64,13 +69,6 @@ def _next(state: SearchState, found: Mapping[int, Simulated]) -> list[FrozenTria
     left = min(wanted, most_confirmed(state.study) - len(found))
     shown = [best, *(t for t in state.front if t.number != best.number)]
     return [t for t in shown if t.number not in found][: max(0, left)]
-
-
-def _line(state: SearchState, count: int) -> str:
-    failed = len(state.findings.unfit)
-    if not failed:
-        return f"confirming prototype and {count} of the front at new angles"
-    return f"{failed} failed at the new angles: confirming {count} more of the front without them"
 
 
 def resimulated(
