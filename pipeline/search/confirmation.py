@@ -19,7 +19,7 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
-from dogshape.pipeline.simulate.evaluation import FRESH, Simulated, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
@@ -87,7 +87,7 @@ def resimulated(
 def _evaluated(
     study: Study, dogs: list[Dog], executor: Executor, checked: bool = False
 ) -> list[Simulated]:
-    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
+    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
     return evaluate(study, dogs, executor, plans, seed, checked=checked)
 

@@ -11,7 +11,13 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
-from dogshape.pipeline.reports.study.front import front_figure, sure_figure, third_figure
+from dogshape.pipeline.reports.study.front import (
+    LETTER,
+    PLOT,
+    front_figure,
+    sure_figure,
+    third_figure,
+)
 from dogshape.pipeline.reports.study.goals import MARGIN
 from dogshape.pipeline.reports.study.operating_points import (
     engaged_figure,
@@ -28,7 +34,7 @@ from dogshape.pipeline.reports.study.single_shifts import (
     distribution_figure,
     quantile_rows,
 )
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
 
 
@@ -192,7 +198,7 @@ def test_front_of_what_is_maximised_has_errors_of_both_objectives(result: Row) -
 
 
 def test_distribution_of_single_shifts(study: Study) -> None:
-    own, fresh = study.prototype, {"seed": study.file.expectation.seed + FRESH}
+    own, fresh = study.prototype, {"seed": study.file.expectation.seed + NEW_ANGLES}
     times = [0.01 * k for k in range(1, 100)] + [None]
     place = {"mismatch_rpm": 50.0, "force_N": 469.0, **fresh}
     rows = tuple(shift(study, own, k, t, **place) for k, t in enumerate(times))
@@ -254,8 +260,13 @@ def test_names_of_parallel_lines_have_a_margin_of_their_own(result: Row) -> None
     assert figure.layout.xaxis.range[0] <= -0.5
 
 
-def test_names_stand_where_the_front_leaves_no_design(result: Row) -> None:
-    notes = {n.text: n for n in front_figure(result, VARIABLES, LENGTH).layout.annotations}
-    for words in ("1", "<b>chosen: design 2</b>"):  # faster and shorter: left and below
-        assert (notes[words].ax < 0, notes[words].ay > 0) == (True, True)
-    assert notes["1"].ax != notes["<b>chosen: design 2</b>"].ax
+def test_names_stand_within_the_axes_where_the_front_leaves_no_design(result: Row) -> None:
+    figure = front_figure(result, VARIABLES, LENGTH)
+    low, high = figure.layout.xaxis.range
+    notes = [note for note in figure.layout.annotations if note.text != "<b>prototype</b>"]
+    for note in notes:
+        assert note.ay > 0  # shorter: below the front
+        middle = PLOT[0] * (note.x - low) / (high - low) + note.ax
+        half = 0.5 * LETTER * len(note.text.replace("<b>", "").replace("</b>", ""))
+        assert half - 1e-9 <= middle <= PLOT[0] - half + 1e-9
+    assert len({note.ay for note in notes}) == len(notes) == 2

@@ -38,7 +38,7 @@ from dogshape.pipeline.reports.study.summary import (
 )
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.simulate.design import OBJECTIVES
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import known_surrogate
@@ -76,7 +76,7 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> N
     own, seed = study.prototype, study.file.expectation.seed
     rows = (
         shift(study, own, 1.0, 0.05),
-        shift(study, own, 2.0, None, seed=seed + FRESH),
+        shift(study, own, 2.0, None, seed=seed + NEW_ANGLES),
         shift(study, own, 3.0, 0.07, accuracy=1e-9),
         shift(study, own, 4.0, None, outcome="diverged"),
         shift(study, own | {"chamfer_deg": 9.0}, 1.0, 0.02),

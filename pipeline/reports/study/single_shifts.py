@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.reports.kit.look import INK, LINES, MARKS, Row, styled
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.shift_records import Record, clutch_record, content_key
@@ -50,7 +50,7 @@ class Shifts:
 
     def confirmed(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts at the new angles of the confirmation."""
-        return self._drawn(design, self.study.file.expectation.seed + FRESH)
+        return self._drawn(design, self.study.file.expectation.seed + NEW_ANGLES)
 
     def _drawn(self, design: dict[str, float], seed: int) -> list[Record]:
         return [row for row in self.of(design) if row.get("seed") == seed]
