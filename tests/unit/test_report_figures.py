@@ -19,7 +19,8 @@ from dogshape.pipeline.reports.study.front import (
     third_figure,
 )
 from dogshape.pipeline.reports.study.goals import MARGIN
-from dogshape.pipeline.reports.study.operating_points import (
+from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
+from dogshape.pipeline.reports.study.point_gains import (
     engaged_figure,
     gain_figure,
     gains,
@@ -27,7 +28,6 @@ from dogshape.pipeline.reports.study.operating_points import (
     listed_figure,
     points_figure,
 )
-from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
 from dogshape.pipeline.reports.study.single_shifts import (
     Shifts,
     distribution,

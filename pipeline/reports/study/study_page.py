@@ -14,7 +14,7 @@ from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import label, percent
 from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
-from dogshape.pipeline.reports.study import operating_points as places
+from dogshape.pipeline.reports.study import point_gains as places
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
 from dogshape.pipeline.reports.study.front import (
     confirmed_designs,

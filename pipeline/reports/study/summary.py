@@ -10,7 +10,7 @@ from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import check_name, label, minus, percent, value
 from dogshape.pipeline.reports.study.front import confirmed_designs
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
-from dogshape.pipeline.reports.study.operating_points import Gain, gains
+from dogshape.pipeline.reports.study.point_gains import Gain, gains
 from dogshape.pipeline.simulate.design import SIMULATED
 
 Span = tuple[float, float]

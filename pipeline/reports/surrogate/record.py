@@ -9,7 +9,7 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Study, require_variables
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.surrogate.asked_points import choices, middle, operating_inputs
+from dogshape.pipeline.reports.surrogate.operating_choices import choices, middle, operating_inputs
 from dogshape.pipeline.reports.surrogate.slices import Base, rounded, slices_record
 from dogshape.pipeline.simulate.design import worth_simulating
 from dogshape.pipeline.train.filling import filling_designs

@@ -11,7 +11,11 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.maps import thinned
-from dogshape.pipeline.reports.surrogate.asked_points import Operating, middle, operating_inputs
+from dogshape.pipeline.reports.surrogate.operating_choices import (
+    Operating,
+    middle,
+    operating_inputs,
+)
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.covariance import Array
