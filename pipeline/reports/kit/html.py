@@ -51,9 +51,10 @@ def csv_link(text: str) -> str:
     return "data:text/csv;charset=utf-8," + quote(text)
 
 
-def as_script_json(data: Any) -> str:
+def as_script_json(data: Any, *, allow_nan: bool = False) -> str:
     """Write data as JSON for a script, which would end at the first "</" wherever it stands."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    text = json.dumps(data, separators=(",", ":"), allow_nan=allow_nan)
+    return text.replace("<", "\\u003c")
 
 
 def script(code: str) -> Markup:

@@ -92,7 +92,7 @@ def write_animation(
         why=why(result),
         facts=facts(result, torque_peak),
         panels=[round(top) for top, _ in _panels()],
-        data=as_script_json(_content(result, series)),
+        data=as_script_json(_content(result, series), allow_nan=True),
         curves=figure_html(_curves(result, series), "curves"),
         **scripts,
     )
