@@ -22,7 +22,7 @@ from typing import Any
 
 from benchmarks.common import default_study
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -79,7 +79,7 @@ def expectations(
     """Return the expected shift time of each design."""
     dogs = [study.dog_with(params) for params in designs.values()]
     plans = [whole_plan(study, angles)] * len(dogs)
-    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed + 2 * FRESH)
+    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed + 2 * NEW_ANGLES)
     return {name: one.expectation for name, one in zip(designs, found, strict=True)}
 
 

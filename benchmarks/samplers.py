@@ -11,7 +11,7 @@ A run of Optuna's also ends after 400 s of a processor or 4000 proposals: it the
 front that it had.
 
 A front is what a search declares at a number of shifts: designs that pass every check and that no
-other dominates, as far as it knows. All of them are simulated again, densely and at fresh angles,
+other dominates, as far as it knows. All of them are simulated again, densely and at new angles,
 and those whose dogs land too hard there are left out. What is told is the hypervolume of the rest
 up to a quarter beyond the prototype, as a share of that of the reference front: the best of all
 designs that were simulated densely, among them the front of a search over 20 000 designs by the
@@ -46,7 +46,7 @@ from dogshape.pipeline.simulate.design import (
     values_of,
     worth_simulating,
 )
-from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -57,7 +57,7 @@ from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
 SHIFTS = 24  #: of a whole design
-DENSE = 8  #: fresh angles at each operating point of a declared design
+DENSE = 8  #: new angles at each operating point of a declared design
 SHARES = (0.2, 1.0)  #: of all shifts, at which fronts are compared
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
 WIDE, NEAR, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
@@ -170,7 +170,10 @@ class Truth:
         study = self._study
         fresh = {self._key(d): d for d in designs if self._key(d) not in self._values}
         dogs = [study.dog_with(params) for params in fresh.values()]
-        plans, seed = [whole_plan(study, DENSE)] * len(dogs), study.file.expectation.seed + FRESH
+        plans, seed = (
+            [whole_plan(study, DENSE)] * len(dogs),
+            study.file.expectation.seed + NEW_ANGLES,
+        )
         found = evaluate(study, dogs, self._executor, plans, seed)
         for (key, params), one in zip(fresh.items(), found, strict=True):
             design = design_of(study, params, one.landing)

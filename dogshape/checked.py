@@ -80,6 +80,6 @@ class Checked(Result):
 
     def plot(self) -> go.Figure:
         """Draw the margin of each check, and what is left of it in the worst case."""
-        from dogshape.pipeline.reports.kit.charts import margins  # noqa: PLC0415  # loads plotly
+        from dogshape.pipeline.reports.kit.result_charts import margins  # noqa: PLC0415  # loads plotly
 
         return margins(self.design.checks, self.within)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import Study as StudyConfig
-from dogshape.pipeline.reports.kit.charts import means_by_point
+from dogshape.pipeline.reports.kit.result_charts import means_by_point
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
 from dogshape.pipeline.store.result_records import expectation_record

@@ -20,9 +20,9 @@ from dogshape.pipeline.diagnose.extras import Extras, so_what
 from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.before_after import before_figure
+from dogshape.pipeline.reports.gap.gap_page import publish, write_page
 from dogshape.pipeline.reports.gap.hypothesis_cards import short
 from dogshape.pipeline.reports.gap.point_rows import cells_of
-from dogshape.pipeline.reports.gap.publish import publish, write_page
 from dogshape.result import Result, ms
 from dogshape.sim.errors import InputError
 from dogshape.sim.writers import writing

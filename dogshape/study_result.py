@@ -11,10 +11,10 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Study as StudyConfig
 from dogshape.pipeline.config.study_file import build_study
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.reports.study.design_tables import all_designs_frame, front_frame
+from dogshape.pipeline.reports.study.designs import all_designs_frame, front_frame
 from dogshape.pipeline.reports.study.front import front_figure, sure_figure
 from dogshape.pipeline.reports.study.goals import goals_of
-from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.reports.study.summary import gained
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets

@@ -21,7 +21,7 @@ import numpy as np
 
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect
@@ -154,7 +154,7 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, P
 def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
     """Return the prototype and the fastest feasible designs of a study's kept result, by name.
 
-    The chosen one comes first; designs that failed at fresh angles are left out.
+    The chosen one comes first; designs that failed at new angles are left out.
 
     Raises DataError where nothing is kept.
     """
@@ -211,7 +211,7 @@ def consequence(
     settings = [_settings(study, params) for params in designs.values()]
     changed = [[level.setting(effects, one) for one in mine] for mine in settings]
     every = [one for group in (settings, changed) for mine in group for one in mine]
-    seed = study.file.expectation.seed + 3 * FRESH
+    seed = study.file.expectation.seed + 3 * NEW_ANGLES
     places = len(study.points)
     blocks = [
         replace(

@@ -37,7 +37,7 @@ TIME = "2000-01-01T00:00:00"
 
 
 def cad_available() -> bool:
-    """Tell whether build123d can be imported."""
+    """Check whether build123d can be imported."""
     try:
         _kernel()
     except InputError:
@@ -139,7 +139,11 @@ def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
         rays.append(Lines(level, np.array([[math.cos(angle), math.sin(angle), 0.0]])))
     edges, faces = [_Edge(dog, rays[0])], []
     for corner in corners:
-        begin, end = _corner_edges(dog, corner)
+        lines = corner.lines(8)
+        # Cut at right angles to the corner's axis, beyond the annulus.
+        cuts = [(lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog)]
+        ways = (float(cuts[0].min()), float(cuts[1].max()))
+        begin, end = _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
         faces.append(_plane(dog, edges[-1], begin))
         if corner.radius:
             faces.append(_cylinder(corner, begin, end))
@@ -161,14 +165,6 @@ class _Edge:
 
 def _beyond(dog: Dog) -> tuple[float, float]:
     return dog.inner_radius - BEYOND, dog.outer_radius + BEYOND
-
-
-def _corner_edges(dog: Dog, corner: Corner) -> tuple[_Edge, _Edge]:
-    """Return first and last line of a corner, cut at right angles beyond the annulus."""
-    lines = corner.lines(8)
-    inner, outer = ((lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog))
-    ways = (float(inner.min()), float(outer.max()))
-    return _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
 
 
 def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
@@ -208,7 +204,6 @@ def _sector(dog: Dog, body: float, stop: float) -> Any:
 
 
 def _on_cut(face: Any, stop: float, pitch_angle: float) -> bool:
-    """Tell whether a face of the pitch is one of the two cuts to its neighbours."""
     centre = face.center()
     angle = math.atan2(centre.Y, centre.X)
     ends = (stop - pitch_angle, stop)

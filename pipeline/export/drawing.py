@@ -1,6 +1,7 @@
 """Drawings of the dogs as SVG: the pair meshed, and one dog with its dimensions.
 
-Both are sections at the mean radius, unrolled.
+Both are sections at the mean radius, unrolled. They are drawn without build123d, which would
+draw dimensions too, since a report has them where the extra ``cad`` is not installed.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
 
 
 def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
-    """Return the profile of ``dogs`` neighbouring dogs with their slots, mm."""
+    """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm."""
     points = []
     for index in range(dogs):
         shift = (index - 0.5 * (dogs - 1)) * dog.pitch
@@ -61,7 +62,7 @@ def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
 
 
 def rounded(points: Sequence[Point], radius: float) -> str:
-    """Return path commands through ``points`` with every inner corner rounded, px."""
+    """Write path commands through ``points`` with every inner corner rounded, px."""
     commands = [f"M{points[0][0]:.2f},{points[0][1]:.2f}"]
     for before, here, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
         back, ahead = math.dist(before, here), math.dist(here, after)
@@ -93,11 +94,11 @@ class _Sheet:
         return self.centre[0] + x * self.scale, self.centre[1] - z * self.scale
 
     def size(self, name: str, value: float, mark: str = "") -> str:
-        """Return a length with its tolerance, mm."""
+        """Print a length with its tolerance, mm."""
         return f"{mark}{value / MM:.2f}{self._tolerance(name, MM, '')}"
 
     def slope(self, name: str, word: str) -> str:
-        """Return an angle with its tolerance, degrees."""
+        """Print an angle with its tolerance, degrees."""
         value = getattr(self.dog, name) / DEG
         return f"{word} {value:.2f}°{self._tolerance(name, DEG, '°')}"
 
@@ -106,7 +107,7 @@ class _Sheet:
         return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
 
     def part(self) -> str:
-        """Return the dog with the slots beside it and the ends of its neighbours."""
+        """Draw the dog with the slots beside it and the ends of its neighbours."""
         dog, reach = self.dog, 0.775 * self.dog.pitch
         points = [(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
         curve = rounded([self.at(*p) for p in points], self.limits.root_radius * self.scale)
@@ -124,49 +125,40 @@ class _Sheet:
         return float(np.interp(x, places, levels))
 
     def lengths(self) -> list[str]:
-        """Return the dimensions of widths and heights."""
+        """Draw the dimensions of widths and heights."""
         dog, half = self.dog, 0.5 * self.dog.height
         root_b, edge, crest, root_t = section(dog)
         tip_b = (crest[0] - dog.tip_width, half)
         below = self.at(0.0, -half)[1]
         right, left = self.at(0.775 * dog.pitch, 0.0)[0], self.at(-0.775 * dog.pitch, 0.0)[0]
-        at = self.at
-        next_root = (root_t[0] - dog.pitch, -half)
+        at, next_root = self.at, (root_t[0] - dog.pitch, -half)
         over = (dog.height - crest_loss(dog, self.limits.root_radius)) / MM
-        drawn = [
-            svg.line(at(*edge), at(*tip_b)),
-            svg.dimension(
-                at(*tip_b), at(*crest), at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)
-            ),
-            svg.dimension(at(*root_b), at(*root_t), below + 36.0, _follows("root", dog.root_width)),
-            svg.dimension(
-                at(*next_root), at(*root_t), below + 68.0, _follows("pitch", dog.pitch, 3)
-            ),
-            svg.dimension(
-                at(*crest),
-                at(crest[0], -half),
-                right + 40.0,
-                "h " + self.size("height", dog.height),
-                upright=True,
-            ),
-            svg.text((right + 52.0, at(*crest)[1] + 4.0), f"{over:.2f} over", "start", "small"),
-            svg.text((right + 52.0, at(*crest)[1] + 18.0), "the rounding", "start", "small"),
-            svg.dimension(
-                at(*edge),
-                at(edge[0], -half),
-                left - 20.0,
-                _follows("flank", dog.braking_flank_height),
-                upright=True,
-            ),
+        level = (
+            (tip_b, crest, at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)),
+            (root_b, root_t, below + 36.0, _follows("root", dog.root_width)),
+            (next_root, root_t, below + 68.0, _follows("pitch", dog.pitch, 3)),
+        )
+        height, flank = self.size("height", dog.height), dog.braking_flank_height
+        upright = [
+            (crest, (crest[0], -half), right + 40.0, "h " + height),
+            (edge, (edge[0], -half), left - 20.0, _follows("flank", flank)),
         ]
         if dog.edge_drop > 0.0:
-            ends = (at(crest[0], half), at(*edge))
             drop = _follows("drop", dog.edge_drop)
-            drawn.append(svg.dimension(*ends, left - 54.0, drop, upright=True))
-        return drawn
+            upright.append(((crest[0], half), edge, left - 54.0, drop))
+        drawn = [svg.dimension(at(*a), at(*b), x, words, True) for a, b, x, words in upright]
+        rounding = right + 52.0, at(*crest)[1]
+        return [
+            svg.line(at(*edge), at(*tip_b)),
+            *(svg.dimension(at(*a), at(*b), place, words) for a, b, place, words in level),
+            drawn[0],
+            svg.text((rounding[0], rounding[1] + 4.0), f"{over:.2f} over", "start", "small"),
+            svg.text((rounding[0], rounding[1] + 18.0), "the rounding", "start", "small"),
+            *drawn[1:],
+        ]
 
     def angles(self) -> list[str]:
-        """Return chamfer, side angles and the root radius."""
+        """Draw chamfer, side angles and the root radius."""
         dog, half = self.dog, 0.5 * self.dog.height
         root_b, edge, crest, _ = section(dog)
         corner, low = self.at(*crest), self.at(*edge)
@@ -177,41 +169,23 @@ class _Sheet:
         opening = 0.25 * math.pi + 0.5 * dog.braking
         way = radius * (1.0 / math.sin(opening) - 1.0)
         fillet = self.at(root_b[0] - way * math.cos(opening), -half + way * math.sin(opening))
+        below = self.at(0.0, self.underside)[1] + 24.0
+        place = self.at(-0.775 * dog.pitch, 0.0)[0] + 60.0, below
+        chamfer = (180.0, 180.0 + dog.chamfer / DEG)
+        traction, braking = (-90.0, -90.0 + dog.traction / DEG), (-90.0 - dog.braking / DEG, -90.0)
+        radius_words = "roots and tip edges R " + self.size("root_radius", radius)
         return [
-            svg.angle(
-                corner,
-                (180.0, 180.0 + dog.chamfer / DEG),
-                0.55 * dog.tip_width * self.scale,
-                self.slope("chamfer", "chamfer \u03b1"),
-                (self.centre[0] - 90.0, top),
-            ),
-            svg.angle(
-                corner,
-                (-90.0, -90.0 + dog.traction / DEG),
-                reach,
-                self.slope("traction", "traction flank \u03b2"),
-                (corner[0] + 70.0, top),
-            ),
-            svg.angle(
-                low,
-                (-90.0 - dog.braking / DEG, -90.0),
-                0.8 * reach,
-                self.slope("braking", "braking flank \u03b3"),
-                (low[0] - 110.0, top + 34.0),
-            ),
-            svg.leader(
-                fillet,
-                (
-                    self.at(-0.775 * dog.pitch, 0.0)[0] + 60.0,
-                    self.at(0.0, self.underside)[1] + 24.0,
-                ),
-                "roots and tip edges R " + self.size("root_radius", radius),
-                "end",
-            ),
-        ]
+            svg.angle(corner, chamfer, 0.55 * dog.tip_width * self.scale,
+                      self.slope("chamfer", "chamfer \u03b1"), (self.centre[0] - 90.0, top)),
+            svg.angle(corner, traction, reach,
+                      self.slope("traction", "traction flank \u03b2"), (corner[0] + 70.0, top)),
+            svg.angle(low, braking, 0.8 * reach,
+                      self.slope("braking", "braking flank \u03b3"), (low[0] - 110.0, top + 34.0)),
+            svg.leader(fillet, place, radius_words, "end"),
+        ]  # fmt: skip
 
     def words(self, title: str) -> list[str]:
-        """Return title and the numbers that the section does not show."""
+        """Write title and the numbers that the section does not show."""
         dog, material = self.dog, self.limits.material
         diameters = (
             f"{self.size('outer_diameter', dog.outer_diameter, 'Ø')} / "
@@ -246,7 +220,7 @@ def _follows(name: str, length: float, digits: int = 2) -> str:
 
 
 def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:
-    """Return the dimensioned section of one dog as an SVG document.
+    """Draw the dimensioned section of one dog as an SVG document.
 
     ``limits`` brings root radius, tolerances and material.
     """

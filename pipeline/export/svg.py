@@ -28,7 +28,7 @@ WIDTH = 7.2  #: of a character, px; close enough for a background
 
 
 def document(width: float, height: float, elements: Sequence[str], title: str) -> str:
-    """Return a whole SVG document."""
+    """Write a whole SVG document."""
     body = "\n".join(elements)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
@@ -39,24 +39,24 @@ def document(width: float, height: float, elements: Sequence[str], title: str) -
 
 
 def path(commands: str, kind: str) -> str:
-    """Return a path with the class ``kind``."""
+    """Draw a path with the class ``kind``."""
     return f'<path d="{commands}" class="{kind}"/>'
 
 
 def clipped(element: str, frame: tuple[float, float], height: float) -> str:
-    """Return an element of which only what lies between two x is seen."""
+    """Clip an element to the range between two x."""
     left, right = frame
     shape = f'<rect x="{left:.2f}" y="0" width="{right - left:.2f}" height="{height:.0f}"/>'
     return f'<clipPath id="frame">{shape}</clipPath><g clip-path="url(#frame)">{element}</g>'
 
 
 def line(a: Point, b: Point, kind: str = "thin") -> str:
-    """Return a straight line."""
+    """Draw a straight line."""
     return path(f"M{a[0]:.2f},{a[1]:.2f} L{b[0]:.2f},{b[1]:.2f}", kind)
 
 
 def text(at: Point, content: str, anchor: str = "middle", kind: str = "", turn: float = 0.0) -> str:
-    """Return a text on a white ground, turned by ``turn`` degrees about its place."""
+    """Write a text on a white ground, turned by ``turn`` degrees about its place."""
     x, y = at
     width = WIDTH * len(content) + 4.0
     left = {"middle": x - 0.5 * width, "start": x - 2.0, "end": x - width + 2.0}[anchor]
@@ -70,7 +70,7 @@ def text(at: Point, content: str, anchor: str = "middle", kind: str = "", turn: 
 
 
 def arrow(tip: Point, towards: Point) -> str:
-    """Return an arrow head at ``tip`` that points away from ``towards``."""
+    """Draw an arrow head at ``tip`` that points away from ``towards``."""
     length = math.dist(tip, towards) or 1.0
     ux, uy = (tip[0] - towards[0]) / length, (tip[1] - towards[1]) / length
     base = (tip[0] - HEAD * ux, tip[1] - HEAD * uy)
@@ -80,7 +80,7 @@ def arrow(tip: Point, towards: Point) -> str:
 
 
 def dimension(a: Point, b: Point, at: float, content: str, upright: bool = False) -> str:
-    """Return a dimension from ``a`` to ``b`` with its extension lines.
+    """Draw a dimension from ``a`` to ``b`` with its extension lines.
 
     The dimension line is level at height ``at``, or ``upright`` at that x. Where it is too
     short for two arrow heads, they stand outside.
@@ -111,7 +111,7 @@ def dimension(a: Point, b: Point, at: float, content: str, upright: bool = False
 def angle(
     corner: Point, between: tuple[float, float], radius: float, content: str, place: Point
 ) -> str:
-    """Return an angle about a corner between two directions, degrees anticlockwise from x.
+    """Draw an angle about a corner between two directions, degrees anticlockwise from x.
 
     A leader joins the arc's middle with the words at ``place``.
     """
@@ -131,12 +131,7 @@ def angle(
 
 
 def leader(tip: Point, place: Point, content: str, anchor: str = "start") -> str:
-    """Return a leader from the words at ``place`` to ``tip``."""
+    """Draw a leader from the words at ``place`` to ``tip``."""
     shift = 5.0 if anchor == "start" else -5.0
-    return "".join(
-        [
-            line(tip, place),
-            arrow(tip, place),
-            text((place[0] + shift, place[1] + 4.0), content, anchor),
-        ]
-    )
+    words = text((place[0] + shift, place[1] + 4.0), content, anchor)
+    return line(tip, place) + arrow(tip, place) + words

@@ -19,7 +19,7 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
-from dogshape.pipeline.simulate.evaluation import FRESH, Simulated, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
@@ -40,12 +40,17 @@ def confirm(
     study, found = state.study, dict[int, Simulated]()
     params: dict[int, dict[str, float]] = {}
     while trials := _next(state, found):
-        told(len(trials), _line(state, len(trials)))
+        count, failed = len(trials), len(state.findings.unfit)
+        line = f"confirming prototype and {count} of the front at new angles"
+        if failed:
+            line = f"{failed} failed at the new angles: confirming {count} more of the front"
+            line += " without them"
+        told(count, line)
         these = {trial.number: dict(trial.params) for trial in trials}
         new = resimulated(study, these, executor)
         params, found = params | these, found | new
-        failed = [t for t, one in new.items() if not _passes(study, these[t], one)]
-        state = state.reject(failed) if failed else state
+        unfit = [t for t, one in new.items() if not _passes(study, these[t], one)]
+        state = state.reject(unfit) if unfit else state
     if not found:
         return None, state
     loss = {t.number: state.leading_loss(t) for t in state.simulated if t.number in found}
@@ -66,13 +71,6 @@ def _next(state: SearchState, found: Mapping[int, Simulated]) -> list[FrozenTria
     return [t for t in shown if t.number not in found][: max(0, left)]
 
 
-def _line(state: SearchState, count: int) -> str:
-    failed = len(state.findings.unfit)
-    if not failed:
-        return f"confirming prototype and {count} of the front at new angles"
-    return f"{failed} failed at the new angles: confirming {count} more of the front without them"
-
-
 def resimulated(
     study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
 ) -> dict[int, Simulated]:
@@ -89,7 +87,7 @@ def resimulated(
 def _evaluated(
     study: Study, dogs: list[Dog], executor: Executor, checked: bool = False
 ) -> list[Simulated]:
-    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + FRESH
+    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
     return evaluate(study, dogs, executor, plans, seed, checked=checked)
 

@@ -4,7 +4,7 @@ Constraints that cost nothing are known exactly: what they forbid is never propo
 come from the surrogate over designs and operating points, fitted to every row so far; each other
 objective that needs a simulation has a process over designs, fitted to its values with their
 standard errors. How hard dogs land on each other is known after the simulation only; another
-process over designs foretells that.
+process over designs predicts that.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from optuna.distributions import BaseDistribution, FloatDistribution, IntDistrib
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.search.guide import Foretold, Params, Response, drawn
+from dogshape.pipeline.search.guide import Params, Prediction, Response, drawn
 from dogshape.pipeline.search.point_choice import first_plan, telling_plan
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
@@ -58,12 +58,12 @@ def search_space(study: Study) -> dict[str, BaseDistribution]:
 
 
 def simulated(trial: FrozenTrial) -> bool:
-    """Tell whether the design of a finished trial was simulated."""
+    """Check whether the design of a finished trial was simulated."""
     return "standard_error_s" in trial.user_attrs
 
 
 def distinct(trials: Sequence[FrozenTrial]) -> list[FrozenTrial]:
-    """Return the first trial of each design: one that was proposed again tells nothing new."""
+    """Select the first trial of each design: one that was proposed again is the same."""
     first: dict[tuple[Any, ...], FrozenTrial] = {}
     for trial in trials:
         first.setdefault(tuple(sorted(trial.params.items())), trial)
@@ -71,7 +71,7 @@ def distinct(trials: Sequence[FrozenTrial]) -> list[FrozenTrial]:
 
 
 def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:
-    """Return the rows that simulated trials carry, each once."""
+    """Collect the rows that simulated trials carry, each once."""
     rows = [row for trial in trials for row in trial.user_attrs["rows"]]
     return with_rows(study, once(np.array(rows, dtype=float)))
 
@@ -90,15 +90,17 @@ class DogGuide:
         self.distributions: Mapping[str, BaseDistribution] | None = search_space(study)
 
     def allows(self, params: Params) -> bool:
-        """Tell whether a design passes every check that needs no simulation."""
+        """Check whether a design passes every check that needs no simulation."""
         return worth_simulating(self.study, dict(params))
 
-    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
+    def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""
         every = [trial for trial in trials if simulated(trial)]
         told = distinct(every)
         x = space.coordinates([trial.params for trial in told])
-        hardest = np.array([_landing(trial) for trial in told])
+        # The constraint value of the hardest landing, feasible at or below zero.
+        landed = [[v for n, v in trial.constraints.items() if n in LANDING] for trial in told]
+        hardest = np.array([max(values, default=-1.0) for values in landed])
         found = [losses_of(self.study, trial.values, trial.user_attrs) for trial in told]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
         landing = Response.fitted(x, hardest, least=LANDING_SPREAD)
@@ -108,7 +110,7 @@ class DogGuide:
                 timed = column, self.over(every)
             elif objective.simulated:
                 others[column] = Response.fitted(x, losses[:, column], errors[:, column])
-        return _Foretold(self, space, timed, others, landing)
+        return _DogPrediction(self, space, timed, others, landing)
 
     def over(self, trials: Sequence[FrozenTrial]) -> Over:
         """Return the surrogate of the expected time that simulated trials give, fitted once.
@@ -117,17 +119,16 @@ class DogGuide:
         """
         key = [(t.number, t.user_attrs["rows"]) for t in sorted(trials, key=lambda t: t.number)]
         if self._over is None or self._over[0] != key:
-            self._over = key, Over(self._fitted(trials), study_mix(self.study))
+            if not trials:
+                raise InputError("no design was simulated yet")
+            data, known = dataset_of_trials(self.study, trials), self._known
+            if known is not None:
+                fitted = fit(known.data.joined(data), known.form, known, Effort(steps=0))
+            else:
+                effort = Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed)
+                fitted = fit(data, effort=effort)
+            self._over = key, Over(fitted, study_mix(self.study))
         return self._over[1]
-
-    def _fitted(self, trials: Sequence[FrozenTrial]) -> Surrogate:
-        if not trials:
-            raise InputError("no design was simulated yet")
-        data = dataset_of_trials(self.study, trials)
-        if self._known is not None:
-            data = self._known.data.joined(data)
-            return fit(data, self._known.form, self._known, Effort(steps=0))
-        return fit(data, effort=Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed))
 
     @property
     def informed(self) -> bool:
@@ -136,53 +137,44 @@ class DogGuide:
 
     @property
     def partial(self) -> bool:
-        """Whether designs are simulated at some operating points only, the others foretold.
+        """Whether designs are simulated at some operating points only, and predicted at the others.
 
-        That needs the surrogate over operating points to say every objective that is simulated.
+        That needs a surrogate over operating points that predicts every simulated objective.
         """
-        search, foretold = self.study.file.search, {SIMULATED, "smallest_margin"}
+        search, predicted = self.study.file.search, {SIMULATED, "smallest_margin"}
         simulated = {o.name for o in objectives_of(self.study) if o.simulated}
         few = search.points is not None and search.points < len(self.study.points)
-        return few and simulated <= foretold and search.sampler in OWN
+        return few and simulated <= predicted and search.sampler in OWN
 
     def times(self, trials: Sequence[FrozenTrial]) -> tuple[Array, Array]:
-        """Return what the rows of trials say of their expected times, and its errors, (m,), s."""
+        """Predict the expected times of trials from their rows, with errors, (m,), s."""
         return self.over(trials).predict(self.study.rows([trial.params for trial in trials]))
 
     def joint(
         self, trials: Sequence[FrozenTrial], asked: Sequence[FrozenTrial]
     ) -> tuple[Array, Array]:
-        """Return what the rows of trials say of the times of those asked, jointly, (m,), (m, m)."""
+        """Predict the times of trials asked jointly from rows of trials, (m,), (m, m)."""
         return self.over(trials).joint(self.study.rows([t.params for t in asked]), rough=True)
 
-    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Plan | None:
+    def plan(self, prediction: Prediction | None, params: Params, number: int) -> Plan | None:
         """Return the angles of a chosen design at each operating point; None for all."""
         study, points = self.study, self.study.file.search.points
         if points is None or not self.partial:
             return None
-        if not isinstance(foretold, _Foretold) or foretold.timed is None:
+        if not isinstance(prediction, _DogPrediction) or prediction.timed is None:
             return first_plan(study, points, number)
-        return telling_plan(study, points, foretold.timed[1], self.study.rows([params])[0])
+        return telling_plan(study, points, prediction.timed[1], self.study.rows([params])[0])
 
     def exact(self, params: Sequence[Params]) -> Array:
         """Return the objectives as losses, (m, k): NaN where a simulation has to say."""
         keys = [tuple(p[name] for name in self.study.variables) for p in params]
-        fresh = {
-            key: dict(p) for key, p in zip(keys, params, strict=True) if key not in self._exact
-        }
-        for key, row in zip(fresh, exact_losses(self.study, list(fresh.values())), strict=True):
-            self._exact[key] = row
+        new = {k: dict(p) for k, p in zip(keys, params, strict=True) if k not in self._exact}
+        self._exact |= dict(zip(new, exact_losses(self.study, list(new.values())), strict=True))
         return np.array([self._exact[key] for key in keys])
 
 
-def _landing(trial: FrozenTrial) -> float:
-    """Return the constraint value of the hardest landing, feasible at or below zero."""
-    found = (value for name, value in trial.constraints.items() if name in LANDING)
-    return max(found, default=-1.0)
-
-
 @dataclass(frozen=True)
-class _Foretold:
+class _DogPrediction:
     """Surrogate of the expected time with its column, processes of other columns, landing."""
 
     guide: DogGuide
@@ -192,7 +184,7 @@ class _Foretold:
     landing: Response
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
-        """Draw losses jointly; what is rough in times is left out, as no draw of it would last."""
+        """Draw losses jointly; the rough part of times is left out, as no draw of it would last."""
         losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
         if self.timed is not None:
             column, over = self.timed

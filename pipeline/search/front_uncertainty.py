@@ -1,4 +1,4 @@
-"""How sure a front is: intervals, and the probability that no other design is better.
+"""Uncertainty of a front: intervals, and the probability that no other design is better.
 
 What is known of the simulated designs is drawn many times. Where a surrogate predicts operating
 points its draws are joint, so that errors which designs share cancel; otherwise each design has
@@ -25,7 +25,7 @@ DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
 
 @dataclass(frozen=True)
 class Standing:
-    """How a design stands: interval (95 %) of the leading objective, probability of the front."""
+    """Interval (95 %) of a design's leading objective, and its probability of the front."""
 
     low: float
     high: float
@@ -48,7 +48,7 @@ class Drawn:
 
     @property
     def misplaced(self) -> float:
-        """How many designs are expected on the wrong side where each is put on its likelier one."""
+        """Expected number of designs on the wrong side, each put on its likelier one."""
         chance = self.probabilities
         return float(np.minimum(chance, 1.0 - chance).sum())
 

@@ -1,4 +1,4 @@
-"""What steers the sampler: which designs are allowed, and what is foretold of them.
+"""Guides of the sampler: constraints that are known beforehand, and predictions.
 
 ``Guide`` is the interface. ``FreeGuide`` serves any study of Optuna's; a study of dogs has its
 own (``pipeline.search.dog_guide``).
@@ -23,7 +23,7 @@ from dogshape.surrogate.process import Process, root_of
 
 Params = Mapping[str, Any]
 EFFORT = Effort(rows=200, steps=30)  #: of a process over designs alone
-#: smooth, and what no other design foretells: noise and roughness alike
+#: a smooth part, and a rough one that no other design predicts
 TERMS = (
     Term(design=True, point=False),
     Term(design=True, point=False, scales=(0.1, 0.1), first=0.1),
@@ -32,8 +32,8 @@ FEW = 10  #: values below which a process has parameters of its own and not the 
 LEAST = 1e-6  #: variance of noise where none is known, of values scaled to one
 
 
-class Foretold(Protocol):
-    """What finished trials say of other designs."""
+class Prediction(Protocol):
+    """Prediction of other designs from finished trials."""
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
         """Draw all objectives of designs jointly, to be minimised, (count, m, k)."""
@@ -43,21 +43,21 @@ class Foretold(Protocol):
 
 
 class Guide(Protocol):
-    """Search space, known constraints, and what is foretold from finished trials."""
+    """Search space, known constraints, and predictions from finished trials."""
 
     distributions: Mapping[str, BaseDistribution] | None
 
     def allows(self, params: Params) -> bool:
-        """Tell whether a design keeps the constraints that are known beforehand."""
+        """Check whether a design keeps the constraints that are known beforehand."""
 
-    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
-        """Fit what finished trials say; ``signs`` (k,) is -1 for what is to be maximised.
+    def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
+        """Fit a prediction to finished trials; ``signs`` (k,) is -1 for maximised objectives.
 
         Raises InputError where they are too few to say anything.
         """
 
-    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
-        """Return what to simulate of a chosen design, as JSON can hold it; None for all."""
+    def plan(self, prediction: Prediction | None, params: Params, number: int) -> Any:
+        """Choose the simulations of a chosen design, as JSON can hold them; None for all."""
 
 
 class FreeGuide:
@@ -69,24 +69,23 @@ class FreeGuide:
         """Allow everything."""
         return True
 
-    def foretold(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Foretold:
+    def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit a process to each objective and to each constraint."""
         x = space.coordinates([trial.params for trial in trials])
         values = np.array([trial.values for trial in trials]) * signs
         names = sorted({name for trial in trials for name in trial.constraints})
-        limits = [_limit(x, trials, name) for name in names]
+        limits = []
+        for name in names:
+            kept = [name in trial.constraints for trial in trials]
+            known = np.array([t.constraints[name] for t in trials if name in t.constraints])
+            # A few values alike do not bound others: those may be as far off as the limit.
+            least = abs(float(known.mean())) / len(known) ** 0.5
+            limits.append(Response.fitted(x[kept], known, least=least))
         return _Free(space, [Response.fitted(x, y) for y in values.T], limits)
 
-    def plan(self, foretold: Foretold | None, params: Params, number: int) -> Any:
+    def plan(self, prediction: Prediction | None, params: Params, number: int) -> Any:
         """Leave the plan open."""
         return None
-
-
-def _limit(x: Array, trials: Sequence[FrozenTrial], name: str) -> Response:
-    kept = [name in trial.constraints for trial in trials]
-    values = np.array([t.constraints[name] for t in trials if name in t.constraints])
-    # A few values alike say little of how far others are: as far as the limit, for all they know.
-    return Response.fitted(x[kept], values, least=abs(float(values.mean())) / len(values) ** 0.5)
 
 
 @dataclass(frozen=True)
@@ -112,7 +111,9 @@ class Response:
         noise = np.full(len(values), LEAST) if errors is None else (errors / scale) ** 2 + LEAST
         data, size = (x, values / scale, noise), x.shape[1]
         if len(values) < FEW:
-            return cls(fit_process(TERMS, size, data, _prior(size), Effort(steps=0)), scale)
+            theta: Array = starting(TERMS, size, 0)[0]
+            theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
+            return cls(fit_process(TERMS, size, data, theta, Effort(steps=0)), scale)
         return cls(fit_process(TERMS, size, data, effort=EFFORT), scale)
 
     def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
@@ -133,13 +134,6 @@ class Response:
         level = 1.0 / len(self.process.targets)
         chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + level + LEAST))
         return chance
-
-
-def _prior(coordinates: int) -> Array:
-    """Return the parameters of a process whose smooth part has a variance of one, rough a tenth."""
-    theta: Array = starting(TERMS, coordinates, 0)[0]
-    theta[[0, -1]] = np.log([1.0, 0.1])
-    return theta
 
 
 @dataclass(frozen=True)
@@ -168,5 +162,5 @@ def drawn(mean: Array, covariance: Array, rng: np.random.Generator, count: int) 
 
 
 def sound(trials: Sequence[FrozenTrial]) -> Mask:
-    """Tell which trials have finite values, (n,) of bool."""
+    """Mark the trials with finite values, (n,) of bool."""
     return np.array([bool(np.isfinite(trial.values).all()) for trial in trials], dtype=bool)

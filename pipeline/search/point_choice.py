@@ -1,8 +1,7 @@
-"""Which operating points of a design tell most.
+"""Choice of the operating points at which a new design is simulated.
 
-A surrogate over operating points foretells those that are left out, so a new design needs some
-of them only. Those where dogs land hardest are always among them: what they say of the landing
-nothing else does.
+A surrogate predicts operating points that are left out, so a new design needs some of them only.
+Those where dogs land hardest are always among them: nothing else predicts the landing.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ HARD = 2  #: points that every design is simulated at for the landing's sake
 
 
 def hard_points(study: Study) -> list[int]:
-    """Return the places of the points where dogs land hardest.
+    """List the places of the points where dogs land hardest.
 
     Of 32 designs at the published points 19 landed hardest at the fastest with the largest force,
     12 at the next slower with that force, one at the fastest with the next smaller force.
@@ -32,7 +31,7 @@ def hard_points(study: Study) -> list[int]:
 
 
 def first_plan(study: Study, points: int, number: int) -> Plan:
-    """Return the plan of a design before anything is foretold: points take turns."""
+    """Plan a design before anything is predicted: points take turns."""
     hard = hard_points(study)
     others = [i for i in range(len(study.points)) if i not in hard]
     own = np.random.default_rng(study.file.search.seed).permutation(len(others))
@@ -42,7 +41,7 @@ def first_plan(study: Study, points: int, number: int) -> Plan:
 
 
 def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
-    """Return the plan that leaves least error in a design's expected time, (d,) in edge units.
+    """Plan a design (d,), in edge units, so that its expected time has the least error.
 
     The hard points tell of the time too: the others are chosen given these, each once.
     """
@@ -57,7 +56,7 @@ def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
 
 
 def telling_points(study: Study, over: Over, design: Array) -> list[int]:
-    """Return the points whose shifts tell most of a design's expected time, the first most.
+    """Select the points whose shifts most reduce the error of a design's expected time, best first.
 
     Those that it has count too, for more angles. They are so many that half of the variance goes,
     all if that is not enough; ``design`` (d,) in edge units.

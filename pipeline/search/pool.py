@@ -30,7 +30,7 @@ class Pool:
         self._listed: list[dict[str, Any]] | None = None
         self._drawn: list[list[dict[str, Any]]] = []
 
-    def fresh(self, space: Space, taken: Sequence[Params]) -> list[dict[str, Any]]:
+    def untaken(self, space: Space, taken: Sequence[Params]) -> list[dict[str, Any]]:
         """Return up to ``wide`` allowed designs of a space that were not taken.
 
         None where every one was. Raises InputError where next to none is allowed.
@@ -39,15 +39,20 @@ class Pool:
         gone = {space.key(params) for params in taken}
         if self._listed is not None:
             return _not_of(gone, space, self._listed)[: self._wide]
-        for number, drawn in enumerate([*self._drawn, None]):
-            pool = drawn if drawn is not None else self._more(space, number)
+        for pool in self._drawn:
             if left := _not_of(gone, space, pool):
                 return left
-        return []
+        # Draw more, and keep them if they are new.
+        rng = np.random.default_rng([self._seed, len(self._drawn)])
+        more = self.drawn(space, rng, self._wide, None)
+        known = {space.key(params) for pool in self._drawn for params in pool}
+        if _not_of(known, space, more):
+            self._drawn.append(more)
+        return _not_of(gone, space, more)
 
     def first(self, space: Space) -> list[dict[str, Any]]:
         """Return up to ``wide`` allowed designs of a space, taken or not."""
-        return self.fresh(space, [])
+        return self.untaken(space, [])
 
     def drawn(
         self, space: Space, rng: np.random.Generator, size: int, near: Sequence[Params] | None
@@ -77,22 +82,13 @@ class Pool:
             self._listed = _some(allowed, f"none of the {len(every)} designs of the search ranges")
         self._space = name
 
-    def _more(self, space: Space, number: int) -> list[dict[str, Any]]:
-        """Draw designs after ``number`` pools; they are kept if they are new."""
-        rng = np.random.default_rng([self._seed, number])
-        more = self.drawn(space, rng, self._wide, None)
-        known = {space.key(params) for pool in self._drawn for params in pool}
-        if _not_of(known, space, more):
-            self._drawn.append(more)
-        return more
-
 
 def _not_of(gone: set[Any], space: Space, pool: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [params for params in pool if space.key(params) not in gone]
 
 
 def _some(found: list[dict[str, Any]], none_of: str) -> list[dict[str, Any]]:
-    """Return what was found; raise InputError where that is nothing."""
+    """Require a design; raise InputError where there is none."""
     if not found:
         raise InputError(
             f"{none_of} passes every check; "

@@ -49,7 +49,7 @@ Told = Callable[[int, str], None]  #: called with the shifts that are left, and 
 
 @dataclass(frozen=True)
 class Replication:
-    """What replication took and changed.
+    """Cost and result of a replication.
 
     ``budget`` and ``shifts`` that it may take and took, ``rounds``, trials that were ``unclear``
     before and after, and how many designs were expected on the wrong side (``misplaced``). By
@@ -149,7 +149,12 @@ def _next_plans(
 ) -> list[tuple[FrozenTrial, Plan]]:
     """Return the designs of the next round with their new plans, within ``left`` shifts."""
     found: list[tuple[FrozenTrial, Plan]] = []
-    for trial in _in_order(state, drawn) if left > 0 else []:
+    worth = {
+        trial.number: telling(drawn, place) / sum(state.plan(trial))
+        for place, trial in enumerate(drawn.trials)
+    }
+    best_first = sorted(unclear(drawn), key=lambda trial: -worth[trial.number])
+    for trial in best_first if left > 0 else []:
         order = _telling(state, trial, executor)
         plan = _extended(state.plan(trial), order, state.study.file.expectation.angles, left)
         if plan != state.plan(trial):
@@ -160,17 +165,8 @@ def _next_plans(
     return found
 
 
-def _in_order(state: SearchState, drawn: Drawn) -> list[FrozenTrial]:
-    """Return the unclear designs, first what tells most for a shift."""
-    worth = {
-        trial.number: telling(drawn, place) / sum(state.plan(trial))
-        for place, trial in enumerate(drawn.trials)
-    }
-    return sorted(unclear(drawn), key=lambda trial: -worth[trial.number])
-
-
 def telling(drawn: Drawn, place: int) -> float:
-    """Count how many designs fewer would be on the wrong side, were one design's losses known."""
+    """Compute the expected drop in misplaced designs, were one design's losses known."""
     cells = _cells(drawn.losses[:, place, :])
     sizes = np.bincount(cells)
     on_front = np.zeros((len(sizes), drawn.on_front.shape[1]))
@@ -191,7 +187,6 @@ def _cells(losses: Array) -> Places:
 
 
 def _telling(state: SearchState, trial: FrozenTrial, executor: Executor) -> list[int]:
-    """Return the operating points whose standard error counts most in a design, in that order."""
     if state.predicted and state.guide is not None:
         over = state.guide.over(state.simulated)
         return telling_points(state.study, over, state.study.rows([trial.params])[0])

@@ -83,14 +83,17 @@ def next_round(search: Search, sampler_of: SamplerOf, findings: Findings = NOTHI
 
     What other runs have asked for counts as if it were finished, so none is asked too many.
     """
-    _require_prototype(search)
+    told = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
+    if not any(trial.user_attrs.get("prototype") for trial in told):
+        search.optuna.enqueue_trial(search.study.prototype, user_attrs={"prototype": True})
     cut = _cut_off(search, findings)
     mine, mark = _of_one_round(search, cut, findings)
     ids = [trial._trial_id for trial in mine]
     for trial_id in ids:
         _claim(search, trial_id, mark)
     space, begun = search_space(search.study), len(_begun(search))
-    for number in range(begun, begun + _missing(search, mark)):
+    end = min(begun + _open(search, mark), search.study.file.search.trials)
+    for number in range(begun, end):
         # Seeded by its number alone, a proposal does not depend on where a round was cut off.
         search.optuna.sampler = sampler_of(number)
         if _none_left(search):
@@ -127,12 +130,6 @@ def _none_left(search: Search) -> bool:
     return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
 
 
-def _require_prototype(search: Search) -> None:
-    told = [t for t in search.optuna.get_trials(deepcopy=False) if t.state != TrialState.FAIL]
-    if not any(trial.user_attrs.get("prototype") for trial in told):
-        search.optuna.enqueue_trial(search.study.prototype, user_attrs={"prototype": True})
-
-
 def _begun(search: Search) -> list[FrozenTrial]:
     """List the trials that were asked: running or told."""
     return [t for t in search.optuna.get_trials(deepcopy=False) if t.state not in OVER]
@@ -145,7 +142,11 @@ def _running(search: Search, findings: Findings) -> list[FrozenTrial]:
 
 
 def _cut_off(search: Search, findings: Findings) -> list[FrozenTrial]:
-    """List the trials that a dead run asked and did not tell; put incomplete ones back."""
+    """List the trials that a dead run asked and did not tell.
+
+    One that was cut off while it was asked is asked again under its number. Where others were
+    asked after it, it would propose one of their designs: then it has failed.
+    """
     left, living = [], search.claims.living()
     names = set(search.study.variables)
     for trial in _running(search, findings):
@@ -153,21 +154,11 @@ def _cut_off(search: Search, findings: Findings) -> list[FrozenTrial]:
             continue
         if names <= set(trial.params):
             left.append(trial)
+        elif trial.number == search.optuna.get_trials(deepcopy=False)[-1].number:
+            search.optuna._storage.set_trial_state_values(trial._trial_id, TrialState.WAITING)
         else:
-            _put_back(search, trial)
+            search.optuna.tell(trial.number, state=TrialState.FAIL)
     return left
-
-
-def _put_back(search: Search, trial: FrozenTrial) -> None:
-    """Let a trial that was cut off while it was asked be asked again, under its number.
-
-    Where others were asked after it, it would propose one of their designs: then it has failed.
-    """
-    last = search.optuna.get_trials(deepcopy=False)[-1]
-    if trial.number == last.number:
-        search.optuna._storage.set_trial_state_values(trial._trial_id, TrialState.WAITING)
-    else:
-        search.optuna.tell(trial.number, state=TrialState.FAIL)
 
 
 def _of_one_round(
@@ -181,8 +172,12 @@ def _of_one_round(
     bare = [trial for trial in cut if ROUND not in trial.user_attrs]
     mark = next((trial.user_attrs[ROUND] for trial in cut if ROUND in trial.user_attrs), None)
     if mark is None:
-        begun = len(_begun(search)) - len(bare)
-        return bare, [begun, min(_size(search, findings), search.study.file.search.trials - begun)]
+        begun, settings = len(_begun(search)) - len(bare), search.study.file.search
+        size, guide = settings.batch, search.guide
+        if guide is not None and guide.partial and not search.trials(findings):
+            # Only with all of the first designs can any of them be told what it lacks.
+            size = max(size, startup_designs(search.study, guide))
+        return bare, [begun, min(size, settings.trials - begun)]
     mine = [trial for trial in cut if trial.user_attrs.get(ROUND) == mark]
     return mine + bare[: _open(search, mark)], mark
 
@@ -191,20 +186,6 @@ def _open(search: Search, mark: list[int]) -> int:
     """Count the trials of a round that were never asked."""
     asked = [trial for trial in _begun(search) if trial.user_attrs.get(ROUND) == mark]
     return mark[1] - len(asked)
-
-
-def _missing(search: Search, mark: list[int]) -> int:
-    """Count the trials of a round that are still to be asked."""
-    return max(0, min(_open(search, mark), search.study.file.search.trials - len(_begun(search))))
-
-
-def _size(search: Search, findings: Findings) -> int:
-    """Choose the number of trials of a new round."""
-    batch = search.study.file.search.batch
-    if search.guide is not None and search.guide.partial and not search.trials(findings):
-        # Only with all of the first designs can any of them be told what it lacks.
-        return max(batch, startup_designs(search.study, search.guide))
-    return batch
 
 
 def _claim(search: Search, trial_id: int, mark: list[int]) -> None:

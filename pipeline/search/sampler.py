@@ -1,6 +1,6 @@
 """A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
 
-First come designs that fill the allowed space. Then what the guide foretells is drawn jointly for
+First come designs that fill the allowed space. Then predictions of the guide are drawn jointly for
 candidates and finished designs, and the candidate is proposed that adds most to the front, times
 the probability that it keeps the constraints which only the evaluation tells. Proposals that are
 still running count as part of the front, so that a batch spreads.
@@ -24,7 +24,7 @@ from optuna.search_space import IntersectionSearchSpace
 from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial, TrialState
 
-from dogshape.pipeline.search.guide import Foretold, FreeGuide, Guide, Params, sound
+from dogshape.pipeline.search.guide import FreeGuide, Guide, Params, Prediction, sound
 from dogshape.pipeline.search.pool import WIDE, Pool
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.sim.errors import InputError
@@ -36,10 +36,10 @@ PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
 
 @dataclass(frozen=True)
 class Breadth:
-    """How much is weighed for a proposal; its time grows with the square of the candidates.
+    """Numbers of candidates and draws for a proposal; its time grows with their square.
 
-    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of what is
-    foretold, ``ways`` directions of the hypervolume.
+    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of
+    predictions, ``ways`` directions of the hypervolume.
     """
 
     wide: int = WIDE
@@ -71,10 +71,10 @@ class SurrogateSampler(BaseSampler):
 
     Parameters
     ----------
-    guide : says what is allowed and foretold; None for any study of Optuna's.
+    guide : constraints and predictions; None for any study of Optuna's.
     seed : of every proposal, with the trial's number; None draws one.
-    startup : designs that fill the allowed space before anything is foretold.
-    breadth : how much is weighed for a proposal.
+    startup : designs that fill the allowed space before anything is predicted.
+    breadth : numbers of candidates and draws for a proposal.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class SurrogateSampler(BaseSampler):
         self._breadth = breadth or Breadth()
         self._shared = IntersectionSearchSpace()
         self._pool = Pool(self._guide, self._seed, self._breadth.wide)
-        self._known: tuple[Any, Foretold | None] = (None, None)
+        self._known: tuple[Any, Prediction | None] = (None, None)
 
     def reseed_rng(self) -> None:
         """Draw another seed, for a process of its own."""
@@ -118,12 +118,12 @@ class SurrogateSampler(BaseSampler):
         seen = self._before(study, trial, space)
         rng = np.random.default_rng([self._seed, seen.count])
         signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
-        foretold = self._foretold(space, seen, signs)
-        if foretold is None:
+        prediction = self._predict(space, seen, signs)
+        if prediction is None:
             params = self._farthest(space, seen.taken)
         else:
-            params = self._improving(space, seen, foretold, signs, rng)
-        plan = self._guide.plan(foretold, params, seen.count)
+            params = self._improving(space, seen, prediction, signs, rng)
+        plan = self._guide.plan(prediction, params, seen.count)
         if plan is not None:
             study._storage.set_trial_system_attr(trial._trial_id, PLAN, plan)
         return params
@@ -144,10 +144,10 @@ class SurrogateSampler(BaseSampler):
         self._pool.first(Space(self._guide.distributions or {}))
 
     def exhausted(self, study: optuna.Study) -> bool:
-        """Tell whether every allowed design of the guide's space was proposed."""
+        """Check whether every allowed design of the guide's space was proposed."""
         space = Space(self._guide.distributions or {})
         trials = study.get_trials(deepcopy=False)
-        return not self._pool.fresh(space, [t.params for t in trials if space.holds(t.params)])
+        return not self._pool.untaken(space, [t.params for t in trials if space.holds(t.params)])
 
     def _before(self, study: optuna.Study, trial: FrozenTrial, space: Space) -> _Seen:
         # A trial that was cut off before it had all of its design must not count.
@@ -162,14 +162,14 @@ class SurrogateSampler(BaseSampler):
         known = {t.number for t in (*running, *finished)}
         return _Seen(finished, running, [t for t in before if t.number not in known])
 
-    def _foretold(self, space: Space, seen: _Seen, signs: Array) -> Foretold | None:
-        """Return what finished trials say, fitted once for a round; None where they are few."""
+    def _predict(self, space: Space, seen: _Seen, signs: Array) -> Prediction | None:
+        """Fit a prediction to finished trials, once for a round; None where they are few."""
         if len(seen.finished) < self._startup:
             return None
         key = (tuple(space.distributions), tuple(t.number for t in seen.finished))
         if self._known[0] != key:
             try:
-                self._known = key, self._guide.foretold(space, seen.finished, signs)
+                self._known = key, self._guide.predict(space, seen.finished, signs)
             except InputError:
                 self._known = key, None
         return self._known[1]
@@ -178,7 +178,7 @@ class SurrogateSampler(BaseSampler):
         self,
         space: Space,
         seen: _Seen,
-        foretold: Foretold,
+        prediction: Prediction,
         signs: Array,
         rng: np.random.Generator,
     ) -> dict[str, Any]:
@@ -189,29 +189,29 @@ class SurrogateSampler(BaseSampler):
         there = [t.params for t in (*kept, *seen.running)]
         near = self._pool.drawn(space, rng, self._breadth.near, best) if best else []
         gone = {space.key(params) for params in seen.taken}
-        fresh = self._pool.fresh(space, seen.taken)
-        fresh += [params for params in near if space.key(params) not in gone]
+        untaken = self._pool.untaken(space, seen.taken)
+        untaken += [params for params in near if space.key(params) not in gone]
         # Few counts or choices may be all there is, and then they are proposed again.
-        fresh = fresh or self._pool.first(space)
-        draws = foretold.draws([*fresh, *there], rng, self._breadth.draws)
-        candidates, front = draws[:, : len(fresh)], draws[:, len(fresh) :]
+        untaken = untaken or self._pool.first(space)
+        draws = prediction.draws([*untaken, *there], rng, self._breadth.draws)
+        candidates, front = draws[:, : len(untaken)], draws[:, len(untaken) :]
         low, high = _ends(values, candidates.mean(axis=0))
         ways = directions(rng, self._breadth.ways, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
                        np.full(len(signs), 1.1), ways)  # fmt: skip
-        likely = gained * foretold.chances(fresh)
+        likely = gained * prediction.chances(untaken)
         if likely.max() > 0.0:
-            return fresh[int(np.argmax(likely))]
+            return untaken[int(np.argmax(likely))]
         # No draw adds anything: the candidate nearest to adding something, by its means.
         mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
-        return fresh[int(np.argmin(mean))]
+        return untaken[int(np.argmin(mean))]
 
     def _farthest(self, space: Space, taken: Sequence[Params]) -> dict[str, Any]:
         """Return the design of the pool that is farthest from all that were taken.
 
         Where every one was, that which was proposed least often.
         """
-        pool = self._pool.fresh(space, taken)
+        pool = self._pool.untaken(space, taken)
         if not taken:
             return pool[0]
         if not pool:

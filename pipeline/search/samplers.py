@@ -20,7 +20,7 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
     """Return a function that gives the sampler for a proposal, by how many were asked before.
 
     ``guide`` steers the study's own sampler; None for one that knows nothing beforehand. Optuna's
-    samplers are made and seeded afresh for each proposal, which makes a resumed search equal to
+    samplers are made and seeded anew for each proposal, which makes a resumed search equal to
     an uninterrupted one.
     """
     search, guide = study.file.search, guide or DogGuide(study)
@@ -42,5 +42,5 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
 
 
 def startup_designs(study: Study, guide: DogGuide) -> int:
-    """Return how many designs fill the space first: few where much is known already."""
+    """Count the designs that fill the space first: few where much is known already."""
     return 1 if guide.informed else max(study.file.search.startup, MIN_DESIGNS)

@@ -21,7 +21,7 @@ from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.state import NOTHING, Findings, SearchState, state_of
 from dogshape.pipeline.simulate.design import objectives_of
-from dogshape.pipeline.store.claims import Alone, Claims
+from dogshape.pipeline.store.claims import Claims
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import opening
 from dogshape.sim.errors import StorageError
@@ -43,7 +43,7 @@ class Search:
 
     study: Study
     optuna: optuna.Study
-    claims: Claims = field(default_factory=Alone)
+    claims: Claims = field(default_factory=Claims)
     guide: DogGuide | None = None
 
     def trials(self, findings: Findings = NOTHING) -> list[FrozenTrial]:

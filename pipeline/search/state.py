@@ -106,7 +106,7 @@ class SearchState:
 
     @property
     def rows(self) -> list[list[float | None]]:
-        """What all simulated trials hold for the surrogate, in their order."""
+        """Rows of all simulated trials for the surrogate, in their order."""
         return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
 
     def plan(self, trial: FrozenTrial) -> Plan:

@@ -1,4 +1,4 @@
-"""How a design's margins and its expected shift time move within its tolerances.
+"""Changes of a design's margins and expected shift time within its tolerances.
 
 Margins follow from the closed forms. The time takes its slopes from the surrogate, which
 averages over many designs: a tolerance moves the time by less than the standard error of
@@ -67,7 +67,7 @@ def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
 
 
 def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
-    """Return how far the expected shift time over a mix moves, s, by dimension."""
+    """Compute the change of the expected shift time over a mix, s, by dimension."""
     tolerances = study.limits.tolerances.dimensions
     moves = {}
     for key in surrogate.data.variables:

@@ -119,17 +119,13 @@ def _predict(search: Search, findings: Findings, trials: Sequence[FrozenTrial]) 
     for trial, time, error in zip(together, times.tolist(), errors.tolist(), strict=True):
         if trial.number in lacking:
             found[trial.number] = time
-            trial.user_attrs |= _predicted(trial.user_attrs, time, error)
+            known_so_far = trial.user_attrs
+            trial.user_attrs |= {
+                "standard_error_s": error,
+                "simulated": {**known_so_far["simulated"], SIMULATED: time},
+                "standard_errors": {**known_so_far["standard_errors"], SIMULATED: error},
+            }
     return found
-
-
-def _predicted(attributes: dict[str, Any], time: float, error: float) -> dict[str, Any]:
-    """Record the expected time over all operating points, s, among a trial's attributes."""
-    return {
-        "standard_error_s": error,
-        "simulated": {**attributes["simulated"], SIMULATED: time},
-        "standard_errors": {**attributes["standard_errors"], SIMULATED: error},
-    }
 
 
 def _tell(search: Search, given: FrozenTrial, noted: FrozenTrial) -> None:

@@ -32,7 +32,10 @@ class Space:
 
     def coordinates(self, params: Sequence[Mapping[str, Any]]) -> Array:
         """Return points of the unit cube for parameters, (m, c)."""
-        rows = [self._row(given) for given in params]
+        rows = [
+            [one for name, known in self.distributions.items() for one in _place(known, row[name])]
+            for row in params
+        ]
         return np.array(rows, dtype=float).reshape(len(params), self.size)
 
     @property
@@ -44,18 +47,18 @@ class Space:
         )
 
     def holds(self, params: Mapping[str, Any]) -> bool:
-        """Tell whether parameters are of this space and within its ranges."""
+        """Check whether parameters are of this space and within its ranges."""
         return all(
             name in params and known._contains(known.to_internal_repr(params[name]))
             for name, known in self.distributions.items()
         )
 
     def key(self, params: Mapping[str, Any]) -> tuple[float, ...]:
-        """Return what parameters of the space have in common only with the same ones."""
+        """Return a hashable key of parameters; equal ones have equal keys."""
         return tuple(d.to_internal_repr(params[name]) for name, d in self.distributions.items())
 
     def every(self, most: int) -> list[dict[str, Any]] | None:
-        """Return all parameters there are; None where they are more than ``most``."""
+        """List all parameters there are; None where they are more than ``most``."""
         values = [_values(known, most) for known in self.distributions.values()]
         if math.prod(math.inf if some is None else len(some) for some in values) > most:
             return None
@@ -71,17 +74,15 @@ class Space:
             for name, known in self.distributions.items()
         }
 
-    def _row(self, params: Mapping[str, Any]) -> list[float]:
-        row: list[float] = []
-        for name, known in self.distributions.items():
-            if isinstance(known, CategoricalDistribution):
-                row += [float(params[name] == choice) for choice in known.choices]
-            elif isinstance(known, FloatDistribution | IntDistribution):
-                row.append(_unit(known, params[name]))
-        return row
-
 
 STEP = 0.08  #: of the range, standard deviation of a draw near a point
+
+
+def _place(known: BaseDistribution, value: Any) -> list[float]:
+    if isinstance(known, CategoricalDistribution):
+        return [float(value == choice) for choice in known.choices]
+    assert isinstance(known, FloatDistribution | IntDistribution)
+    return [_unit(known, value)]
 
 
 def _drawn(known: BaseDistribution, rng: np.random.Generator, near: Any) -> Any:
@@ -90,7 +91,9 @@ def _drawn(known: BaseDistribution, rng: np.random.Generator, near: Any) -> Any:
         return near if kept else known.choices[rng.integers(len(known.choices))]
     assert isinstance(known, FloatDistribution | IntDistribution)
     unit = rng.random() if near is None else _unit(known, near) + rng.normal(0.0, STEP)
-    return _value(known, min(max(float(unit), 0.0), 1.0))
+    low, high = _ends(known)
+    value = low + min(max(float(unit), 0.0), 1.0) * (high - low)
+    return _stepped(known, float(np.exp(value)) if known.log else value)
 
 
 def _values(known: BaseDistribution, most: int) -> list[Any] | None:
@@ -120,15 +123,7 @@ def _unit(known: Number, value: float) -> float:
     return (scaled - low) / (high - low) if high > low else 0.5
 
 
-def _value(known: Number, unit: float) -> float:
-    low, high = _ends(known)
-    value = low + unit * (high - low)
-    value = float(np.exp(value)) if known.log else value
-    return _stepped(known, value)
-
-
 def _stepped(known: Number, value: float) -> float:
-    """Return the nearest value that a number may have."""
     if known.step is not None:
         value = known.low + round((value - known.low) / known.step) * known.step
     value = min(max(value, known.low), known.high)

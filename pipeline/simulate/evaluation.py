@@ -24,7 +24,7 @@ from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
 
-FRESH = 7919  #: added to the seed of the search for angles that it did not use
+NEW_ANGLES = 7919  #: added to the seed of the search for relative angles that it did not use
 
 
 @dataclass(frozen=True)

@@ -56,7 +56,7 @@ def most_to_replicate(study: Study, shifts: int) -> int:
 
 
 def most_confirmed(study: Study) -> int:
-    """Return how many designs are simulated at fresh angles at most, the prototype apart."""
+    """Return how many designs are simulated at new angles at most, the prototype apart."""
     return MOST_CONFIRMED * study.file.search.confirm_designs
 
 

@@ -1,4 +1,4 @@
-"""Who works on which trial, so that several machines can share one search.
+"""Claims of runs on trials, so that several machines can share one search.
 
 Each run that shares a PostgreSQL database holds a lock of the server's under a number of its own
 and writes the number into the trials it asks for. The server lets go of the lock when the run
@@ -19,7 +19,6 @@ import zlib
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Protocol
 
 from sqlalchemy import URL, Connection, NullPool, create_engine, text
 
@@ -44,50 +43,30 @@ KEEPALIVE = {
 }
 
 
-class Claims(Protocol):
-    """What a search needs to know of other runs.
+class Claims:
+    """Claims of a run that has its storage for itself; subclasses know of other runs.
 
     ``worker`` is this run's number, None where no other run can be at the same search.
     """
 
-    @property
-    def worker(self) -> int | None:
-        """This run's number, None where it is alone."""
+    worker: int | None = None
 
     def turn(self) -> AbstractContextManager[None]:
         """Hold the right to take over trials and to ask for new ones."""
+        return nullcontext()
 
     def living(self) -> set[int]:
-        """Return the numbers of all runs that are alive."""
+        """List the numbers of all runs that are alive; any other that is running was cut off."""
+        return set()
 
     def wait(self) -> None:
         """Wait a moment for other runs."""
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Release everything."""
 
 
-class Alone:
-    """Claims of a run that has its storage for itself."""
-
-    worker: int | None = None
-
-    def turn(self) -> AbstractContextManager[None]:
-        """Return at once: it is always this run's turn."""
-        return nullcontext()
-
-    def living(self) -> set[int]:
-        """Return no run: whatever is running was cut off."""
-        return set()
-
-    def wait(self) -> None:
-        """Return at once: there is no other run."""
-
-    def close(self) -> None:
-        """Hold nothing."""
-
-
-class OneFile(Alone):
+class OneFile(Claims):
     """Claims of the only run at an SQLite file; a lock beside it keeps others off."""
 
     def __init__(self, database: Path) -> None:
@@ -103,11 +82,11 @@ class OneFile(Alone):
             ) from error
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Release the file."""
         self._handle.close()
 
 
-class Shared:
+class Shared(Claims):
     """Claims of a run among several at one PostgreSQL database.
 
     Locks are of a session, so they need a connection of their own that lasts.
@@ -124,13 +103,8 @@ class Shared:
                 text("SELECT set_config(name, :v, false) FROM pg_settings WHERE name = :n"),
                 {"n": name, "v": value},
             )
-        self._worker = 1 + secrets.randbelow(2**31 - 2)
-        self._try(self._study, self._worker)
-
-    @property
-    def worker(self) -> int | None:
-        """This run's number."""
-        return self._worker
+        self.worker = 1 + secrets.randbelow(2**31 - 2)
+        self._try(self._study, self.worker)
 
     def turn(self) -> AbstractContextManager[None]:
         """Hold the right to take over trials and to ask for new ones; wait for it."""
@@ -152,7 +126,7 @@ class Shared:
             )
 
     def living(self) -> set[int]:
-        """Return the numbers of all runs whose locks are held."""
+        """List the numbers of all runs whose locks are held."""
         held = self._connection.execute(
             text(
                 "SELECT objid FROM pg_locks WHERE locktype = 'advisory' AND granted AND "
@@ -168,7 +142,7 @@ class Shared:
         time.sleep(WAIT)
 
     def close(self) -> None:
-        """Let go of all locks."""
+        """Release all locks."""
         self._connection.close()
 
     def _try(self, what: int, number: int) -> bool:

@@ -107,19 +107,14 @@ class StudyFolder:
         """Read what the study found so far; raise StorageError where that is damaged."""
         remedy = "run 'dogshape study' with --resume to write it again"
         result = read_json(self.result, remedy)
-        if not _whole(result):
+        keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
+        if not isinstance(result.get("trials"), list) or any(key not in result for key in keys):
             raise StorageError(f"{self.result} is damaged; {remedy}")
         return result
 
 
-def _whole(result: dict[str, Any]) -> bool:
-    rows = result.get("trials")
-    keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
-    return isinstance(rows, list) and all(key in result for key in keys)
-
-
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Return what must not change between runs in one folder.
+    """Select the settings that must not change between runs in one folder.
 
     Numbers of designs may, and what replication may take; so may the limit of time, on which no
     finished shift depends.
@@ -133,7 +128,7 @@ def comparable(file: StudyFile) -> dict[str, Any]:
 
 
 def differing(before: Any, now: Any, name: str = "") -> list[str]:
-    """Return what differs between two configurations, a key with both of its values each."""
+    """List the differences of two configurations, a key with both of its values each."""
     if isinstance(before, dict) and isinstance(now, dict):
         keys = sorted({*before, *now})
         inner = ((key, f"{name}.{key}" if name else key) for key in keys)
@@ -166,5 +161,5 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
 
 
 def default_out(given: Study) -> Path:
-    """Return the folder of a study's results where none is named."""
+    """Name the folder of a study's results where none is given."""
     return Path("results") / given.name

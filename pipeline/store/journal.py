@@ -73,7 +73,11 @@ class ShiftJournal:
         """
         if self.path.exists():
             with _writing(self.path):
-                _sync(self.path)
+                descriptor = os.open(self.path, os.O_RDWR)
+                try:
+                    os.fsync(descriptor)
+                finally:
+                    os.close(descriptor)
                 if not self._named:
                     sync_folder(self.path.parent)
                     self._named = True
@@ -85,7 +89,7 @@ class ShiftJournal:
         return [key for key, row in self.rows.items() if not unfinished(row)]
 
     def say_unfinished(self, say: Callable[[str], None]) -> None:
-        """Say how many shifts the clock ended, if any."""
+        """Report the number of shifts that the clock ended, if any."""
         if ended := len(self.rows) - len(self.finished):
             say(
                 f"{ended} of the shifts failed at solver.time_limit_s or hung, as on a busy "
@@ -93,7 +97,7 @@ class ShiftJournal:
             )
 
     def frame(self) -> pd.DataFrame:
-        """Return all finished shifts as a table."""
+        """Tabulate all finished shifts."""
         return pd.DataFrame(list(self.rows.values()))
 
 
@@ -115,7 +119,8 @@ def append(path: Path, *rows: Record) -> None:
     with _writing(path), _alone_in(path) as descriptor:
         end = _drop_torn_line(descriptor)
         try:
-            _write(descriptor, lines)
+            while lines:  # a disk that fills up takes a part first and then refuses
+                lines = lines[os.write(descriptor, lines) :]
         except OSError:
             os.ftruncate(descriptor, end)
             raise
@@ -144,15 +149,6 @@ def _alone_in(path: Path) -> Iterator[int]:
         os.close(descriptor)
 
 
-def _sync(path: Path) -> None:
-    """Force to the disk what any process wrote into a file."""
-    descriptor = os.open(path, os.O_RDWR)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def _drop_torn_line(descriptor: int) -> int:
     """Cut off what follows the last whole line; return where the file then ends."""
     end = os.fstat(descriptor).st_size
@@ -161,9 +157,3 @@ def _drop_torn_line(descriptor: int) -> int:
     whole = os.pread(descriptor, end, 0).rfind(b"\n") + 1
     os.ftruncate(descriptor, whole)
     return whole
-
-
-def _write(descriptor: int, content: bytes) -> None:
-    """Write all of it; a disk that fills up takes a part first and then refuses."""
-    while content:
-        content = content[os.write(descriptor, content) :]

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def expectation_record(expectation: Expectation) -> dict[str, Any]:
-    """Return an expectation by the names of the command line's contract."""
+    """Record an expectation by the names of the command line's contract."""
     return {
         "expected_shift_time_s": expectation.mean,
         "standard_error_s": number_or_none(expectation.standard_error),
@@ -48,7 +48,7 @@ def number_or_none(value: float | None) -> float | None:
 
 
 def check_record(check: Check) -> dict[str, Any]:
-    """Return a check by the names of the command line's contract."""
+    """Record a check by the names of the command line's contract."""
     rule = check.rule
     return {
         "name": check.name,
@@ -66,15 +66,8 @@ def check_record(check: Check) -> dict[str, Any]:
     }
 
 
-def is_clear(confirmation: dict[str, Any]) -> bool:
-    """Tell whether a confirmed gain is at least twice its standard error."""
-    gain: float = confirmation["gain_s"]
-    error: float = confirmation["gain_standard_error_s"]
-    return abs(gain) >= 2.0 * error and gain != 0.0
-
-
 def difference_record(d: Difference) -> dict[str, Any]:
-    """Return one operating point of a comparison by the contract's names."""
+    """Record one operating point of a comparison by the contract's names."""
     return {
         "mismatch_rpm": d.cell.point.mismatch / RPM,
         "force_N": d.cell.point.profile.force,
@@ -88,6 +81,6 @@ def difference_record(d: Difference) -> dict[str, Any]:
 
 
 def engaged_record(result: Comparison) -> dict[str, Any]:
-    """Return what of the tried shifts engaged, on the bench and in the simulation."""
+    """Record the share of tried shifts that engaged, on the bench and in the simulation."""
     engaged, tried, simulated = result.engaged
     return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}

@@ -7,7 +7,7 @@ The description of each key is written here once: ``docs/studies.md`` shows the 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any, get_args, get_origin
+from typing import Any, cast, get_args, get_origin
 
 from pydantic import BaseModel, Field
 
@@ -286,13 +286,9 @@ def _table(model: type[BaseModel], paths: list[str]) -> str:
     title = ", ".join(f"`{path}`" for path in paths if path) or "`result.json`"
     words = " ".join((model.__doc__ or "").split()).replace("``", "`")
     rows = [
-        f"| `{name}` | {_unit(field.json_schema_extra)} | {field.description} |"
+        f"| `{name}` | {cast(Any, field.json_schema_extra)['unit']} | {field.description} |"
         for name, field in model.model_fields.items()
     ]
     return "\n".join(
         [f"{title}: {words}", "", "| key | unit | meaning |", "|---|---|---|", *rows, ""]
     )
-
-
-def _unit(extra: Any) -> str:
-    return str(extra["unit"])

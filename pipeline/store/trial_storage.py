@@ -1,4 +1,4 @@
-"""Where trials are kept: the folder's journal, an SQLite file, or a PostgreSQL database.
+"""Storage of trials: the folder's journal, an SQLite file, or a PostgreSQL database.
 
 Messages show an address without its password: that is how SQLAlchemy prints one.
 """
@@ -17,7 +17,7 @@ from optuna.storages.journal import JournalFileBackend
 from sqlalchemy import URL, NullPool, make_url
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
-from dogshape.pipeline.store.claims import KEEPALIVE, Alone, Claims, OneFile, Shared
+from dogshape.pipeline.store.claims import KEEPALIVE, Claims, OneFile, Shared
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import drop_torn_line
 from dogshape.sim.errors import StorageError
@@ -36,7 +36,7 @@ def opening(
     where the storage cannot be opened.
     """
     if url is None:
-        yield _journal(folder), Alone()
+        yield _journal(folder), Claims()
         return
     address = _address(url)
     with _opened(address), _claims(address, study) as claims:
@@ -52,7 +52,7 @@ def opening(
 @contextmanager
 def _claims(address: URL, study: str) -> Iterator[Claims]:
     """Make claims, and close them where the block fails."""
-    claims: Claims = Alone()  # of a database in memory
+    claims = Claims()  # of a database in memory
     if address.drivername == DRIVER:
         claims = Shared(address, study)
     elif address.database not in (None, "", ":memory:"):
@@ -153,7 +153,6 @@ def kept(url: str | None, folder: StudyFolder) -> Iterator[None]:
 
 
 def _reason(error: BaseException) -> str:
-    """Return the first line of what a database said."""
     if isinstance(error, StorageInternalError) and error.__cause__ is not None:
         error = error.__cause__
     return str(getattr(error, "orig", None) or error).strip().split("\n")[0]

@@ -1,4 +1,4 @@
-"""Asking the surrogate about many designs at once: a table in, a table out."""
+"""Predictions of the surrogate for a table of designs, as a table."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Answers:
-    """What is known of each design: its checks, and times where there is such a design.
+    """Checks of each design, and predicted times where there is such a design.
 
     ``times`` (n, 5) are NaN where there is none; ``known`` tells which lie in the trained range.
     """
@@ -153,7 +153,10 @@ def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, 
             x[:, place] = filled[name]
             continue
         for row, ((number, _), text) in enumerate(zip(table.rows, table.column(name), strict=True)):
-            x[row, place] = _number(text)
+            try:
+                x[row, place] = float(text)
+            except ValueError:
+                x[row, place] = np.nan
             whole = name != "count" or x[row, place] % 1.0 == 0.0
             if not (np.isfinite(x[row, place]) and whole):
                 rule = "a whole number" if name == "count" else number_rule(text)
@@ -164,13 +167,6 @@ def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, 
         more = [f"and {len(told) - TOLD} more cells"] if len(told) > TOLD else []
         raise InputError(listed(str(table.path), [*told[:TOLD], *more]))
     return x
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan
 
 
 def _checked(study: Study, params: dict[str, float]) -> Design:

@@ -1,4 +1,4 @@
-"""Where the surrogate learns: designs and operating points that fill their space.
+"""Designs and operating points that fill their space, for the surrogate to learn from.
 
 Designs are those of a scrambled Sobol sequence over the search ranges that pass every
 check; every third one instead breaks a limit by up to ``SLACK`` of it, so that the border,
@@ -85,7 +85,7 @@ def _design(names: list[str], bounds: np.ndarray, unit: np.ndarray) -> dict[str,
 
 
 def _just_beyond(study: Study, design: dict[str, float]) -> bool:
-    """Tell whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
+    """Check whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
     try:
         checks = strength_checks(study.dog_with(design), study.limits)
     except GeometryError:

@@ -1,4 +1,4 @@
-"""Surrogates that are there already: of a study's results, or brought by the package."""
+"""Surrogates that exist already: of a study's results, or brought by the package."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def known_surrogate(study: Study) -> Stored | None:
 
 
 def joining(study: Study, say: Callable[[str], None]) -> Stored | None:
-    """Return what the package brings if its rows may join the study's own; say so, or why not."""
+    """Find the package's surrogate if its rows may join the study's own; report the decision."""
     brought = known_surrogate(study)
     if brought is None:
         return None

@@ -94,7 +94,7 @@ def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
 
 
 def _mean_and_error(study: Study, shifts: Sequence[Record]) -> tuple[float, float]:
-    """Return mean and standard error of shifts that engage, s; noughts where too few did."""
+    """Return mean and standard error of shifts that engage, s; zeros where too few did."""
     names = tuple(study.variables)
     mean, error, _, engaged = rows_of(names, shifts)[0, len(names) + 2 : len(names) + 6]
     return (float(mean), float(error)) if engaged > 2 else (0.0, 0.0)

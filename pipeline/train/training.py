@@ -1,4 +1,4 @@
-"""The surrogate of a study: simulating what it learns from, fitting, judging, keeping.
+"""The surrogate of a study: simulation of its data, fit, validation and file.
 
 A folder of a search holds the search's own shifts. A folder that ``dogshape fit`` fills holds
 designs that fill their space, in ``shifts.jsonl``, and references apart, in
@@ -8,7 +8,7 @@ designs that fill their space, in ``shifts.jsonl``, and references apart, in
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,7 +61,12 @@ def fill(
         keeping = "the same command goes on"
         with WorkCounter(progress, total) as counter, counter.kept_in(folder.root, keeping):
             shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
-            _fill(study, designs, Executor(shifts, jobs, counter.advance, cluster))
+            blocks = [
+                block
+                for index, design in enumerate(designs)
+                for block in filling_blocks(study, design, index, settings.seed)
+            ]
+            Executor(shifts, jobs, counter.advance, cluster).run(blocks)
             executor = Executor(apart_from_them, jobs, counter.advance, cluster)
             apart = [d for d in reference_designs(study, settings.references) if d not in designs]
             both = [*apart, *_best(study, folder, progress.say)]
@@ -86,17 +91,6 @@ def ask_more(
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 
 
-def _fill(study: Study, designs: Sequence[dict[str, float]], executor: Executor) -> None:
-    seed = study.file.surrogate.seed
-    executor.run(
-        [
-            block
-            for index, design in enumerate(designs)
-            for block in filling_blocks(study, design, index, seed)
-        ]
-    )
-
-
 def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
     """Return designs of the best tenth, by a quick fit; chosen once and kept."""
     if not folder.best.exists():
@@ -111,7 +105,7 @@ def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]
 def train(
     folder: StudyFolder, out: Path | None = None, *, choose: bool = False, say: Say = SILENT.say
 ) -> Stored:
-    """Fit the surrogate to what a folder holds, judge it and write it.
+    """Fit the surrogate to the shifts of a folder, judge it and write it.
 
     ``choose`` compares the alternative forms and takes the best; else the usual one is taken.
     Fewer designs than it needs raise InputError.
@@ -124,7 +118,7 @@ def train(
         data = known.data.joined(data)  # its parameters are in units of its own ranges
     scores = compare(data, study.file.surrogate.seed, say) if choose else []
     form = scores[0].form if scores else USUAL if known is None else known.form
-    # What the package brings are far more rows than a search adds: its parameters stand.
+    # The package brings far more rows than a search adds: its parameters stand.
     keeps = known is not None and not choose
     rows = FILLED if folder.references.exists() else WHOLE.rows
     effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
@@ -139,7 +133,6 @@ def train(
 
 
 def _data_of(study: Study, folder: StudyFolder) -> Dataset:
-    """Return what the folder's shifts say, after what all machines at its search found."""
     own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
     if not folder.others.exists():
         return own
@@ -155,7 +148,7 @@ def _judged(
     parts: Effort,
     before: Validation | None,
 ) -> Validation:
-    """Return the figures of a surrogate, by the folder's references where it has some.
+    """Validate a surrogate, by the folder's references where it has some.
 
     ``before`` are those it had without the folder's rows. They stand where too few of its designs
     have all operating points to say anything: rows were added, no parameter was changed.

@@ -1,4 +1,4 @@
-"""From the journal of shifts to the rows that the surrogate learns from."""
+"""Rows that the surrogate learns from, out of the journal of shifts."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from dogshape.surrogate.mix import Mix, mix_of
 
 
 def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
-    """Return the rows of all shifts that are of the study's physics and of these programs.
+    """Collect the rows of all shifts that are of the study's physics and of these programs.
 
-    What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
+    Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
     """
-    programs, physics = engine(), study.physics_hash
+    programs, physics, table = engine(), study.physics_hash, rise_table(study.file)
     keys = {*clutch_record(study.clutch), *OPTIONAL, *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
@@ -36,37 +36,31 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
             return False
         record = {key: shift[key] for key in keys if key in shift}
         given = physics_of(record, list(study.variables), study.file)
-        return content_key(given) == physics and _rises_as(study, shift)
+        kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
+        profiles = (ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds)
+        return content_key(given) == physics and all(table.gives(one) for one in profiles)
 
     own = [shift for shift in shifts if is_of(shift)]
     return with_rows(study, rows_of(tuple(study.variables), own))
 
 
 def with_rows(study: Study, rows: Array) -> Dataset:
-    """Return rows (n, d + 8) of the study's physics as a data set."""
+    """Make a data set of rows (n, d + 8) of the study's physics."""
     bounds = np.array(list(study.variables.values()), dtype=float)
     names = tuple(study.variables)
     return Dataset(names, bounds[:, 0], bounds[:, 1], rows, study.physics, engine())
 
 
 def row_record(rows: Array) -> list[list[float | None]]:
-    """Return rows as lists that JSON can hold: None where a number is missing."""
+    """Convert rows to lists that JSON can hold: None where a number is missing."""
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
-def _rises_as(study: Study, shift: Record) -> bool:
-    """Tell whether the force of a shift rose as the study's table says, drawn or not."""
-    table = rise_table(study.file)
-    kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
-    profiles = [ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds]
-    return all(table.gives(profile) for profile in profiles)
-
-
 def mix_over(study: Study, points: Sequence[OperatingPoint]) -> Mix:
-    """Return operating points as a mix, with what a retry costs in the study."""
+    """Mix operating points by their weights, with the time of a retry in the study."""
     return mix_of(points, study.clutch.timeout + study.retraction)
 
 
 def study_mix(study: Study) -> Mix:
-    """Return the study's operating points as a mix."""
+    """Mix the study's operating points by their weights."""
     return mix_over(study, study.points)

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.evaluation import FRESH, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.units import RPM
@@ -61,6 +61,6 @@ def _mean_at(study: Study, row: dict[str, Any], place: int) -> float:
     plan = [0] * len(study.points)
     plan[place] = study.file.search.confirm_angles
     dog = study.dog_with({key: row[key] for key in study.variables})
-    seed = study.file.expectation.seed + FRESH
+    seed = study.file.expectation.seed + NEW_ANGLES
     (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed)
     return found.expectation.points[0].mean

@@ -1,4 +1,4 @@
-"""Confirmation on times made up, where some designs land too hard at the fresh angles."""
+"""Confirmation on times made up, where some designs land too hard at the new angles."""
 
 from __future__ import annotations
 
@@ -11,14 +11,18 @@ import optuna
 import pytest
 
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.reports.study.design_names import designs_shown, failed_afresh, of_kinds
-from dogshape.pipeline.reports.study.design_tables import designs_frame
+from dogshape.pipeline.reports.study.designs import (
+    designs_frame,
+    designs_shown,
+    failed_at_new_angles,
+    of_kinds,
+)
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import MOST_CONFIRMED, most_to_confirm
 from dogshape.pipeline.store.folder import StudyFolder
@@ -34,7 +38,7 @@ SETTINGS = [*MADE_UP, "search.replicate=0", f"search.confirm_designs={WANTED}"]
 
 
 class Landings(MadeUp):
-    """Lets designs of some chamfers land too hard, but at the fresh angles alone."""
+    """Lets designs of some chamfers land too hard, but at the new angles alone."""
 
     def __init__(self, hard: set[float], most: int | None = None) -> None:
         super().__init__(most)
@@ -42,7 +46,7 @@ class Landings(MadeUp):
 
     def __call__(self, block: Block) -> Iterator[Record]:
         for row in super().__call__(block):
-            fails = round(row["chamfer_deg"], 6) in self.hard and (block.seed or 0) >= FRESH
+            fails = round(row["chamfer_deg"], 6) in self.hard and (block.seed or 0) >= NEW_ANGLES
             hardest = landing_record(Landing((1e7,) * len(OVERLAPS))) if fails else {}
             yield {**row, **hardest}
 
@@ -222,7 +226,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     assert first.number in over
     assert first.number not in shown
     assert fails["best"]["trial"] in shown
-    assert [row["trial"] for row in failed_afresh(fails)] == [first.number]
+    assert [row["trial"] for row in failed_at_new_angles(fails)] == [first.number]
     table = [row["trial"] for row in designs_shown(fails)]
     assert table == [*({0} - {*shown}), *shown, first.number]
     assert first.number in [row["trial"] for row in of_kinds(fails)["lands too hard"]]

@@ -27,9 +27,9 @@ from dogshape.pipeline.reports.gap import before_after as before
 from dogshape.pipeline.reports.gap import charts, reasons
 from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
 from dogshape.pipeline.reports.gap import hypothesis_cards as answers
+from dogshape.pipeline.reports.gap.gap_page import publish
 from dogshape.pipeline.reports.gap.odds_matrix import alike_figure, class_in_words, odds
 from dogshape.pipeline.reports.gap.point_rows import cells_of
-from dogshape.pipeline.reports.gap.publish import publish
 from dogshape.sim.units import RPM
 from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
 from tests.toy import EFFECTS, Toy, bench_of, points_of

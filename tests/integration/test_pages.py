@@ -17,7 +17,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.shift.animation import write_animation
-from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint

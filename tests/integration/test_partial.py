@@ -86,7 +86,7 @@ def test_designs_are_simulated_at_a_few_points_and_confirmed_at_all(
 
 
 def test_what_is_foretold_is_what_all_points_give(found: tuple[Path, dict[str, Any]]) -> None:
-    """Confirmed at every point and fresh angles: within the errors of both."""
+    """Confirmed at every point and new angles: within the errors of both."""
     _, result = found
     rows = {row["trial"]: row for row in result["trials"]}
     for design in result["confirmation"]["designs"]:

@@ -16,7 +16,7 @@ from optuna.trial import FrozenTrial, TrialState
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Study, load_study
-from dogshape.pipeline.reports.study.publish import publish
+from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.rounds import next_round
 from dogshape.pipeline.search.samplers import sampler_factory

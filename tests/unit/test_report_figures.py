@@ -11,33 +11,30 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
-from dogshape.pipeline.reports.study.design_shifts import Shifts
-from dogshape.pipeline.reports.study.distribution import (
-    distribution,
-    distribution_figure,
-    quantile_rows,
+from dogshape.pipeline.reports.study.front import (
+    LETTER,
+    PLOT,
+    front_figure,
+    sure_figure,
+    third_figure,
 )
-from dogshape.pipeline.reports.study.front import front_figure, sure_figure, third_figure
 from dogshape.pipeline.reports.study.goals import MARGIN
-from dogshape.pipeline.reports.study.operating_grid import (
+from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
+from dogshape.pipeline.reports.study.point_gains import (
     engaged_figure,
     gain_figure,
     gains,
     is_grid,
+    listed_figure,
     points_figure,
 )
-from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
-from dogshape.pipeline.reports.study.point_labels import (
-    BETWEEN,
-    LINE,
-    MARK,
-    PLOTS,
-    Label,
-    Taken,
-    shifts_of,
+from dogshape.pipeline.reports.study.single_shifts import (
+    Shifts,
+    distribution,
+    distribution_figure,
+    quantile_rows,
 )
-from dogshape.pipeline.reports.study.point_list import listed_figure
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
 
 
@@ -91,7 +88,7 @@ def test_third_objective_is_size_and_number(result: Row) -> None:
 def test_how_sure_with_and_without_what_confirms(result: Row) -> None:
     plain = sure_figure(result)
     assert [trace.name for trace in plain.data] == [
-        "search, 95 % interval", "fresh angles, 95 % interval",
+        "search, 95 % interval", "new angles, 95 % interval",
     ]  # fmt: skip
     assert list(plain.data[0].y) == ["design 1", "design 2 (chosen)"]
     assert list(plain.data[1].x) == pytest.approx([80.0])
@@ -101,7 +98,7 @@ def test_how_sure_with_and_without_what_confirms(result: Row) -> None:
     result["confirmation"]["designs"].append({"trial": 1, **confirmed([], 0.083)})
     full = traces(sure_figure(result))
     assert list(full["probability on the front"].x) == [0.6, 0.9]
-    assert list(full["fresh angles, 95 % interval"].x) == pytest.approx([83.0, 80.0])
+    assert list(full["new angles, 95 % interval"].x) == pytest.approx([83.0, 80.0])
     result["confirmation"] = None
     assert len(sure_figure(result).data) == 2
 
@@ -127,43 +124,6 @@ def test_names_at_the_end_of_lines_stay_apart() -> None:
     assert np.diff(levels).min() >= APART - 1e-12
     assert levels[-1] <= 1.0
     assert levels[0] == 0.2
-
-
-def test_labels_cover_neither_marks_nor_each_other() -> None:
-    labels = [Label("12", (0.5 + 0.01 * k, 0.5)) for k in range(4)]
-    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0))
-    centres = [(560 * (0.5 + 0.01 * k) + x, 160 + y) for k, (x, y) in enumerate(places)]
-    for k, (x, y) in enumerate(centres):
-        for other in centres[:k]:
-            assert abs(x - other[0]) >= 15.9 or abs(y - other[1]) >= 16.9
-
-
-def test_a_label_is_nearest_to_its_own_mark() -> None:
-    labels = [Label("1: 28.4", (0.9, 0.4)), Label("7: 27.8", (0.94, 0.39))]
-    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0), Taken(half=21.0))
-    for own, (label, place) in enumerate(zip(labels, places, strict=True)):
-        for wide, high in PLOTS:
-            at = wide * label.at[0] + place[0], high * label.at[1] + place[1]
-            apart = [
-                math.hypot(max(abs(at[0] - wide * x) - 0.5 * label.width, 0.0),
-                           max(abs(at[1] - high * y) - 0.5 * LINE, 0.0))
-                for x, y in (other.at for other in labels)
-            ]  # fmt: skip
-            assert min(apart) == apart[own]
-
-
-def test_a_label_covers_no_mark_and_no_bar_on_paper_or_screen() -> None:
-    """A long name in a crowd: below it a bar, beside it marks."""
-    crowd = [(0.55, 0.5), (0.45, 0.55), (0.5, 0.6)]
-    bars = [((0.3, 0.45), (0.7, 0.45))]
-    label = Label("<b>chosen: design 31</b>", (0.5, 0.5))
-    ((right, up),) = shifts_of([label], (0.0, 1.0), (0.0, 1.0), Taken(crowd, bars))
-    for wide, high in PLOTS:
-        across, over = 0.5 * wide + right, 0.5 * high + up
-        for x, y in [*crowd, label.at]:
-            apart = abs(across - wide * x) - 0.5 * label.width, abs(over - high * y) - 0.5 * LINE
-            assert max(apart) >= MARK
-        assert abs(over - 0.45 * high) >= 0.5 * LINE + 3.0
 
 
 def test_gain_at_each_operating_point(result: Row) -> None:
@@ -238,7 +198,7 @@ def test_front_of_what_is_maximised_has_errors_of_both_objectives(result: Row) -
 
 
 def test_distribution_of_single_shifts(study: Study) -> None:
-    own, fresh = study.prototype, {"seed": study.file.expectation.seed + FRESH}
+    own, fresh = study.prototype, {"seed": study.file.expectation.seed + NEW_ANGLES}
     times = [0.01 * k for k in range(1, 100)] + [None]
     place = {"mismatch_rpm": 50.0, "force_N": 469.0, **fresh}
     rows = tuple(shift(study, own, k, t, **place) for k, t in enumerate(times))
@@ -293,21 +253,20 @@ def test_a_prototype_far_behind_has_a_panel_of_its_own(result: Row) -> None:
     assert ("<b>prototype</b>", "x2") in names
 
 
-def test_labels_side_by_side_have_room_between_them() -> None:
-    """Four marks whose numbers once stood a pixel apart, as read on paper."""
-    labels = [Label("44", at) for at in ((0.48, 0.43), (0.4, 0.52), (0.43, 0.48), (0.54, 0.48))]
-    places = shifts_of(labels, (0.0, 1.0), (0.0, 1.0))
-    wide, high = PLOTS[0]
-    centres = [(wide * one.at[0] + x, high * one.at[1] + y)
-               for one, (x, y) in zip(labels, places, strict=True)]  # fmt: skip
-    for k, (x, y) in enumerate(centres):
-        for other in centres[:k]:
-            apart = abs(x - other[0]) - labels[0].width
-            assert apart >= 0.5 * BETWEEN or abs(y - other[1]) >= LINE
-
-
 def test_names_of_parallel_lines_have_a_margin_of_their_own(result: Row) -> None:
     figure = parallel_figure(result, VARIABLES)
     longest = max(len(n.text) for n in figure.layout.annotations if n.xanchor == "left")
     assert figure.layout.margin.r >= 7.5 * longest + 12
     assert figure.layout.xaxis.range[0] <= -0.5
+
+
+def test_names_stand_within_the_axes_where_the_front_leaves_no_design(result: Row) -> None:
+    figure = front_figure(result, VARIABLES, LENGTH)
+    low, high = figure.layout.xaxis.range
+    notes = [note for note in figure.layout.annotations if note.text != "<b>prototype</b>"]
+    for note in notes:
+        assert note.ay > 0  # shorter: below the front
+        middle = PLOT[0] * (note.x - low) / (high - low) + note.ax
+        half = 0.5 * LETTER * len(note.text.replace("<b>", "").replace("</b>", ""))
+        assert half - 1e-9 <= middle <= PLOT[0] - half + 1e-9
+    assert len({note.ay for note in notes}) == len(notes) == 2

@@ -17,15 +17,15 @@ import pytest
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.reports.kit.html import csv_link
+from dogshape.pipeline.reports.kit.text import percent
 from dogshape.pipeline.reports.study import replays
-from dogshape.pipeline.reports.study.design_names import of_kinds, percent
-from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes, quantile, weights_of
-from dogshape.pipeline.reports.study.design_tables import csv_link, designs_frame, in_parts
+from dogshape.pipeline.reports.study.designs import designs_frame, in_parts, of_kinds
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
-from dogshape.pipeline.reports.study.learned import learn_effects, stored_effects
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
+from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quantile, weights_of
 from dogshape.pipeline.reports.study.summary import (
     Gained,
     at_the_ends,
@@ -36,8 +36,9 @@ from dogshape.pipeline.reports.study.summary import (
     passed_over,
     points_of,
 )
+from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.simulate.design import OBJECTIVES
-from dogshape.pipeline.simulate.evaluation import FRESH
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import known_surrogate
@@ -75,7 +76,7 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> N
     own, seed = study.prototype, study.file.expectation.seed
     rows = (
         shift(study, own, 1.0, 0.05),
-        shift(study, own, 2.0, None, seed=seed + FRESH),
+        shift(study, own, 2.0, None, seed=seed + NEW_ANGLES),
         shift(study, own, 3.0, 0.07, accuracy=1e-9),
         shift(study, own, 4.0, None, outcome="diverged"),
         shift(study, own | {"chamfer_deg": 9.0}, 1.0, 0.02),
@@ -83,7 +84,7 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> N
     found = Shifts(study, rows)
     assert [row["relative_angle_deg"] for row in found.of(own)] == [1.0, 2.0]
     assert [row["relative_angle_deg"] for row in found.searched(own)] == [1.0]
-    assert [row["relative_angle_deg"] for row in found.fresh(own)] == [2.0]
+    assert [row["relative_angle_deg"] for row in found.confirmed(own)] == [2.0]
     fast, slow = extremes(found.of(own)) or pytest.fail("no shifts")
     assert (fast["shift_time_s"], slow["outcome"]) == (0.05, "blocked")
     assert extremes([]) is None
@@ -215,10 +216,10 @@ def test_designs_that_fail_at_the_fresh_angles_are_said(result: Row) -> None:
     (said,) = failures_of(result)
     assert "none of those confirmed does" in choice(result)
     assert said == (
-        "Design 2, the chosen one, fails at the fresh angles: "
+        "Design 2, the chosen one, fails at the new angles: "
         "edge pressure impact (\N{MINUS SIGN}10 %)."
     )
-    assert headline(result).endswith("but fails a check at the fresh angles.")
+    assert headline(result).endswith("but fails a check at the new angles.")
 
 
 def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
@@ -414,8 +415,8 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
         calls.append("learned")
         return known
 
-    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.Over", lambda *_: None)
-    monkeypatch.setattr("dogshape.pipeline.reports.study.learned.learned", learned)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.Over", lambda *_: None)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.learned", learned)
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
     assert calls.count("learned") == 1

@@ -171,7 +171,7 @@ def test_a_constraint_of_any_size_is_unsure_where_few_trials_tell_it(value: floa
     ]  # fmt: skip
     space = Space({"x": FloatDistribution(0.0, 1.0)})
     for count in (1, 3):
-        found = FreeGuide().foretold(space, trials[:count], np.ones(1))
+        found = FreeGuide().predict(space, trials[:count], np.ones(1))
         chance = found.chances([{"x": 0.9}])[0]
         assert 0.02 < chance < 0.98
         assert (chance > 0.5) == (value < 0.0)
@@ -210,7 +210,7 @@ def test_a_pool_that_was_taken_is_drawn_anew() -> None:
     """More designs that fill the space than the pool has: none comes twice."""
     space, pool = Space({"x": FloatDistribution(0.0, 1.0)}), Pool(FreeGuide(), seed=0)
     taken = pool.first(space)
-    more = pool.fresh(space, taken)
+    more = pool.untaken(space, taken)
     assert len(taken) == len(more) == WIDE
     assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
-    assert pool.fresh(space, taken) == more
+    assert pool.untaken(space, taken) == more

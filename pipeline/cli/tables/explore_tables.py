@@ -8,8 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from dogshape.pipeline.cli.console import columns
-from dogshape.pipeline.reports.kit.text import in_ms
-from dogshape.pipeline.reports.surrogate.variable_labels import axis
+from dogshape.pipeline.reports.kit.text import axis, in_ms
 
 Row = dict[str, Any]
 

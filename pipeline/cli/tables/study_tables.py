@@ -10,13 +10,8 @@ from rich.table import Table
 
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.reports.kit.text import in_ms
-from dogshape.pipeline.reports.study.design_names import (
-    check_name,
-    designs_shown,
-    failed_afresh,
-    percent,
-)
+from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
+from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.replicated import replicated_words
 from dogshape.pipeline.reports.study.summary import (
@@ -27,7 +22,6 @@ from dogshape.pipeline.reports.study.summary import (
     headline,
     passed_over,
 )
-from dogshape.pipeline.reports.surrogate.variable_labels import axis
 from dogshape.sim.shift.outcome import depends_on_clock
 from dogshape.surrogate.store import Stored
 
@@ -47,7 +41,7 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
     if result["best"] is not None:
-        last = ", last what failed at the fresh angles" if failed_afresh(result) else ""
+        last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
         lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
         lines += [_front(study, result), ""]
         lines += [words] if (words := replicated_words(result)) else []
@@ -65,7 +59,7 @@ def _pair(study: Study, result: Row) -> Table:
     best, angles = result["best"], result["confirmation"]["angles"]
     own = next(row for row in result["trials"] if row["prototype"])
     chosen = "the same" if best["prototype"] else f"design {best['trial']}, chosen"
-    table = columns(f"at {angles} fresh angles (95 % interval)", "prototype", chosen, "change")
+    table = columns(f"at {angles} new angles (95 % interval)", "prototype", chosen, "change")
     for name in study.variables:
         table.add_row(axis(name), *(f"{row[name]:.4g}" for row in (own, best)), "")
     for one in gained(result):

@@ -1,23 +1,24 @@
-"""Before and after: bench times with the simulation without and with the leading hypothesis."""
+"""Bench times with the simulation without and with the leading hypothesis."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
+from dogshape.diagnosis.bench.comparison import Comparison
 from dogshape.pipeline.reports.gap.point_rows import NINETY, CellRow
-from dogshape.pipeline.reports.kit.look import BLUE, INK, ORANGE, styled
-from dogshape.pipeline.reports.kit.maps import MINUS
-from dogshape.pipeline.reports.surrogate.asked_points import spread
+from dogshape.pipeline.reports.kit.look import BLUE, INK, ORANGE, Row, styled
+from dogshape.pipeline.reports.kit.maps import mismatch_axes
+from dogshape.pipeline.reports.kit.text import place_name
+from dogshape.sim.units import RPM
 
 BESIDE = 4  #: panels side by side
 MOST = 8  #: forces that have a panel each
-BENCH: dict[str, Any] = {"color": INK, "size": 8, "symbol": "circle"}
+BENCH: Row = {"color": INK, "size": 8, "symbol": "circle"}
 PLAIN = "without any effect"  #: name of the simulation before
-_Pick = Callable[[CellRow], float | None]
+_Pick = Callable[[CellRow], tuple[float | None, float]]  #: time, s, and half its interval, ms
 
 
 def before_figure(cells: list[CellRow], leading: str, plain: str = PLAIN) -> go.Figure:
@@ -35,102 +36,103 @@ def before_figure(cells: list[CellRow], leading: str, plain: str = PLAIN) -> go.
         horizontal_spacing=0.03, vertical_spacing=0.16,
     )  # fmt: skip
     for place, force in enumerate(forces):
-        row, column = place // columns + 1, place % columns + 1
         those = sorted((c for c in cells if c.force_N == force), key=lambda c: c.mismatch_rpm)
         for trace in _curves(those, leading, plain, first=place == 0):
-            figure.add_trace(trace, row, column)
-    _axes(figure, cells, rows)
-    return figure
+            figure.add_trace(trace, place // columns + 1, place % columns + 1)
+    figure = mismatch_axes(figure, [c.mismatch_rpm for c in cells], 130 + 290 * rows, rows)
+    return figure.update_layout(legend={"y": 1.0 + 0.12 / rows}, margin={"t": 80})
 
 
-def _axes(figure: go.Figure, cells: list[CellRow], rows: int) -> None:
-    mismatches = sorted({cell.mismatch_rpm for cell in cells})
-    if mismatches[0] > 0.0:
-        figure.update_xaxes(type="log", tickvals=spread(mismatches, 3), tickangle=0)
-    figure.update_xaxes(title="mismatch, 1/min", row=rows)
-    figure.update_yaxes(rangemode="tozero")
-    figure.update_yaxes(title="mean shift time, ms", col=1)
-    styled(figure, 130 + 290 * rows)
-    figure.update_layout(legend={"y": 1.0 + 0.12 / rows}, margin={"t": 80})
+def compared_figure(compared: Comparison) -> go.Figure:
+    """Draw bench and simulated times of every operating point, ms over 1/min.
 
-
-def _curves(cells: Sequence[CellRow], leading: str, plain: str, *, first: bool) -> list[go.Scatter]:
-    """Return bands, lines and points of one force."""
-    found = _line(
-        cells, (plain, ORANGE, "rgba(200,89,12,0.16)", "dash"),
-        lambda c: c.simulated_s, lambda c: c.simulated_error_s, first=first,
-    )  # fmt: skip
-    if leading:
-        found += _line(
-            cells, (f"with {leading}", BLUE, "rgba(31,95,168,0.22)", "solid"),
-            lambda c: c.foretold_s, lambda c: c.foretold_error_s, first=first,
+    The band is 90 % of what the difference may be by chance; it is drawn about the simulation.
+    """
+    cells = []
+    for one in compared.differences:
+        cell, simulated, error = one.cell, one.simulated.mean_engaged, one.standard_error
+        cells.append(
+            CellRow(
+                mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
+                shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
+                bench_s=cell.time, bench_error_s=None, simulated_s=simulated,
+                simulated_error_s=None if simulated is None else error, gap_s=one.gap,
+                error_s=None if one.gap is None else error, z=one.z,
+                foretold_s=None, foretold_error_s=None,
+            )
         )  # fmt: skip
-    return [*found, _bench(cells, first=first)]
+    return before_figure(cells, "", plain="simulated")
 
 
-def _line(
-    cells: Sequence[CellRow],
-    look: tuple[str, str, str, str],
-    mean: _Pick,
-    error: _Pick,
-    *,
-    first: bool,
-) -> list[go.Scatter]:
-    """Return a line with its 90 % band."""
-    name, color, pale, dash = look
-    x = [c.mismatch_rpm for c in cells if mean(c) is not None]
-    y = [1e3 * m for c in cells if (m := mean(c)) is not None]
-    half = [NINETY * 1e3 * (error(c) or 0.0) for c in cells if mean(c) is not None]
-    high, low = ([a + s * b for a, b in zip(y, half, strict=True)] for s in (1.0, -1.0))
-    band = go.Scatter(
-        x=x + x[::-1], y=high + low[::-1], fill="toself", fillcolor=pale, mode="lines",
-        line={"width": 0}, hoverinfo="skip", showlegend=False,
-    )  # fmt: skip
-    line = go.Scatter(
-        x=x, y=y, name=name, legendgroup=name, showlegend=first, mode="lines",
-        line={"color": color, "dash": dash, "width": 2.5},
-        hovertemplate="%{x:.4g} 1/min: %{y:.1f} ms<extra></extra>",
-    )  # fmt: skip
-    return [band, line] if x else []
+def _simulated(cell: CellRow) -> tuple[float | None, float]:
+    return cell.simulated_s, _half(cell.simulated_error_s)
 
 
-def _bench(cells: Sequence[CellRow], *, first: bool) -> go.Scatter:
-    """Return the bench's means with 90 % bars."""
-    having = [c for c in cells if c.bench_s is not None]
-    return go.Scatter(
-        x=[c.mismatch_rpm for c in having], y=[1e3 * (c.bench_s or 0.0) for c in having],
-        error_y={"array": [_half(c.bench_error_s) for c in having], "thickness": 1.2},
-        name="bench", legendgroup="bench", showlegend=first, mode="markers", marker=BENCH,
-        hovertemplate="bench, %{x:.4g} 1/min: %{y:.1f} ms<extra></extra>",
-    )  # fmt: skip
+def _predicted(cell: CellRow) -> tuple[float | None, float]:
+    return cell.foretold_s, _half(cell.foretold_error_s)
+
+
+def _bench(cell: CellRow) -> tuple[float | None, float]:
+    return cell.bench_s, _half(cell.bench_error_s)
 
 
 def _half(error: float | None) -> float:
     return NINETY * 1e3 * (error or 0.0)
 
 
+def _known(cells: Sequence[CellRow], pick: _Pick) -> list[tuple[CellRow, float, float]]:
+    """Select the cells that have a time, with it and half its 90 % interval, ms."""
+    picked = ((cell, *pick(cell)) for cell in cells)
+    return [(cell, 1e3 * mean, half) for cell, mean, half in picked if mean is not None]
+
+
+def _curves(cells: Sequence[CellRow], leading: str, plain: str, *, first: bool) -> list[go.Scatter]:
+    """Draw bands, lines and points of one force."""
+    sides = [(plain, ORANGE, "rgba(200,89,12,0.16)", "dash", _simulated)]
+    if leading:
+        sides.append((f"with {leading}", BLUE, "rgba(31,95,168,0.22)", "solid", _predicted))
+    found = []
+    for name, color, pale, dash, pick in sides:
+        rows = _known(cells, pick)
+        x, y = [cell.mismatch_rpm for cell, *_ in rows], [mean for _, mean, _ in rows]
+        high, low = ([m + side * h for _, m, h in rows] for side in (1.0, -1.0))
+        band = go.Scatter(
+            x=x + x[::-1], y=high + low[::-1], fill="toself", fillcolor=pale, mode="lines",
+            line={"width": 0}, hoverinfo="skip", showlegend=False,
+        )  # fmt: skip
+        line = go.Scatter(
+            x=x, y=y, name=name, legendgroup=name, showlegend=first, mode="lines",
+            line={"color": color, "dash": dash, "width": 2.5},
+            hovertemplate="%{x:.4g} 1/min: %{y:.1f} ms<extra></extra>",
+        )  # fmt: skip
+        found += [band, line] if rows else []
+    rows = _known(cells, _bench)
+    points = go.Scatter(
+        x=[cell.mismatch_rpm for cell, *_ in rows], y=[mean for _, mean, _ in rows],
+        error_y={"array": [half for *_, half in rows], "thickness": 1.2},
+        name="bench", legendgroup="bench", showlegend=first, mode="markers", marker=BENCH,
+        hovertemplate="bench, %{x:.4g} 1/min: %{y:.1f} ms<extra></extra>",
+    )  # fmt: skip
+    return [*found, points]
+
+
 def _listed(cells: list[CellRow], leading: str, plain: str) -> go.Figure:
     """Draw a line for each operating point."""
     ordered = sorted(cells, key=lambda c: c.place, reverse=True)
-    names = [f"{c.mismatch_rpm:.4g} 1/min, {c.force_N:.4g} N".replace("-", MINUS) for c in ordered]
-    marks: list[tuple[str, dict[str, Any], _Pick, _Pick]] = [
-        (plain, {"color": ORANGE, "symbol": "square-open", "size": 10},
-         lambda c: c.simulated_s, lambda c: c.simulated_error_s),
-        (f"with {leading}", {"color": BLUE, "symbol": "diamond", "size": 10},
-         lambda c: c.foretold_s, lambda c: c.foretold_error_s),
-        ("bench", BENCH, lambda c: c.bench_s, lambda c: c.bench_error_s),
-    ]  # fmt: skip
     figure = go.Figure()
-    for name, marker, mean, error in marks:
-        rows = [(n, m, error(c)) for n, c in zip(names, ordered, strict=True)
-                if (m := mean(c)) is not None]  # fmt: skip
-        if rows:
+    for name, marker, pick in (
+        (plain, {"color": ORANGE, "symbol": "square-open", "size": 10}, _simulated),
+        (f"with {leading}", {"color": BLUE, "symbol": "diamond", "size": 10}, _predicted),
+        ("bench", BENCH, _bench),
+    ):
+        if rows := _known(ordered, pick):
             figure.add_scatter(
-                x=[1e3 * m for _, m, _ in rows], y=[n for n, _, _ in rows], name=name,
-                error_x={"array": [_half(e) for *_, e in rows], "thickness": 1.2},
+                x=[mean for _, mean, _ in rows], y=[place_name(*c.place) for c, *_ in rows],
+                error_x={"array": [half for *_, half in rows], "thickness": 1.2}, name=name,
                 mode="markers", marker=marker,
                 hovertemplate=f"{name}, %{{y}}: %{{x:.1f}} ms<extra></extra>",
             )  # fmt: skip
+    names = [place_name(*cell.place) for cell in ordered]
     figure.update_xaxes(title="mean shift time, ms", rangemode="tozero")
     figure.update_yaxes(type="category", categoryorder="array", categoryarray=names)
     figure.update_yaxes(automargin=True)

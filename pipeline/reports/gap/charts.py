@@ -11,11 +11,10 @@ from dogshape.diagnosis.inference.parameter_intervals import Bound
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.report.phase_times import PhaseGap
 from dogshape.diagnosis.report.wording import between, chance, ms, quantity, shown
-from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.reports.gap.hypothesis_cards import by_chance, short, shown_hypotheses
 from dogshape.pipeline.reports.gap.point_rows import NINETY
 from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, ORANGE, Row, styled
-from dogshape.pipeline.reports.kit.maps import MINUS
+from dogshape.pipeline.reports.kit.text import minus
 from dogshape.sim.effect import Parameter
 
 _Bar = tuple[str, float, str]  #: name, value and words of a bar
@@ -35,20 +34,14 @@ def causes_figure(found: Diagnosis) -> go.Figure:
     for name, marker, inside in (("in the 90 % set", SOLID, True), ("outside", HOLLOW, False)):
         those = [h for h in shown_ones if (h in found.verdict.credible) == inside]
         if those:
-            _bars(figure, name, [_cause_bar(found, h) for h in those], marker)
+            chances = [(short(found, h), found.belief[h]) for h in those]
+            _bars(figure, name, [(words, p, chance(p)) for words, p in chances], marker)
     names = [short(found, h) for h in shown_ones]
     figure.update_layout(barmode="overlay", legend={"traceorder": "normal"})
     figure.update_yaxes(categoryorder="array", categoryarray=names[::-1])
-    figure.update_xaxes(title="probability", range=[0.0, 1.12], tickformat=".0%", tickvals=_FIFTHS)
+    fifths = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    figure.update_xaxes(title="probability", range=[0.0, 1.12], tickformat=".0%", tickvals=fifths)
     return _tall(figure, len(names), row_height(names))
-
-
-def _cause_bar(found: Diagnosis, hypothesis: Hypothesis) -> _Bar:
-    chances = found.belief[hypothesis]
-    return short(found, hypothesis), chances, chance(chances)
-
-
-_FIFTHS = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
 
 
 def held_out_figure(found: Diagnosis) -> go.Figure:
@@ -95,7 +88,7 @@ def _tall(figure: go.Figure, rows: int, each: int) -> go.Figure:
 
 
 def bounds_figure(found: Diagnosis) -> go.Figure:
-    """Draw which share of its prior each effect may still have, on its own."""
+    """Draw the share of its prior that each effect may still have, on its own."""
     rows = sorted(_ranges(found), key=lambda row: (not row[2].informed, row[4] - row[3]))
     figure = go.Figure()
     figure.update_layout(showlegend=True)
@@ -103,7 +96,14 @@ def bounds_figure(found: Diagnosis) -> go.Figure:
         those = [row for row in rows if row[2].informed == informed]
         if those:
             _spans(figure, those, {"dash": dash, "color": color, "width": width})
-    _neutrals(figure, found)
+    setting = found.scored[NONE].space.setting
+    parameters = [found.effects[name].parameters[0] for name in found.bounds]
+    figure.add_scatter(
+        x=[p.share(p.neutral_of(setting)) for p in parameters],
+        y=[found.effects[name].plain for name in found.bounds], mode="markers",
+        name="no effect", hoverinfo="skip",
+        marker={"symbol": "diamond-open", "size": 10, "color": INK},
+    )  # fmt: skip
     for name, words, *_ in rows:
         figure.add_annotation(
             x=1.04, y=name, text=words, showarrow=False, xanchor="left",
@@ -147,17 +147,6 @@ def _spans(figure: go.Figure, rows: Sequence[_Range], line: dict[str, object]) -
     )  # fmt: skip
 
 
-def _neutrals(figure: go.Figure, found: Diagnosis) -> None:
-    setting = found.scored[NONE].space.setting
-    parameters = [found.effects[name].parameters[0] for name in found.bounds]
-    figure.add_scatter(
-        x=[p.share(p.neutral_of(setting)) for p in parameters],
-        y=[found.effects[name].plain for name in found.bounds], mode="markers",
-        name="no effect", hoverinfo="skip",
-        marker={"symbol": "diamond-open", "size": 10, "color": INK},
-    )  # fmt: skip
-
-
 def _bound_words(parameter: Parameter, bound: Bound, name: str) -> str:
     if not bound.informed:
         return "no information"
@@ -165,12 +154,11 @@ def _bound_words(parameter: Parameter, bound: Bound, name: str) -> str:
     if not callable(neutral) and neutral <= parameter.low:
         high, unit = shown(parameter.name, bound.high)
         return f"{name} at most {high:.3g} {unit}".strip()
-    words = between(parameter.name, bound.low, bound.high).replace("-", MINUS)
-    return f"{name} {words}".strip()
+    return f"{name} {minus(between(parameter.name, bound.low, bound.high))}".strip()
 
 
 def phases_figure(phases: Sequence[PhaseGap]) -> go.Figure:
-    """Draw how long each phase takes on the bench and in the simulation, ms."""
+    """Draw the mean duration of each phase on the bench and in the simulation, ms."""
     figure = go.Figure()
     names = [phase.name for phase in phases]
     sides = (
@@ -193,6 +181,5 @@ def phases_figure(phases: Sequence[PhaseGap]) -> go.Figure:
 
 
 def phase_words(phase: PhaseGap) -> str:
-    """Return the gap of a phase with its 90 % interval, ms."""
-    words = f"{1e3 * phase.gap:+.1f} ± {NINETY * 1e3 * phase.standard_error:.1f}"
-    return words.replace("-", MINUS)
+    """Print the gap of a phase with its 90 % interval, ms."""
+    return minus(f"{1e3 * phase.gap:+.1f} ± {NINETY * 1e3 * phase.standard_error:.1f}")

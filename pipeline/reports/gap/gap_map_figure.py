@@ -1,11 +1,10 @@
-"""Where the gap is: over mismatch and force, in ms and in standard errors."""
+"""Map of the gap over mismatch and force, in ms and in standard errors."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 
-import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
@@ -13,12 +12,14 @@ from dogshape.pipeline.reports.gap.point_rows import CellRow, unreadable
 from dogshape.pipeline.reports.kit.look import GREY, styled
 from dogshape.pipeline.reports.kit.maps import (
     LOSS_TO_GAIN,
-    MINUS,
-    MOST,
-    cells_with_words,
+    cover,
     frame,
+    grid,
+    has_room,
     map_height,
+    shaded_cells,
 )
+from dogshape.pipeline.reports.kit.text import minus, place_name
 
 CLEAR = 2.0  #: standard errors from which a gap is framed
 FILLED = 0.5  #: share of a grid that must be filled to be drawn as one
@@ -33,37 +34,22 @@ def gap_map_figure(cells: list[CellRow]) -> go.Figure:
 
     Points that are no grid have a line each.
     """
-    columns, rows, places = _layout(cells)
+    mismatches, forces, places = grid(cells, lambda cell: cell.place)
+    as_grid = has_room(mismatches, forces) and len(cells) >= FILLED * len(mismatches) * len(forces)
+    columns, rows = [f"{f:.4g}" for f in forces], [minus(f"{m:.4g}") for m in mismatches]
+    if not as_grid:
+        ordered = sorted(cells, key=lambda c: c.place, reverse=True)
+        columns, rows = ["gap"], [place_name(*c.place) for c in ordered]
+        places = {(row, 0): cell for row, cell in enumerate(ordered)}
     titles = ["bench less simulation, ms", "the same in standard errors"]
     figure = make_subplots(1, 2, shared_yaxes=True, subplot_titles=titles, horizontal_spacing=0.04)
     for column, say in enumerate((_in_ms, _in_errors), start=1):
         _panel(figure, column, (columns, rows), places, say)
-    as_grid = len(columns) > 1
-    figure.update_xaxes(type="category", title="shift force, N" if as_grid else None)
+    named = len(columns) > 1
+    figure.update_xaxes(type="category", title="shift force, N" if named else None)
     figure.update_yaxes(type="category")
-    figure.update_yaxes(title="mismatch, 1/min" if as_grid else None, col=1)
-    figure = styled(figure, map_height(len(rows)))
-    figure.update_layout(margin={"t": 40})
-    return figure
-
-
-def _layout(
-    cells: list[CellRow],
-) -> tuple[list[str], list[str], dict[tuple[int, int], CellRow]]:
-    """Return names of columns and rows, and which cell is in which row and column."""
-    mismatches = sorted({cell.mismatch_rpm for cell in cells})
-    forces = sorted({cell.force_N for cell in cells})
-    fits = len(mismatches) <= MOST[0] and len(forces) <= MOST[1]
-    if fits and len(cells) >= FILLED * len(mismatches) * len(forces):
-        places = {(mismatches.index(c.mismatch_rpm), forces.index(c.force_N)): c for c in cells}
-        return [f"{f:.4g}" for f in forces], [_signed(m) for m in mismatches], places
-    ordered = sorted(cells, key=lambda c: c.place, reverse=True)
-    names = [f"{_signed(c.mismatch_rpm)} 1/min, {c.force_N:.4g} N" for c in ordered]
-    return ["gap"], names, {(row, 0): cell for row, cell in enumerate(ordered)}
-
-
-def _signed(value: float) -> str:
-    return f"{value:.4g}".replace("-", MINUS)
+    figure.update_yaxes(title="mismatch, 1/min" if named else None, col=1)
+    return styled(figure, map_height(len(rows))).update_layout(margin={"t": 40})
 
 
 def _panel(
@@ -73,34 +59,24 @@ def _panel(
     places: dict[tuple[int, int], CellRow],
     say: Callable[[CellRow], tuple[float | None, str]],
 ) -> None:
-    values = np.full((len(names[1]), len(names[0])), np.nan)
-    words = np.full(values.shape, "", dtype=object)
-    for (i, j), cell in places.items():
-        number, said = say(cell)
-        if number is None:
-            _mark(figure, column, (i, j), said)
-        else:
-            values[i, j], words[i, j] = number, said
-    known = values[np.isfinite(values)]
-    most = float(np.abs(known).max()) if known.size else 1.0
-    trace = cells_with_words(*names, values, words, FASTER_TO_SLOWER)
-    figure.add_trace(trace.update(zmin=-most or -1.0, zmax=most or 1.0), 1, column)
-    for (i, j), cell in places.items():
+    shaded = {}
+    for at, cell in places.items():
+        number, words = say(cell)
+        if number is not None:
+            shaded[at] = number, words
+            continue
+        # Say on grey why the cell has no gap.
+        cover(figure, at, line={"width": 0}, fillcolor=GREY, opacity=0.25, row=1, col=column)
+        figure.add_annotation(
+            x=at[1], y=at[0], text=words.replace(" ", "<br>"), showarrow=False, font={"size": 12},
+            row=1, col=column,
+        )  # fmt: skip
+    most = max((abs(number) for number, _ in shaded.values()), default=1.0) or 1.0
+    trace = shaded_cells(*names, shaded, FASTER_TO_SLOWER)
+    figure.add_trace(trace.update(zmin=-most, zmax=most), 1, column)
+    for at, cell in places.items():
         if cell.z is not None and abs(cell.z) >= CLEAR:
-            frame(figure, i, j, row=1, col=column)
-
-
-def _mark(figure: go.Figure, column: int, at: tuple[int, int], words: str) -> None:
-    """Write into a cell that has no gap why, on grey."""
-    i, j = at
-    figure.add_shape(
-        type="rect", x0=j - 0.47, x1=j + 0.47, y0=i - 0.46, y1=i + 0.46, line={"width": 0},
-        fillcolor=GREY, opacity=0.25, row=1, col=column,
-    )  # fmt: skip
-    figure.add_annotation(
-        x=j, y=i, text=words.replace(" ", "<br>"), showarrow=False, font={"size": 12}, row=1,
-        col=column,
-    )  # fmt: skip
+            frame(figure, *at, row=1, col=column)
 
 
 def _in_ms(cell: CellRow) -> tuple[float | None, str]:
@@ -117,4 +93,4 @@ def _in_errors(cell: CellRow) -> tuple[float | None, str]:
 
 def _plus(value: float) -> str:
     digits = 0 if math.fabs(value) >= 9.95 else 1
-    return f"{value:+.{digits}f}".replace("-", MINUS)
+    return minus(f"{value:+.{digits}f}")

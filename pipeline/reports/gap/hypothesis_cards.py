@@ -1,4 +1,4 @@
-"""Hypotheses as the report shows them: names, sizes, and what speaks for and against each."""
+"""Hypotheses as the report shows them: names, sizes, reasons and doubts."""
 
 from __future__ import annotations
 
@@ -46,19 +46,19 @@ class Answer:
 
 
 def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
-    """Return the hypotheses that are worth a line, most probable first."""
+    """Select the hypotheses that are worth a line, most probable first."""
     worth = [h for h, p in found.belief.items() if p >= LEAST or h in found.verdict.credible]
-    # Where no known effect fits, the nearest still says what of it is likely.
+    # Where no known effect fits, the nearest one is shown too.
     return list(dict.fromkeys([*worth[:MOST], found.leading]))
 
 
 def answers_of(found: Diagnosis, remarks: Sequence[Remark]) -> list[Answer]:
-    """Return the most probable hypotheses in words."""
+    """Describe the most probable hypotheses in words."""
     return [_answer(found, hypothesis, remarks) for hypothesis in shown_hypotheses(found)]
 
 
 def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
-    """Return the name of a hypothesis for an axis, a line for each effect."""
+    """Name a hypothesis for an axis, a line for each effect."""
     if hypothesis == UNKNOWN:
         return "unknown: no known effect"
     names = [found.effects[name].plain for name in hypothesis]
@@ -66,7 +66,7 @@ def short(found: Diagnosis, hypothesis: Hypothesis) -> str:
 
 
 def by_chance(found: Diagnosis) -> tuple[str, float | None]:
-    """Return the gap that chance would leave, were the leading hypothesis true: name and s."""
+    """Return the gap by chance alone, were the leading hypothesis true: name and s."""
     if found.leading == NONE or found.chance is None:
         return "scatter and numerics alone", found.before_after.floor
     return "chance alone", found.chance
@@ -87,7 +87,7 @@ def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark])
 
 
 def _from_data(found: Diagnosis, hypothesis: Hypothesis) -> tuple[list[str], list[str]]:
-    """Return what the data say for a hypothesis, and against it."""
+    """List reasons for a hypothesis in the data, and doubts."""
     said = [
         _odds(found, hypothesis),
         _fit(found, hypothesis),
@@ -101,17 +101,14 @@ def _from_data(found: Diagnosis, hypothesis: Hypothesis) -> tuple[list[str], lis
 
 
 def _odds(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
-    """Say how much better than no effect it explains the data, before any fold of weak values."""
+    """Compare the hypothesis with no effect, before weak values are folded into it."""
     if hypothesis in (NONE, UNKNOWN):
         return True, ""
     log = found.scored[hypothesis].log_evidence - found.scored[NONE].log_evidence
     if log < math.log(3.0):
         return False, "explains the times hardly better than no effect at all"
-    return True, f"explains the times {_times(log)} times better than no effect"
-
-
-def _times(log: float) -> str:
-    return f"more than {MANY:.0f}" if log > math.log(MANY) else f"{math.exp(log):.0f}"
+    times = f"more than {MANY:.0f}" if log > math.log(MANY) else f"{math.exp(log):.0f}"
+    return True, f"explains the times {times} times better than no effect"
 
 
 def _fit(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
@@ -124,7 +121,7 @@ def _fit(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
 
 
 def _far(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
-    """Say how well it foretells points that it was not fitted to; known of the first two."""
+    """Describe its predictions at held-out points; known of the first two hypotheses."""
     gaps = found.before_after if hypothesis == found.leading else None
     if found.rival is not None and hypothesis == found.rival[0]:
         gaps = found.rival[1]
@@ -144,7 +141,7 @@ def _alike(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
 
 
 def _ends(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
-    """Say which sizes lie at an end of what was held possible."""
+    """Name the sizes that lie at an end of their prior range."""
     if hypothesis in (NONE, UNKNOWN):
         return False, ""
     sizes = found.intervals[hypothesis]
@@ -158,7 +155,7 @@ def _ends(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
 
 
 def _at_rest(found: Diagnosis, hypothesis: Hypothesis) -> list[tuple[bool, str]]:
-    """Say whether readings of the stand at rest agree with the sizes that it needs."""
+    """Compare readings of the stand at rest with the sizes that the hypothesis needs."""
     said = []
     for fact in facts_of(found.bench):
         if fact.effect in hypothesis:

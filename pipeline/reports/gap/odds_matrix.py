@@ -1,4 +1,4 @@
-"""Which hypotheses the data can tell apart, as a matrix of odds and in words."""
+"""Hypotheses that the data can or cannot tell apart, as a matrix of odds and in words."""
 
 from __future__ import annotations
 
@@ -16,17 +16,12 @@ from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.reports.gap.charts import row_height
 from dogshape.pipeline.reports.gap.hypothesis_cards import MANY, short
 from dogshape.pipeline.reports.kit.look import styled
-from dogshape.pipeline.reports.kit.maps import cells_with_words, frame
+from dogshape.pipeline.reports.kit.maps import frame, shaded_cells
 from dogshape.sim.effect import Effect
 
 MOST = 7  #: hypotheses that are compared
 #: The more alike two are, the darker.
 ALIKE_TO_APART = ((0.0, "#8db9e2"), (1.0, "#ffffff"))
-
-
-def is_worth(found: Diagnosis) -> bool:
-    """Tell whether there are two hypotheses to compare."""
-    return len(found.confusion.hypotheses) > 1
 
 
 def alike_figure(found: Diagnosis) -> go.Figure:
@@ -40,27 +35,24 @@ def alike_figure(found: Diagnosis) -> go.Figure:
         f"{short(found, found.confusion.hypotheses[k])}  {letter}"
         for k, letter in zip(ordered, letters, strict=True)
     ]
-    apart = found.confusion.apart[np.ix_(ordered, ordered)][::-1]
-    words = np.vectorize(odds, otypes=[object])(apart)
-    own = [(len(ordered) - 1 - k, k) for k in range(len(ordered))]
-    for at in own:
-        words[at] = "itself"
-    shades = np.minimum(apart, math.log(MANY))
-    trace = cells_with_words(letters, names[::-1], shades, words, ALIKE_TO_APART)
+    apart, last = found.confusion.apart[np.ix_(ordered, ordered)], len(ordered) - 1
+    cells = {
+        (last - i, j): (min(log, math.log(MANY)), odds(log) if i != j else "itself")
+        for (i, j), log in np.ndenumerate(apart)
+    }
+    trace = shaded_cells(letters, names[::-1], cells, ALIKE_TO_APART)
     figure = go.Figure(trace.update(zmin=0.0, zmax=math.log(MANY)))
-    near = np.maximum(apart, found.confusion.apart[np.ix_(ordered, ordered)].T[::-1]) < APART
-    for i, j in zip(*np.nonzero(near), strict=True):
-        if (int(i), int(j)) not in own:
-            frame(figure, int(i), int(j))
+    for i, j in np.argwhere(np.maximum(apart, apart.T) < APART).tolist():
+        if i != j:
+            frame(figure, last - i, j)
     figure.update_xaxes(title="odds against this")
     figure.update_yaxes(title="if this is true", automargin=True)
-    figure = styled(figure, 170 + row_height(names) * len(names))
-    figure.update_layout(margin={"t": 20})
-    return figure
+    height = 170 + row_height(names) * len(names)
+    return styled(figure, height).update_layout(margin={"t": 20})
 
 
 def odds(log: float) -> str:
-    """Return an expected logarithm of a Bayes factor as odds."""
+    """Print an expected logarithm of a Bayes factor as odds."""
     if log > math.log(MANY):
         return f"> {MANY:.0f} : 1"
     ratio = math.exp(log)
@@ -70,7 +62,7 @@ def odds(log: float) -> str:
 def class_in_words(
     group: Sequence[Hypothesis], effects: Mapping[str, Effect], *, keys: bool = False
 ) -> str:
-    """Return hypotheses that are alike as people say them, what all have in common once.
+    """Name hypotheses that are alike, with the effects that all share named once.
 
     With ``keys`` the key of each effect stands behind its name.
     """
@@ -86,7 +78,7 @@ def class_in_words(
 
 
 def classes_in_words(found: Diagnosis) -> list[str]:
-    """Return a sentence for each class of hypotheses, and each alias."""
+    """Write a sentence for each class of hypotheses, and each alias."""
     said = []
     for group in found.confusion.classes:
         if len(group) > 1:

@@ -1,4 +1,4 @@
-"""Every operating point with what was measured and what was foretold, and its table."""
+"""Operating points with measured and predicted times, and their table."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class CellRow:
 
 
 def cells_of(found: Diagnosis) -> list[CellRow]:
-    """Return the operating points of a diagnosis, in the order of its data set."""
+    """List the operating points of a diagnosis, in the order of its data set."""
     return [_cell(found, place) for place in range(len(found.bench.cells))]
 
 
@@ -88,7 +88,7 @@ def _number(value: float) -> float | None:
 
 
 def table(cells: list[CellRow]) -> str:
-    """Return all operating points as CSV."""
+    """Write all operating points as CSV."""
     text = io.StringIO()
     rows = [asdict(cell) for cell in cells]
     writer = csv.DictWriter(text, list(CellRow.__dataclass_fields__), lineterminator="\n")
@@ -98,7 +98,7 @@ def table(cells: list[CellRow]) -> str:
 
 
 def unreadable(cell: CellRow) -> str:
-    """Return why a cell has no gap, in words; empty where it has one."""
+    """Explain in words the lack of a gap in a cell; empty where it has one."""
     if cell.gap_s is not None:
         return ""
     if cell.bench_s is not None:

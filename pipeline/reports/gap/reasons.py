@@ -1,5 +1,5 @@
-"""Why the page's figures do not contradict each other: a likely cause that is not named, and odds
-that are even where probabilities are not.
+"""Explanations of figures that seem to contradict each other: a likely cause that is not named,
+and odds that are even where probabilities are not.
 """
 
 from __future__ import annotations
@@ -27,8 +27,9 @@ LIMITS = {
 
 
 def why_not_named(found: Diagnosis) -> str:
-    """Return why the most probable hypothesis is not called the cause; empty where it is or
-    has too little probability for that.
+    """Explain why the most probable hypothesis is not called the cause.
+
+    Empty where it is, or has too little probability for that.
     """
     top = max(found.belief, key=lambda h: found.belief[h])
     if found.verdict.kind != "ambiguous" or top == UNKNOWN or found.belief[top] <= NAMED:
@@ -61,7 +62,7 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
 
 
 def why_alike(found: Diagnosis) -> str:
-    """Return why hypotheses of one class have other probabilities; empty where all are even."""
+    """Explain unequal probabilities of one class of hypotheses; empty where all are even."""
     for group in found.confusion.classes:
         chances = sorted((found.belief[h] for h in group), reverse=True)
         if len(group) > 1 and chances[0] > math.exp(APART) * chances[-1]:

@@ -1,10 +1,60 @@
-"""Numbers as all pages and tables print them."""
+"""Numbers, variables and checks as all pages and tables print them."""
 
 from __future__ import annotations
 
 import math
 
+from dogshape.sim.units import unit_of
+
+MINUS = "\N{MINUS SIGN}"
+LABELS = {
+    "chamfer_deg": "chamfer \N{GREEK SMALL LETTER ALPHA}",
+    "traction_deg": "traction flank \N{GREEK SMALL LETTER BETA}",
+    "braking_deg": "braking flank \N{GREEK SMALL LETTER GAMMA}",
+    "height_mm": "height h",
+    "count": "number of dogs N",
+    "mismatch_rpm": "mismatch",
+    "force_N": "shift force",
+}
+
+
+def minus(words: str) -> str:
+    """Replace hyphens in numbers by minus signs."""
+    return words.replace("-", MINUS)
+
 
 def in_ms(seconds: float | None) -> str:
-    """Return a time in ms to a tenth, or a dash where there is none."""
+    """Print a time in ms to a tenth, or a dash where there is none."""
     return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
+
+
+def percent(margin: float) -> str:
+    """Print a margin in percent, with decimals where it is small."""
+    digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)
+    return minus(f"{100 * margin:.{digits}f} %")
+
+
+def place_name(mismatch_rpm: float, force_N: float) -> str:
+    """Name an operating point by mismatch and force."""
+    return minus(f"{mismatch_rpm:.4g} 1/min, {force_N:.4g} N")
+
+
+def check_name(name: str) -> str:
+    """Name a check in words."""
+    return name.replace("_", " ")
+
+
+def label(name: str) -> str:
+    """Name a variable for people."""
+    return LABELS.get(name, name)
+
+
+def axis(name: str) -> str:
+    """Name a variable with its unit."""
+    unit = unit_of(name)
+    return f"{label(name)}, {unit}" if unit else label(name)
+
+
+def value(name: str, number: float) -> str:
+    """Print a value of a variable with its unit."""
+    return f"{number:.4g} {unit_of(name)}".strip()

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
-from markupsafe import Markup
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.export.drawing import outline
-from dogshape.pipeline.reports.kit.html import figure_html, render, script, script_beside
+from dogshape.pipeline.reports.kit.html import (
+    as_script_json,
+    figure_html,
+    script,
+    script_beside,
+    write_page,
+)
 from dogshape.pipeline.reports.kit.look import BLUE, GREEN, GREY, INK, ORANGE
 from dogshape.pipeline.reports.shift.scene import solids, viewer_code
 from dogshape.pipeline.reports.shift.story import facts, phase_title, why
@@ -73,7 +77,13 @@ def write_animation(
     ``scripts_beside`` many pages in one folder share the code of their figures, megabytes each.
     """
     series = _series(result.trace)
-    page = render(
+    codes = {"plotly": get_plotlyjs(), "meshcat": viewer_code()}
+    scripts = {
+        name: script_beside(path, f"{name}.js", code) if scripts_beside else script(code)
+        for name, code in codes.items()
+    }
+    write_page(
+        path,
         "shift.html.j2",
         result=result,
         mismatch=result.point.mismatch / RPM,
@@ -82,28 +92,23 @@ def write_animation(
         why=why(result),
         facts=facts(result, torque_peak),
         panels=[round(top) for top, _ in _panels()],
-        # A script ends at the first "</", wherever it stands.
-        data=json.dumps(_content(result, series)).replace("<", "\\u003c"),
+        data=as_script_json(_content(result, series), allow_nan=True),
         curves=figure_html(_curves(result, series), "curves"),
-        plotly=_script(path, "plotly.js", get_plotlyjs(), scripts_beside),
-        meshcat=_script(path, "meshcat.js", viewer_code(), scripts_beside),
+        **scripts,
     )
-    with naming(path):
-        path.write_text(page, encoding="utf-8")
-
-
-def _script(page: Path, name: str, code: str, beside: bool) -> Markup:
-    return script_beside(page, name, code) if beside else script(code)
 
 
 def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
-    """Return what the page draws over time, in its units, thinned to ``SAMPLES``.
+    """Compute the series of the page over time, in its units, thinned to ``SAMPLES``.
 
     Impacts last a step or two: of the contact force the largest value of every
     interval is kept.
     """
     first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
-    angle = _output_angle(trace)
+    # The output ring's angle, rad: the sliding ring starts at zero.
+    mean = 0.5 * (trace.output_speed[1:] + trace.output_speed[:-1])
+    way = np.concatenate([[0.0], np.cumsum(mean * np.diff(trace.time))])
+    angle = trace.relative_angle[0] + way
     return {
         "time": trace.time[first] / MS,
         "displacement": trace.displacement[first] / MM,
@@ -117,15 +122,8 @@ def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
     }
 
 
-def _output_angle(trace: Trace) -> NDArray[np.float64]:
-    """Return the output ring's angle over time, rad: the sliding ring starts at zero."""
-    mean = 0.5 * (trace.output_speed[1:] + trace.output_speed[:-1])
-    way = np.concatenate([[0.0], np.cumsum(mean * np.diff(trace.time))])
-    return np.asarray(trace.relative_angle[0] + way)
-
-
 def _content(result: Engagement, series: dict[str, NDArray[np.float64]]) -> dict[str, Any]:
-    """Return all that the scripts of the page need."""
+    """Collect the data for the scripts of the page."""
     dog = result.clutch.dog
     return {
         "series": {
@@ -215,17 +213,13 @@ def _curves(result: Engagement, series: dict[str, NDArray[np.float64]]) -> go.Fi
     return _laid_out(figure, _ceiling(result))
 
 
-def _small(title: str) -> dict[str, Any]:
-    return {"text": title, "font": {"size": 13}, "standoff": 12}
-
-
 def _laid_out(figure: go.Figure, ceiling: float) -> go.Figure:
-    room = HEIGHT - FOOT
+    room, small = HEIGHT - FOOT, {"font": {"size": 13}, "standoff": 12}
     for row, ((top, bottom), unit) in enumerate(
         zip(_panels(), ("mm", "1/min", "N"), strict=True), start=1
     ):
         domain = [1.0 - bottom / room, 1.0 - (top + HEADLINE) / room]
-        figure.update_yaxes(domain=domain, title=_small(unit), nticks=5, row=row)
+        figure.update_yaxes(domain=domain, title={"text": unit, **small}, nticks=5, row=row)
     figure.update_xaxes(range=[0.0, float(figure.data[0].x[-1])])
     figure.update_xaxes(ticksuffix=" ms", row=len(PANELS))
     figure.update_yaxes(range=[0.0, ceiling], row=len(PANELS))

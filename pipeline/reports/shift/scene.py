@@ -20,12 +20,12 @@ BODY = 0.11  #: axial length of the ring behind its dogs over the outer radius
 
 
 def viewer_code() -> str:
-    """Return the JavaScript of Meshcat, which Drake installs."""
+    """Read the JavaScript of Meshcat, which Drake installs."""
     return Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
 
 
 def ring_body(dog: Dog, length: float) -> Mesh:
-    """Return the ring behind the dogs, from their roots ``length`` m backwards.
+    """Mesh the ring behind the dogs, from their roots ``length`` m backwards.
 
     The frame is the ring's (see ``sim.shift.mesh``); a closed surface, normals outwards.
     """

@@ -1,4 +1,4 @@
-"""What a shift did, in words: why it took its time, and a list of facts."""
+"""A shift in words: an explanation of its time, and a list of facts."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dogshape.pipeline.reports.kit.text import in_ms
+from dogshape.pipeline.reports.kit.text import in_ms, minus
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.loads import peak_duration
 from dogshape.sim.shift.outcome import Outcome
@@ -14,21 +14,20 @@ from dogshape.sim.shift.phases import Phase, crests_cross
 from dogshape.sim.units import MM, MS, RPM
 
 ROSE = 0.05  #: share of the first mismatch from which a later change of it is told
-MINUS = "\N{MINUS SIGN}"
 
 
 def facts(result: Engagement, torque_peak: float | None) -> list[str]:
-    """Return what is worth knowing of a shift beside its phases; ``torque_peak`` in N m."""
+    """List the facts on a shift beside its phases; ``torque_peak`` in N m."""
     return [*_meeting(result), *event_facts(result), *load_facts(result, torque_peak)]
 
 
 def phase_title(name: str) -> str:
-    """Return how people read the name of a phase; records keep the name itself."""
+    """Name a phase for people; records keep the name itself."""
     return "free flight" if name == "free fly" else name
 
 
 def event_facts(result: Engagement) -> list[str]:
-    """Return what happened in a shift, in words."""
+    """List the events of a shift, in words."""
     events = result.events
     slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
     facts = [
@@ -49,7 +48,7 @@ def _counted(number: int, thing: str) -> str:
 
 
 def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
-    """Return the loads of a shift, in words; ``torque_peak`` in N m."""
+    """List the loads of a shift, in words; ``torque_peak`` in N m."""
     loads, lasts = result.loads, peak_duration(result.trace) / MS
     facts = [
         f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
@@ -65,28 +64,27 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
 
 
 def why(result: Engagement) -> str:
-    """Return one sentence: which phase took longest, and what held the ring in it."""
+    """Explain the longest phase of a shift in one sentence."""
     end = result.phases[-1].end
     longest = max(result.phases, key=lambda p: p.end - p.start)
     length = in_ms(longest.end - longest.start)
     if result.outcome is Outcome.BLOCKED:
-        return _why_blocked(result)
+        return (
+            "Friction holds dog on dog: the faces have stood still for "
+            f"{in_ms(result.events.time_blocked)} ms and would not reach a slot before the "
+            "time-out."
+        )
     share = f"{phase_title(longest.name)} took {length} of {in_ms(end)} ms"
     if result.outcome is not Outcome.ENGAGED:
         return f"Not engaged: {result.detail}; until then {share}."
     return f"{share[0].upper()}{share[1:]}: {_REASONS[longest.name](result, longest)}."
 
 
-def _why_blocked(result: Engagement) -> str:
-    return (
-        f"Friction holds dog on dog: the faces have stood still for "
-        f"{in_ms(result.events.time_blocked)} ms and would not reach a slot before the time-out."
-    )
-
-
 def _on_faces(result: Engagement, phase: Phase) -> str:
-    """Say how far the faces slid to a slot, and how slowly or with what loss."""
-    slip = _slip(result, phase)
+    """Describe the slip of the faces to a slot: way, rate and loss of speed."""
+    times = [phase.start, phase.end]
+    start, end = np.interp(times, result.trace.time, result.trace.relative_angle)
+    slip = float(abs(end - start) * result.clutch.dog.mean_radius / MM)
     rate = slip / ((phase.end - phase.start) / MS)
     text = f"dog met dog, and the rings turned {slip:.1f} mm "
     missed = result.events.slots_skipped
@@ -98,10 +96,10 @@ def _on_faces(result: Engagement, phase: Phase) -> str:
 
 
 def _slowed(result: Engagement, phase: Phase) -> str:
-    """Say how far the mismatch fell in a phase and rose again; empty where it hardly fell."""
+    """Describe the fall of the mismatch in a phase and its rise; empty where it hardly fell."""
     trace = result.trace
     inside = (trace.time >= phase.start) & (trace.time <= phase.end)
-    ends = [_mismatch(result, time) for time in (phase.start, phase.end)]
+    ends = np.interp([phase.start, phase.end], trace.time, trace.relative_speed) / RPM
     values = np.array([ends[0], *(trace.relative_speed[inside] / RPM), ends[1]])
     before, least, after = values[0], values[np.abs(values).argmin()], values[-1]
     if abs(least) > 0.8 * abs(before):
@@ -109,7 +107,7 @@ def _slowed(result: Engagement, phase: Phase) -> str:
     text = f"; the mismatch fell from {before:.0f} to {least:.0f}"
     if abs(after - least) >= ROSE * abs(before):
         text += f" and {'rose' if after > least else 'turned'} to {after:.0f}"
-    return f"{text} 1/min".replace("-0 ", "0 ").replace("-", MINUS)
+    return minus(f"{text} 1/min".replace("-0 ", "0 "))
 
 
 def _in_flight(result: Engagement, phase: Phase) -> str:
@@ -142,25 +140,13 @@ _REASONS: dict[str, Callable[[Engagement, Phase], str]] = {
 
 
 def _meeting(result: Engagement) -> list[str]:
-    """Return when and how fast the rings met; without a face it is their crests that pass."""
+    """Describe the first contact of the rings; without a face it is their crests that pass."""
     flight, face = result.phases[:2]
     if flight.end >= result.trace.time[-1]:
         return []
     speed = np.interp(flight.end, result.trace.time, result.trace.axial_speed)
     what = "first touch" if face.end > face.start else "crests meet"
     return [f"{what} with {abs(speed):.2f} m/s"]
-
-
-def _slip(result: Engagement, phase: Phase) -> float:
-    """Return how far the rings turned against each other in a phase, mm at the mean radius."""
-    trace = result.trace
-    start, end = np.interp([phase.start, phase.end], trace.time, trace.relative_angle)
-    return float(abs(end - start) * result.clutch.dog.mean_radius / MM)
-
-
-def _mismatch(result: Engagement, time: float) -> float:
-    trace = result.trace
-    return float(np.interp(time, trace.time, trace.relative_speed)) / RPM
 
 
 def _force(result: Engagement, time: float) -> str:

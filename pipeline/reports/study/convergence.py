@@ -1,4 +1,4 @@
-r"""How the search converged: best value and hypervolume against the shifts simulated.
+r"""Convergence of the search: best value and hypervolume against the shifts simulated.
 
 The hypervolume is what the front dominates of the box between the best and the worst value of
 each objective that feasible designs of the search have.
@@ -14,9 +14,9 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, MARKS, Row, styled
-from dogshape.pipeline.reports.study.design_names import design_name, failed_afresh
-from dogshape.pipeline.reports.study.design_shifts import Array, Shifts
-from dogshape.pipeline.reports.study.goals import Goal, goals_of
+from dogshape.pipeline.reports.study.designs import design_name, failed_at_new_angles
+from dogshape.pipeline.reports.study.goals import goals_of
+from dogshape.pipeline.reports.study.single_shifts import Array, Shifts
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.surrogate.hypervolume import hypervolume
 
@@ -36,10 +36,10 @@ class Course:
 
 
 def course(result: Row, shifts: Shifts) -> Course:
-    """Return the course of a search; designs that land too hard cost shifts, too."""
+    """Follow a search design by design; designs that land too hard cost shifts, too."""
     angles, done = shifts.study.file.expectation.angles, result.get("replication")
     before = {one["trial"]: one["shifts_before"] for one in (done or {}).get("designs", ())}
-    failed = {row["trial"] for row in failed_afresh(result)}
+    failed = {row["trial"] for row in failed_at_new_angles(result)}
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
@@ -53,18 +53,14 @@ def course(result: Row, shifts: Shifts) -> Course:
     goals = goals_of(result)
     lead, sign = goals.leading, goals.leading.objective.sign
     losses = [[goal.objective.sign * goal.shown(row) for goal in goals.every] for row in rows]
-    values = np.array(losses, dtype=float).reshape(len(rows), -1)
+    volumes = np.zeros(len(rows))
+    if len(rows) > 1:
+        values = np.array(losses, dtype=float)
+        low, span = values.min(axis=0), np.ptp(values, axis=0)
+        shares, corner = (values - low) / np.where(span > 0.0, span, 1.0), np.ones(len(low))
+        volumes = np.array([hypervolume(shares[: n + 1], corner) for n in range(len(shares))])
     best = sign * np.minimum.accumulate([sign * lead.shown(row) for row in rows] or [0.0])
-    return Course(rows, np.array(spent, dtype=float), best[: len(rows)], _volumes(values))
-
-
-def _volumes(values: Array) -> Array:
-    if len(values) < 2:
-        return np.zeros(len(values))
-    low, high = values.min(axis=0), values.max(axis=0)
-    span = np.where(high > low, high - low, 1.0)
-    shares, corner = (values - low) / span, np.ones(values.shape[1])
-    return np.array([hypervolume(shares[: n + 1], corner) for n in range(len(shares))])
+    return Course(rows, np.array(spent, dtype=float), best[: len(rows)], volumes)
 
 
 def convergence_figure(result: Row, found: Course) -> go.Figure:
@@ -86,7 +82,12 @@ def convergence_figure(result: Row, found: Course) -> go.Figure:
         x=found.shifts, y=found.best, mode="lines", name="best so far",
         line={"color": BLUE, "width": 2.5, "shape": "hv"}, hoverinfo="skip", row=1, col=1,
     )  # fmt: skip
-    _first(figure, found, lead)
+    for row, spent in zip(found.rows, found.shifts, strict=True):
+        if row["prototype"]:
+            figure.add_scatter(
+                x=[spent], y=[lead.shown(row)], mode="markers", name="prototype",
+                marker={**MARKS["prototype"], "size": 14}, hoverinfo="skip", row=1, col=1,
+            )  # fmt: skip
     figure.update_yaxes(title="<br>".join(wrap(lead.axis, 24)), row=1)
     if several:
         figure.add_scatter(
@@ -98,13 +99,3 @@ def convergence_figure(result: Row, found: Course) -> go.Figure:
     figure.update_xaxes(rangemode="tozero")
     figure.update_xaxes(title="simulated shifts of the search", row=2 if several else 1)
     return styled(figure, 540 if several else 380)
-
-
-def _first(figure: go.Figure, found: Course, lead: Goal) -> None:
-    """Mark the prototype among the designs."""
-    for row, spent in zip(found.rows, found.shifts, strict=True):
-        if row["prototype"]:
-            figure.add_scatter(
-                x=[spent], y=[lead.shown(row)], mode="markers", name="prototype",
-                marker={**MARKS["prototype"], "size": 14}, hoverinfo="skip", row=1, col=1,
-            )  # fmt: skip

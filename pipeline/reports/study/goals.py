@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from dogshape.pipeline.config.schema import QUANTILE
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import minus
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
-
-Row = dict[str, Any]
 
 QUANTILE_TIME, MARGIN = "shift_time_quantile_s", "smallest_margin"
 PEAK_FORCE = "peak_impact_force_N"
 FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}  #: from the stored value to the shown one
-#: What each simulated objective is, after its label; ``{over}`` are all shifts of the mix.
+#: Definition of each simulated objective, after its label; ``{over}`` are all shifts of the mix.
 MEANINGS = {
     SIMULATED: "the mean over {over}, tries that fail included",
     QUANTILE_TIME: "the time within which {share} of all shifts engage, over {over}, "
@@ -55,7 +54,7 @@ class Goal:
 
     @property
     def factor(self) -> float:
-        """What turns a stored value into the shown one."""
+        """Shown value over the stored one."""
         return FACTORS.get(self.unit, 1.0)
 
     @property
@@ -70,7 +69,7 @@ class Goal:
 
     @property
     def meaning(self) -> str:
-        """What a simulated objective is, with ``{over}`` left to fill."""
+        """Definition of a simulated objective, with ``{over}`` left to fill."""
         return MEANINGS[self.name].replace("{share}", f"{100 * self.share:.4g} %")
 
     def shown(self, row: Row) -> float:
@@ -78,7 +77,7 @@ class Goal:
         return self.factor * float(row[self.name])
 
     def error(self, row: Row) -> float:
-        """Return the standard error of a row in the unit that is shown; nought if exact."""
+        """Return the standard error of a row in the unit that is shown; zero if exact."""
         return self.factor * float(row["standard_errors"].get(self.name) or 0.0)
 
     def interval(self, row: Row) -> tuple[float, float]:
@@ -89,31 +88,31 @@ class Goal:
         return value - half, value + half
 
     def number(self, shown: float) -> str:
-        """Return a shown value without its unit, with a real minus."""
+        """Print a shown value without its unit, with a real minus."""
         if self.unit in ("ms", "kN"):
             words = f"{shown:.1f}"
         elif self.unit == "%":
             words = f"{shown:.1f}" if abs(shown) < 5.0 else f"{shown:.0f}"
         else:
             words = f"{shown:.4g}" if abs(shown) < 1e3 else f"{shown:.0f}"
-        return words.replace("-", "\N{MINUS SIGN}")
+        return minus(words)
 
     def pair(self, shown: float, error: float) -> str:
-        """Return a shown value with its standard error, if it has one, without the unit."""
+        """Print a shown value with its standard error, if it has one, without the unit."""
         if not error:
             return self.number(shown)
         return f"{self.number(shown)} ± {self.number(error)}"
 
     def words(self, shown: float, error: float = 0.0) -> str:
-        """Return a shown value with error and unit."""
+        """Print a shown value with error and unit."""
         return f"{self.pair(shown, error)} {self.unit}".strip()
 
     def of(self, row: Row) -> str:
-        """Return the value of a row with its error, without the unit."""
+        """Print the value of a row with its error, without the unit."""
         return self.pair(self.shown(row), self.error(row))
 
     def estimate(self, confirmed: Row) -> tuple[float, float]:
-        """Return what the fresh angles gave of a simulated objective, and its error, as shown."""
+        """Return a simulated objective at the new angles, and its error, as shown."""
         found = confirmed["estimates"][self.name]
         return self.factor * found["value"], self.factor * (found["standard_error"] or 0.0)
 
@@ -143,12 +142,12 @@ class Goals:
         return found
 
     def named(self, name: str) -> Goal:
-        """Return an objective by its name."""
+        """Find an objective by its name."""
         return next(goal for goal in self.every if goal.name == name)
 
 
 def goals_of(result: Row) -> Goals:
-    """Return the objectives of a study's result."""
+    """List the objectives of a study's result."""
     share = result.get("quantile", QUANTILE)
     names = result["objectives"]
     return Goals(tuple(Goal(OBJECTIVES[n], share, n == result["leading"]) for n in names))

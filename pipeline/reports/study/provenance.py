@@ -1,4 +1,4 @@
-"""How to get a study's results again: the command that runs it, its file, and dates."""
+"""Provenance of a study's results: the command that runs it, its file, and dates."""
 
 from __future__ import annotations
 
@@ -60,7 +60,6 @@ def _differences(given: Row, wanted: Row, prefix: str = "") -> list[str]:
 
 
 def _lacks(given: Row, wanted: Row) -> bool:
-    """Tell whether a key was taken away, which only the whole table can say."""
     return any(wanted.get(key) is None for key, value in given.items() if value is not None)
 
 

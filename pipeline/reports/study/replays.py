@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from dogshape.pipeline.reports.study.design_names import design_name
-from dogshape.pipeline.reports.study.design_shifts import Shifts, extremes
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import minus
+from dogshape.pipeline.reports.study.designs import design_name
+from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
@@ -17,7 +18,6 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, RPM
 
-Row = dict[str, Any]
 Say = Callable[[str], None]
 
 
@@ -35,28 +35,25 @@ class Replay:
         """Time, or outcome, and the operating point of the shift."""
         time, row = self.shift["shift_time_s"], self.shift
         result = row["outcome"].replace("_", " ") if time is None else f"{time * 1e3:.1f} ms"
-        mismatch = f"{row['mismatch_rpm']:.4g}".replace("-", "\N{MINUS SIGN}")
+        mismatch = minus(f"{row['mismatch_rpm']:.4g}")
         return f"{result} at {mismatch} 1/min, {row['force_N']:.1f} N"
 
 
 def replays_of(shifts: Shifts, rows: Sequence[Row]) -> list[tuple[Replay, Replay]]:
-    """Return the fastest and the slowest simulated shift of each design that has any."""
+    """Select the fastest and the slowest simulated shift of each design that has any."""
     found = []
     for row in rows:
         ends = extremes(shifts.of({name: row[name] for name in shifts.study.variables}))
         if ends is not None:
+            name = design_name(row)
+            # The key of the shift: a page never shows another one than its link says.
             fast, slow = (
-                _replay(row, *pair) for pair in zip(("fastest", "slowest"), ends, strict=True)
-            )
+                Replay(name, kind, shift,
+                       f"shifts/{name.replace(' ', '-')}-{kind}-{shift['key'][:8]}.html")
+                for kind, shift in zip(("fastest", "slowest"), ends, strict=True)
+            )  # fmt: skip
             found.append((fast, slow))
     return found
-
-
-def _replay(row: Row, kind: str, shift: Record) -> Replay:
-    name = design_name(row)
-    # The key of the shift: a page never shows another one than its link says.
-    path = f"shifts/{name.replace(' ', '-')}-{kind}-{shift['key'][:8]}.html"
-    return Replay(name, kind, shift, path)
 
 
 def write_replays(folder: StudyFolder, shifts: Shifts, wanted: Sequence[Replay], say: Say) -> None:
@@ -74,7 +71,7 @@ def write_replays(folder: StudyFolder, shifts: Shifts, wanted: Sequence[Replay],
 
 
 def drawn_variant(row: Record) -> Variant | None:
-    """Return what an uncertain shift was simulated with; None of one where all is certain."""
+    """Read the factors that an uncertain shift was simulated with; None where all is certain."""
     if "friction_factor" not in row:
         return None
     friction, force, inertia = (row[name] for name in FACTORS)

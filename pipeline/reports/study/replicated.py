@@ -1,14 +1,13 @@
-"""What replication did: more relative angles where a place on the front was unclear."""
+"""Replication in the report: more relative angles where a place on the front was unclear."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from dogshape.pipeline.reports.study.design_names import failed_afresh, percent
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import percent
+from dogshape.pipeline.reports.study.designs import failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -23,7 +22,7 @@ class Replicated:
 
 
 def replicated_words(result: Row) -> str:
-    """Return how many shifts went into replication and what is clear now; empty without any."""
+    """Summarise the shifts and the result of replication; empty without any."""
     done = result.get("replication")
     if not done:
         return ""
@@ -46,11 +45,11 @@ def _designs(count: int) -> str:
 
 
 def replicated_rows(result: Row) -> list[Replicated]:
-    """Return the designs of the front, before or after, and others that were replicated."""
+    """List the designs of the front, before or after, and others that were replicated."""
     done, lead = result.get("replication"), goals_of(result).leading
     if not done or not done["shifts"]:
         return []
-    failed = {row["trial"] for row in failed_afresh(result)}
+    failed = {row["trial"] for row in failed_at_new_angles(result)}
     return [
         Replicated(
             one["trial"],
@@ -58,7 +57,7 @@ def replicated_rows(result: Row) -> list[Replicated]:
             _both(_interval(lead, one, "_before"), _interval(lead, one, "")),
             _both(_chance(one, "_before"), _chance(one, "")),
             _both(*("yes" if one[key] else "no" for key in ("on_front_before", "on_front")))
-            + (", then failed at the fresh angles" if one["trial"] in failed else ""),
+            + (", then failed at the new angles" if one["trial"] in failed else ""),
         )
         for one in done["designs"]
     ]

@@ -5,29 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
-from dogshape.pipeline.reports.study.design_names import check_name, percent
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import check_name, label, minus, percent, value
 from dogshape.pipeline.reports.study.front import confirmed_designs
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
-from dogshape.pipeline.reports.study.operating_grid import Gain, gains
-from dogshape.pipeline.reports.surrogate.variable_labels import label, value
+from dogshape.pipeline.reports.study.point_gains import Gain, gains
 from dogshape.pipeline.simulate.design import SIMULATED
 
-Row = dict[str, Any]
 Span = tuple[float, float]
 END = 0.01  #: share of a search range within which a value lies at its end
 COUNTS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven"}
 
 
 def ms(seconds: float, digits: int = 1) -> str:
-    """Return a time in ms without its unit, with a real minus."""
-    return f"{seconds * 1e3:.{digits}f}".replace("-", "\N{MINUS SIGN}")
+    """Print a time in ms without its unit, with a real minus."""
+    return minus(f"{seconds * 1e3:.{digits}f}")
 
 
 @dataclass(frozen=True)
 class Gained:
-    """What prototype and chosen design have of an objective, as shown, each with its error.
+    """An objective of prototype and chosen design, as shown, each with its error.
 
     ``gain`` is positive where the chosen design is better.
     """
@@ -50,12 +48,12 @@ class Gained:
 
     @property
     def more(self) -> bool:
-        """Whether the chosen design has more of it than the prototype."""
+        """Whether the objective of the chosen design is above the prototype's."""
         return (self.gain[0] >= 0.0) == self.goal.objective.maximise
 
     @property
     def change(self) -> str:
-        """What the chosen design has less or more of than the prototype, in words."""
+        """Difference of the chosen design to the prototype, in words."""
         gain, error = self.gain
         if not gain and not error:
             return "none"
@@ -68,7 +66,7 @@ class Gained:
 
 
 def gained(result: Row) -> list[Gained]:
-    """Return all objectives of prototype and chosen design, the leading one first.
+    """Compare all objectives of prototype and chosen design, the leading one first.
 
     Simulated ones are those of the confirmation, others exact. Empty before the confirmation.
     """
@@ -81,8 +79,7 @@ def gained(result: Row) -> list[Gained]:
         if goal.objective.simulated:
             gain, values = c["gains"][goal.name], (c["prototype"], c["best"])
             one, other = (goal.estimate(value) for value in values)
-            scale = goal.factor
-            change = (scale * gain["value"], scale * (gain["standard_error"] or 0.0))
+            change = (goal.factor * gain["value"], goal.factor * (gain["standard_error"] or 0.0))
         elif prototype is not None and prototype.get(goal.name) is not None:
             one, other = (goal.shown(prototype), 0.0), (goal.shown(best), 0.0)
             change = (goal.objective.sign * (one[0] - other[0]), 0.0)
@@ -93,7 +90,7 @@ def gained(result: Row) -> list[Gained]:
 
 
 def headline(result: Row) -> str:
-    """Return the one sentence of the study."""
+    """Summarise the study in one sentence."""
     best, lead = result["best"], goals_of(result).leading
     if best is None:
         return "No design of this search passes every check, so none was simulated."
@@ -101,18 +98,17 @@ def headline(result: Row) -> str:
         value = lead.words(lead.shown(best), lead.error(best))
         return (
             f"The best design so far is number {best['trial']}: {lead.label} {value}. "
-            "It has not been confirmed at fresh angles yet."
+            "It has not been confirmed at new angles yet."
         )
     if best["prototype"]:
         better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
         return f"No design of this search is {better} than the prototype."
-    first = gained(result)[0]
-    failed = ", but fails a check at the fresh angles" if _failed(_confirmed(result)) else ""
-    return f"Design {best['trial']} {_told(first)}{failed}."
+    failed = ", but fails a check at the new angles" if _chosen_fails(result) else ""
+    return f"Design {best['trial']} {_against_prototype(gained(result)[0])}{failed}."
 
 
-def _told(first: Gained) -> str:
-    """Return how the chosen design stands against the prototype, after its name."""
+def _against_prototype(first: Gained) -> str:
+    """Compare the chosen design with the prototype, after its name."""
     goal, gain = first.goal, first.gain
     quick = goal.name == SIMULATED
     if not first.clear:
@@ -139,7 +135,7 @@ def _told(first: Gained) -> str:
 
 
 def choice(result: Row) -> str:
-    """Return which objectives there are, what chosen means, and which margins decide."""
+    """Explain the objectives, the rule by which a design is chosen, and the margins that decide."""
     goals = goals_of(result)
     number = COUNTS.get(len(goals.every), str(len(goals.every)))
     first = f"The objective is the {goals.leading.label}."
@@ -149,9 +145,9 @@ def choice(result: Row) -> str:
         first = f"There are {number} objectives: {lead}; {others}."
     chosen = (
         "Chosen is the first design of the front, in the order of the leading objective, which "
-        "also passes every check at the fresh angles"
+        "also passes every check at the new angles"
     )
-    if result["confirmation"] and _failed(_confirmed(result)):
+    if result["confirmation"] and _chosen_fails(result):
         chosen += "; none of those confirmed does, so it is the first of all"
     return (
         f"{first} {chosen}. Margins at nominal size decide what passes; the margin with every "
@@ -160,7 +156,7 @@ def choice(result: Row) -> str:
 
 
 def points_of(result: Row) -> list[str]:
-    """Return sentences on a confirmed design: how sure, what limits it, where it is slower."""
+    """Write sentences on a confirmed design: certainty, limits, and losses."""
     confirmation, best = result["confirmation"], result["best"]
     if best["prototype"]:
         return [_simulated(result), _limits(best)]
@@ -169,10 +165,10 @@ def points_of(result: Row) -> list[str]:
 
 
 def failures_of(result: Row) -> list[str]:
-    """Return a sentence where the chosen design, or else the prototype, fails a check."""
+    """Write a sentence where the chosen design, or else the prototype, fails a check."""
     best, said = result["best"], []
-    if words := _failed(confirmed_designs(result).get(best["trial"], {"checks": []})):
-        said.append(f"Design {best['trial']}, the chosen one, fails at the fresh angles: {words}.")
+    if words := failed_words(confirmed_designs(result).get(best["trial"])):
+        said.append(f"Design {best['trial']}, the chosen one, fails at the new angles: {words}.")
     own = next((row for row in result["trials"] if row["prototype"]), None)
     if own is not None and own["failed"] and not best["prototype"]:
         margins = own["margins"] or {}
@@ -185,12 +181,12 @@ def failures_of(result: Row) -> list[str]:
 
 
 def passed_over(result: Row) -> str:
-    """Return a sentence on designs beside the chosen one that fail at the fresh angles, or none."""
+    """Write a sentence on designs beside the chosen one that fail at the new angles, or none."""
     best, found = result["best"]["trial"], confirmed_designs(result)
     worst = {
         trial: min(check["margin"] for check in one["checks"] if not check["passed"])
         for trial, one in found.items()
-        if trial != best and _failed(one)
+        if trial != best and failed_words(one)
     }
     if not worst:
         return ""
@@ -202,11 +198,11 @@ def passed_over(result: Row) -> str:
     by = f"by {over[0]} to {over[-1]}" if many and over[0] != over[-1] else f"by {over[0]}"
     who = f"Designs {names}, found by the search, are" if many else f"Design {names} is"
     fails = "they fail" if many else "it fails"
-    return f"{who} out: {fails} at the fresh angles {by} ({', '.join(what)})."
+    return f"{who} out: {fails} at the new angles {by} ({', '.join(what)})."
 
 
 def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
-    """Return a sentence on variables of the chosen design at an end of their search range, or none.
+    """Write a sentence on variables of the chosen design at an end of their range, or none.
 
     ``ranges`` has the ends of each variable in edge units.
     """
@@ -230,18 +226,13 @@ def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
 
 
 def failed_words(confirmed: Row | None) -> str:
-    """Return the checks that a confirmed design fails, with their margins; empty where none."""
-    return _failed(confirmed) if confirmed else ""
-
-
-def _confirmed(result: Row) -> Row:
-    found: Row = result["confirmation"]["best"]
-    return found
-
-
-def _failed(confirmed: Row) -> str:
-    failed = [check for check in confirmed["checks"] if not check["passed"]]
+    """List the checks that a confirmed design fails, with their margins; empty where none."""
+    failed = [check for check in (confirmed or {"checks": []})["checks"] if not check["passed"]]
     return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
+
+
+def _chosen_fails(result: Row) -> bool:
+    return bool(failed_words(result["confirmation"]["best"]))
 
 
 def _how_sure(result: Row) -> str:
@@ -261,12 +252,11 @@ def _simulated(result: Row) -> str:
     angles = result["confirmation"]["angles"]
     return (
         f"{result['n_simulated_shifts']} shifts were simulated; the figures above are from "
-        f"{angles} fresh relative angles at each operating point, which the search did not use."
+        f"{angles} new relative angles at each operating point, which the search did not use."
     )
 
 
 def _hung(result: Row) -> list[str]:
-    """Return a sentence on each of both designs of which shifts did not engage when confirmed."""
     said = []
     for name, role in (("prototype", "the prototype"), ("best", "the chosen design")):
         found = result["confirmation"][name]
@@ -282,28 +272,22 @@ def _hung(result: Row) -> list[str]:
 
 
 def _better(result: Row) -> list[str]:
-    """Return a sentence where another design of the front did clearly better when confirmed."""
-    lead, found = goals_of(result).leading, confirmed_designs(result)
-    own = lead.estimate(result["confirmation"]["best"])
-    better = [
-        trial
-        for trial, one in found.items()
-        if trial != result["best"]["trial"] and not _failed(one)
-        and _clearly(lead, lead.estimate(one), own)
-    ]  # fmt: skip
-    names = ", ".join(str(trial) for trial in better)
-    word = "Design" if len(better) == 1 else "Designs"
-    chosen = result["best"]["trial"]
-    said = (
-        f"{word} {names} did clearly better than design {chosen} at the fresh angles; the order "
-        "of the search decides, so that none is chosen for its luck there."
-    )
-    return [said] if better else []
-
-
-def _clearly(lead: Goal, one: tuple[float, float], other: tuple[float, float]) -> bool:
-    gain = lead.objective.sign * (other[0] - one[0])
-    return gain > 2.0 * math.hypot(one[1], other[1])
+    """Write a sentence where another design of the front did clearly better when confirmed."""
+    lead, chosen = goals_of(result).leading, result["best"]["trial"]
+    own, own_error = lead.estimate(result["confirmation"]["best"])
+    better = []
+    for trial, one in confirmed_designs(result).items():
+        value, error = lead.estimate(one)
+        clear = lead.objective.sign * (own - value) > 2.0 * math.hypot(error, own_error)
+        if trial != chosen and clear and not failed_words(one):
+            better.append(str(trial))
+    if not better:
+        return []
+    return [
+        f"Design{'s' if len(better) > 1 else ''} {', '.join(better)} did clearly better than "
+        f"design {chosen} at the new angles; the order of the search decides, so that none is "
+        "chosen for its luck there."
+    ]
 
 
 def _limits(best: Row) -> str:
@@ -331,13 +315,13 @@ def _slower(found: list[Gain]) -> list[str]:
     places = "; ".join(
         f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by {ms(-g.gain_s)} ± {ms(g.error_s)} ms"
         for g in sorted(clear, key=lambda g: g.gain_s)
-    ).replace("-", "\N{MINUS SIGN}")
-    said += f", clearly at {len(clear)}: {places}"
+    )
+    said += f", clearly at {len(clear)}: {minus(places)}"
     return [said + (f"; the other {rest} may be chance." if rest else ".")]
 
 
 def meaning(goals: Goals, points: int, weighted: bool) -> str:
-    """Return what the leading objective is, as a sentence."""
+    """Explain the leading objective in a sentence."""
     lead = goals.leading
     over = f"all relative angles of the rings and {points} operating points (mismatch and force)"
     over += ", each with its weight" if weighted else ""

@@ -7,10 +7,10 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, ORANGE, styled
-from dogshape.pipeline.reports.surrogate.variable_labels import axis, label, value
+from dogshape.pipeline.reports.kit.html import figure_html
+from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, ORANGE, Row, styled
+from dogshape.pipeline.reports.kit.text import axis, label, value
 
-Row = dict[str, Any]
 Series = dict[str, list[Any]]
 
 BAND = "rgba(31, 95, 168, 0.22)"
@@ -30,7 +30,6 @@ LOOKS: dict[str, Row] = {
         },
     },
 }  # fmt: skip
-SOLID, FAILING = 1, 2  #: places of the two lines among the looks
 
 
 def effects_figure(effects: Row) -> go.Figure:
@@ -48,7 +47,7 @@ def effects_figure(effects: Row) -> go.Figure:
         figure.update_xaxes(title=axis(effect["variable"]), **where)
     figure.update_yaxes(matches="y", showticklabels=True)
     figure.update_yaxes(title="effect, ms", col=1)
-    return _roomy(figure, _rows(len(shown), 3))
+    return styled(figure, 110 + 260 * _rows(len(shown), 3))
 
 
 def indices_figure(found: Row) -> go.Figure:
@@ -70,9 +69,16 @@ def indices_figure(found: Row) -> go.Figure:
             hovertemplate="%{y}: %{x:.2f}<extra></extra>",
         )
     figure.update_xaxes(title="share of the variance", rangemode="tozero")
-    figure = styled(figure, 130 + 48 * len(inputs))
-    figure.update_layout(barmode="group", margin={"l": 140}, legend={"traceorder": "reversed"})
-    return figure
+    look = {"barmode": "group", "margin": {"l": 140}, "legend": {"traceorder": "reversed"}}
+    return styled(figure, 130 + 48 * len(inputs)).update_layout(look)
+
+
+def indices_html(indices: list[Row]) -> list[tuple[Row, str]]:
+    """Draw each record of indices; give the records with their figures."""
+    return [
+        (found, figure_html(indices_figure(found), f"indices-{place}"))
+        for place, found in enumerate(indices)
+    ]
 
 
 def slices_figure(base: Row) -> go.Figure:
@@ -95,7 +101,7 @@ def slices_figure(base: Row) -> go.Figure:
             figure.update_yaxes(matches="y", **_where(place, COLUMNS))
     figure.update_yaxes(showticklabels=True)
     figure.update_yaxes(title="time, ms", col=1)  # a longer one overlaps the next row on paper
-    return _roomy(figure, _rows(len(names), COLUMNS))
+    return styled(figure, 110 + 260 * _rows(len(names), COLUMNS))
 
 
 def _ticks(curve: Row) -> Row:
@@ -109,7 +115,7 @@ def _ticks(curve: Row) -> Row:
 
 
 def slice_series(base: Row, choice: Row) -> list[Series]:
-    """Return x, y and words of all traces of the slices, panel by panel."""
+    """Compute x, y and words of all traces of the slices, panel by panel."""
     found: list[Series] = []
     for name, curve in choice["curves"].items():
         along = base["variables"].get(name)
@@ -158,7 +164,6 @@ def _trace(name: str, series: Series, look: Row, place: int) -> go.Scatter:
 
 
 def _with_marks(look: Row) -> Row:
-    """Return a look with a mark at each whole number."""
     if look["mode"] == "markers":
         return look
     solid = "dash" not in look["line"]
@@ -167,9 +172,8 @@ def _with_marks(look: Row) -> Row:
 
 
 def _panels(count: int, columns: int) -> go.Figure:
-    rows = _rows(count, columns)
-    gap = 0.26 / rows
-    return make_subplots(rows, min(count, columns), horizontal_spacing=0.06, vertical_spacing=gap)
+    rows, beside = _rows(count, columns), min(count, columns)
+    return make_subplots(rows, beside, horizontal_spacing=0.06, vertical_spacing=0.26 / rows)
 
 
 def _rows(count: int, columns: int) -> int:
@@ -178,10 +182,6 @@ def _rows(count: int, columns: int) -> int:
 
 def _where(place: int, columns: int) -> Row:
     return {"row": place // columns + 1, "col": place % columns + 1}
-
-
-def _roomy(figure: go.Figure, rows: int) -> go.Figure:
-    return styled(figure, 110 + 260 * rows)
 
 
 def _ms(seconds: list[float]) -> list[float]:

@@ -2,58 +2,44 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
-from dogshape.pipeline.reports.kit.html import figure_html, render
+from dogshape.pipeline.reports.kit import html
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import label, value
 from dogshape.pipeline.reports.surrogate.figures import (
     effects_figure,
-    indices_figure,
+    indices_html,
     slice_series,
     slices_figure,
 )
-from dogshape.pipeline.reports.surrogate.variable_labels import label, value
-from dogshape.sim.files import naming
 from dogshape.surrogate.validation_figures import validation_of
-
-Row = dict[str, Any]
 
 
 def write_page(record: Row, path: Path) -> None:
-    """Write the page of what was explored."""
-    effects, slices = record["effects"], record["slices"]
-    page = render(
+    """Write the page of an exploration."""
+    slices = record["slices"]
+    choices = [
+        [{"series": slice_series(base, one), "said": _said(base, one)} for one in base["operating"]]
+        for base in slices
+    ]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    html.write_page(
+        path,
         "explore.html.j2",
         record=record,
-        effects=figure_html(effects_figure(effects), "effects"),
-        indices=[
-            (found, figure_html(indices_figure(found), f"indices-{place}"))
-            for place, found in enumerate(record["indices"])
-        ],
-        slices=figure_html(slices_figure(slices[0]), "slices"),
-        choices=_choices(slices),
+        effects=html.figure_html(effects_figure(record["effects"]), "effects"),
+        indices=indices_html(record["indices"]),
+        slices=html.figure_html(slices_figure(slices[0]), "slices"),
+        choices=html.as_script_json(choices),
         useful=validation_of(record["validation"]).useful,
         label=label,
         value=value,
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with naming(path):
-        path.write_text(page, encoding="utf-8")
-
-
-def _choices(slices: list[Row]) -> str:
-    """Return the series and words of every base and choice of operating points, as JSON."""
-    every = [
-        [{"series": slice_series(base, one), "said": _said(base, one)} for one in base["operating"]]
-        for base in slices
-    ]
-    # Words of a study file stand in it: none of them may end the script.
-    return json.dumps(every, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
 
 def _said(base: Row, choice: Row) -> list[str]:
-    """Return lines on a base: its shape, its time, and what speaks against either."""
+    """Describe a base in lines: its shape, its time, and cautions."""
     shape = ", ".join(f"{label(name)} {value(name, v)}" for name, v in base["design"].items())
     time, low, high = (1e3 * choice[key] for key in ("expected_shift_time_s", "low_s", "high_s"))
     lines = [

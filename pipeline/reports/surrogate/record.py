@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Study, require_variables
-from dogshape.pipeline.reports.surrogate.asked_points import choices, middle, operating_inputs
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.surrogate.operating_choices import choices, middle, operating_inputs
 from dogshape.pipeline.reports.surrogate.slices import Base, rounded, slices_record
 from dogshape.pipeline.simulate.design import worth_simulating
 from dogshape.pipeline.train.filling import filling_designs
@@ -17,14 +17,13 @@ from dogshape.sim.versions import versions
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.main_effects import Effect, effects
+from dogshape.surrogate.main_effects import effects
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
 from dogshape.surrogate.sobol_indices import SAMPLES, WHOLE, Indices, Input, indices
 from dogshape.surrogate.store import Stored
 from dogshape.surrogate.time_curves import times_at
 
-Row = dict[str, Any]
 Say = Callable[[str], None]
 
 DESIGNS = 150  #: feasible designs that an effect is the mean over
@@ -35,7 +34,7 @@ CHECKED = 400  #: samples of a box that are checked for feasibility
 
 
 def explored(study: Study, stored: Stored, bases: list[Base], say: Say) -> Row:
-    """Return everything that the page draws.
+    """Compute everything that the page draws.
 
     Times in s, all else in edge units. A surrogate of other physics raises InputError.
     """
@@ -58,7 +57,7 @@ def explored(study: Study, stored: Stored, bases: list[Base], say: Say) -> Row:
 
 
 def learned(study: Study, surrogate: Surrogate, over: Over, say: Say) -> Row:
-    """Return effects and indices over the operating points of ``over``, as the page has them."""
+    """Compute effects and indices over the operating points of ``over``, as the page has them."""
     say(f"effects over {DESIGNS} feasible designs")
     effect = _effects_record(study, surrogate, over)
     say("Sobol indices")
@@ -72,28 +71,27 @@ def _effects_record(study: Study, surrogate: Surrogate, over: Over) -> Row:
     x = study.rows(designs)
     return {
         "designs": len(x),
-        "outside_trained_range": _outside(surrogate, x),
+        "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
         "mean_expected_shift_time_s": float(over.predict(x)[0].mean()),
-        "variables": [_effect_record(one) for one in effects(over, names, x)],
-    }
-
-
-def _effect_record(effect: Effect) -> Row:
-    return {
-        "variable": effect.variable,
-        "values": rounded(effect.values),
-        "effect_s": rounded(effect.effect),
-        "low_s": rounded(effect.low),
-        "high_s": rounded(effect.high),
-        "span_s": effect.span,
-        "span_by_chance_s": effect.chance,
-        "fastest": effect.fastest,
-        "distinguishable": effect.clear,
+        "variables": [
+            {
+                "variable": one.variable,
+                "values": rounded(one.values),
+                "effect_s": rounded(one.effect),
+                "low_s": rounded(one.low),
+                "high_s": rounded(one.high),
+                "span_s": one.span,
+                "span_by_chance_s": one.chance,
+                "fastest": one.fastest,
+                "distinguishable": one.clear,
+            }
+            for one in effects(over, names, x)
+        ],
     }
 
 
 def _indices_record(study: Study, surrogate: Surrogate, over: Over) -> list[Row]:
-    """Return the indices over designs, and over designs and operating points at once."""
+    """Record the indices over designs, and over designs and operating points at once."""
     cut, retry = len(surrogate.data.variables), study.clutch.timeout + study.retraction
     box, seed = _box(study, surrogate.data), study.file.surrogate.seed + 1
     alone = indices(box, lambda z: over.predict(z)[0], SAMPLES, seed)
@@ -118,18 +116,17 @@ def _box(study: Study, data: Dataset) -> list[Input]:
 
     A design beyond them has its box about the nearest value that was simulated.
     """
-    known = zip(data.variables, data.x.min(axis=0), data.x.max(axis=0), strict=True)
-    return [_side(study, name, float(low), float(high)) for name, low, high in known]
-
-
-def _side(study: Study, name: str, known_low: float, known_high: float) -> Input:
-    low, high = study.variables[name]
-    centre = min(max(study.prototype[name], known_low), known_high)
-    half = BOX * (high - low)
-    if name == "count":
-        half = max(1.0, round(half))
-        return Input(name, max(centre - half, known_low), min(centre + half, known_high), WHOLE)
-    return Input(name, max(centre - half, known_low), min(centre + half, known_high))
+    sides = []
+    for name, values in zip(data.variables, data.x.T, strict=True):
+        known_low, known_high = float(values.min()), float(values.max())
+        low, high = study.variables[name]
+        centre = min(max(study.prototype[name], known_low), known_high)
+        half = BOX * (high - low)
+        if name == "count":
+            half = max(1.0, round(half))
+        ends = max(centre - half, known_low), min(centre + half, known_high)
+        sides.append(Input(name, *ends, WHOLE) if name == "count" else Input(name, *ends))
+    return sides
 
 
 def _index_record(study: Study, surrogate: Surrogate, over: str, found: Indices) -> Row:
@@ -158,7 +155,7 @@ def _index_record(study: Study, surrogate: Surrogate, over: str, found: Indices)
 
 
 def _known(surrogate: Surrogate, found: Indices) -> Mask:
-    """Tell which samples lie within the simulated operating points, (n,)."""
+    """Mark the samples within the simulated operating points, (n,)."""
     known = np.ones(len(found.values), dtype=bool)
     for one, values in zip(found.inputs, found.values.T, strict=True):
         if one.name in POINT:
@@ -166,10 +163,6 @@ def _known(surrogate: Surrogate, found: Indices) -> Mask:
             slack = 0.01 * np.ptp(simulated)
             known &= (values >= simulated.min() - slack) & (values <= simulated.max() + slack)
     return known
-
-
-def _outside(surrogate: Surrogate, x: Array) -> float:
-    return 1.0 - float(in_range(surrogate, x).mean())
 
 
 def _data_record(surrogate: Surrogate) -> Row:

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.reports.surrogate.asked_points import (
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.maps import thinned
+from dogshape.pipeline.reports.surrogate.operating_choices import (
     Operating,
     middle,
     operating_inputs,
-    spread,
 )
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.train.training_rows import study_mix
@@ -24,8 +24,6 @@ from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import ask, in_range
 from dogshape.surrogate.sobol_indices import LOG, Input
 from dogshape.surrogate.time_curves import Curve, at_points, over_designs
-
-Row = dict[str, Any]
 
 VALUES = 41  #: of each variable
 RIVALS = 12  #: designs of the front beside the study's own, at most
@@ -40,16 +38,16 @@ class Base:
 
 
 def bases_of(study: Study, result: Row | None) -> list[Base]:
-    """Return the study's own design and some of the front that a search of it found.
+    """List the study's own design and some of the front that a search of it found.
 
     ``result`` is the search's, None where there is none; one of other physics counts as none.
     """
     own = Base("the study's own design", study.prototype)
-    return [own, *spread(rivals_of(study, result), RIVALS)]
+    return [own, *thinned(rivals_of(study, result), RIVALS)]
 
 
 def rivals_of(study: Study, result: Row | None) -> list[Base]:
-    """Return all designs of the front but the study's own; none of other physics."""
+    """List all designs of the front but the study's own; none of other physics."""
     if result is None or result.get("physics_hash") != study.physics_hash:
         return []
     front = [
@@ -61,19 +59,19 @@ def rivals_of(study: Study, result: Row | None) -> list[Base]:
 def slices_record(
     study: Study, surrogate: Surrogate, overs: list[tuple[Operating, Over]], bases: list[Base]
 ) -> list[Row]:
-    """Return the slices through each base at each choice of operating points."""
+    """Record the slices through each base at each choice of operating points."""
     cuts = [_Cut(study, surrogate, base) for base in bases]
     return [cut.record() | {"operating": [cut.choice(*one) for one in overs]} for cut in cuts]
 
 
 def rounded(values: Iterable[float]) -> list[float]:
-    """Return numbers as JSON holds them, six digits each."""
+    """Round numbers to six digits for JSON."""
     return [float(f"{value:.6g}") for value in values]
 
 
 @dataclass(frozen=True)
 class _Cut:
-    """One base with the designs along each variable, over what was simulated of its range."""
+    """A base with the designs along each variable, over the simulated part of its range."""
 
     study: Study
     surrogate: Surrogate
@@ -92,34 +90,38 @@ class _Cut:
         for column, name in enumerate(data.variables):
             known, (low, high) = data.x[:, column], self.study.variables[name]
             ends = (max(known.min(), low), min(known.max(), high))
-            values = _values(name, *ends, self.own[0, column])
+            own = self.own[0, column]
+            values = np.unique(np.append(np.linspace(*ends, VALUES), own))
+            if name == "count":
+                whole = np.arange(np.ceil(ends[0]), np.floor(ends[1]) + 1.0)
+                values = np.unique(np.append(whole, own))
             found[name] = np.repeat(self.own, len(values), axis=0)
             found[name][:, column] = values
         return found
 
     def record(self) -> Row:
-        """Return what the base shows at all operating points."""
+        """Record the base at all operating points."""
         asked = ask(self.surrogate, self.base.design, study_mix(self.study), self.study.physics)
         return {
             "base": self.base.name,
             "design": self.base.design,
             "failed": design_of(self.study, self.base.design).failed,
             "warnings": list(asked.warnings),
-            "variables": {name: self._along(name) for name in self.lines},
-        }
-
-    def _along(self, name: str) -> Row:
-        names, x = self.surrogate.data.variables, self.lines[name]
-        designs = [self.study.named(row) for row in x.tolist()]
-        return {
-            "values": rounded(x[:, names.index(name)]),
-            "failed": [design_of(self.study, design).failed for design in designs],
-            "in_trained_range": in_range(self.surrogate, x).tolist(),
+            "variables": {
+                name: {
+                    "values": rounded(x[:, column]),
+                    "failed": [
+                        design_of(self.study, self.study.named(row)).failed for row in x.tolist()
+                    ],
+                    "in_trained_range": in_range(self.surrogate, x).tolist(),
+                }
+                for column, (name, x) in enumerate(self.lines.items())
+            },
         }
 
     def choice(self, operating: Operating, over: Over) -> Row:
-        """Return the curves at one choice of operating points."""
-        # What was simulated of one design alone would stand in its slices as a false peak.
+        """Record the curves at one choice of operating points."""
+        # Residuals of a single simulated design would stand in its slices as a false peak.
         smooth = {name: over_designs(over, x, alone=False) for name, x in self.lines.items()}
         curves = {name: _curve_record(curve) for name, curve in smooth.items()}
         points = {one.name: self._points(one, operating) for one in operating_inputs(self.study)}
@@ -133,7 +135,7 @@ class _Cut:
         }
 
     def _points(self, moved: Input, operating: Operating) -> Row:
-        """Return the curve over mismatch or force, the other one fixed."""
+        """Record the curve over mismatch or force, the other one fixed."""
         values = moved.at(np.linspace(0.0, 1.0, VALUES))
         mismatch, force = operating.mismatch, middle(self.study.forces)
         fixed = {
@@ -152,13 +154,6 @@ class _Cut:
             "own": None if mismatch is None else own,
             **_curve_record(curve),
         }
-
-
-def _values(name: str, low: float, high: float, own: float) -> Array:
-    """Return values from low to high, (m,), the base's own among them."""
-    if name == "count":
-        return np.unique(np.append(np.arange(np.ceil(low), np.floor(high) + 1.0), own))
-    return np.unique(np.append(np.linspace(low, high, VALUES), own))
 
 
 def _curve_record(curve: Curve) -> Row:

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.reports.kit.maps import thinned
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.sobol_indices import EVEN, LOG, Input
 
-T = TypeVar("T")
 SINGLE = 4  #: mismatches that are shown on their own
 
 
@@ -27,18 +26,19 @@ class Operating:
 
 
 def choices(study: Study) -> list[Operating]:
-    """Return all of the study's operating points, and single mismatches at the middle force."""
+    """List all of the study's operating points, and single mismatches at the middle force."""
     mix, force = study_mix(study), middle(study.forces)
-    mismatches = spread(sorted(set(study.mismatches)), SINGLE)
-    single = [_single(mismatch, force, mix.retry) for mismatch in mismatches]
+    single = [
+        Operating(
+            f"{mismatch:.4g} 1/min, {force:.4g} N",
+            Mix(np.array([[mismatch, force]]), np.ones(1), mix.retry),
+            mismatch,
+        )
+        for mismatch in thinned(sorted(set(study.mismatches)), SINGLE)
+    ]
     if len(mix.points) == 1:
         return single
     return [Operating(f"all {len(mix.points)} operating points", mix, None), *single]
-
-
-def _single(mismatch: float, force: float, retry: float) -> Operating:
-    mix = Mix(np.array([[mismatch, force]]), np.ones(1), retry)
-    return Operating(f"{mismatch:.4g} 1/min, {force:.4g} N", mix, mismatch)
 
 
 def operating_inputs(study: Study) -> list[Input]:
@@ -55,9 +55,3 @@ def middle(values: Sequence[float]) -> float:
     """Return the value in the middle, the upper one of two."""
     ordered = sorted(set(values))
     return ordered[len(ordered) // 2]
-
-
-def spread(values: Sequence[T], most: int) -> list[T]:
-    """Return at most so many of the values, first and last among them, evenly spread."""
-    places = np.linspace(0, len(values) - 1, min(most, len(values))).round().astype(int)
-    return [values[place] for place in dict.fromkeys(places.tolist())]

@@ -1,9 +1,8 @@
-"""Effects and indices from a study's surrogate: worked out once, stored, read by the report."""
+"""Effects and indices from a study's surrogate: computed once, stored, read by the report."""
 
 from __future__ import annotations
 
-from typing import Any
-
+from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.surrogate.record import Say, learned
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training_rows import study_mix
@@ -12,7 +11,6 @@ from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.query import require_same_physics
 from dogshape.surrogate.store import load
 
-Row = dict[str, Any]
 AGAIN = "run 'dogshape report' again"
 
 
@@ -36,7 +34,7 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
 
 
 def stored_effects(folder: StudyFolder) -> Row | None:
-    """Return effects and indices of the folder's surrogate as it is now; None without them."""
+    """Read effects and indices of the folder's surrogate as it is now; None without them."""
     try:
         stored = read_json(folder.effects, AGAIN)
         fits = stored["surrogate"] == _identity(folder)
@@ -46,5 +44,4 @@ def stored_effects(folder: StudyFolder) -> Row | None:
 
 
 def _identity(folder: StudyFolder) -> str:
-    """Return the hash that the surrogate's file holds of itself."""
     return str(read_json(folder.surrogate, AGAIN).get("hash"))

@@ -1,12 +1,13 @@
-"""What the template of the gap report is filled with; what is not known is empty."""
+"""The report of a diagnosis with its record and its table; what is not known is empty."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from dogshape.diagnosis.bench.finding import Finding
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.next_test import why
 from dogshape.diagnosis.inference.static_readings import against, facts_of
@@ -19,11 +20,12 @@ from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
 from dogshape.pipeline.reports.gap import hypothesis_cards as answers
 from dogshape.pipeline.reports.gap import odds_matrix as alike
 from dogshape.pipeline.reports.gap import point_rows as cells
-from dogshape.pipeline.reports.kit.html import figure_html
-from dogshape.pipeline.reports.study.design_tables import csv_link
-from dogshape.pipeline.reports.surrogate.variable_labels import axis, label, value
+from dogshape.pipeline.reports.kit import html
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import axis, label, value
+from dogshape.sim.files import naming
 
-Row = dict[str, Any]
+REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 TESTS = 8  #: tests that are listed
 READINGS = {
     "priors_halved": "ranges half as wide",
@@ -32,8 +34,35 @@ READINGS = {
 }
 
 
+def publish(diagnosis: Diagnosis, folder: Path, extras: Extras | None = None) -> Path:
+    """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the report.
+
+    The folder is made where it is missing; files of these names are written anew.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_page(diagnosis, folder / REPORT, extras)
+    written = {
+        RECORD: record_text(diagnosis) + "\n",
+        TABLE: cells.table(cells.cells_of(diagnosis)),
+    }
+    for name, text in written.items():
+        with naming(folder / name):
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder / REPORT
+
+
+def write_page(diagnosis: Diagnosis, path: Path, extras: Extras | None = None) -> None:
+    """Write the report alone, one HTML file that opens offline."""
+    html.write_page(path, "gap.html.j2", **content_of(diagnosis, extras or Extras()))
+
+
+def record_text(found: Diagnosis) -> str:
+    """Write the record of a diagnosis as JSON."""
+    return json.dumps(found.as_dict(), indent=1, allow_nan=False)
+
+
 def content_of(found: Diagnosis, extras: Extras) -> Row:
-    """Return the content of the template."""
+    """Collect the content of the template."""
     points = cells.cells_of(found)
     return {
         "bench": found.bench,
@@ -49,46 +78,52 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "why_alike": reasons.why_alike(found),
         "readings": _readings(found),
         "unknown_cells": extras.unknown_cells,
-        "tests": _tests(found),
+        "tests": [
+            {
+                "name": test.name,
+                "how": test.how,
+                "shows": ", ".join(found.effects[name].plain for name in test.shows),
+                "information": "" if test.information is None else f"{test.information:.2f}",
+                "share": "" if test.information is None else chance(test.settles),
+                "hours": f"{test.hours:.2g}",
+            }
+            for test in found.tests[:TESTS]
+        ],
         "at_rest": [against(fact, found.scored) for fact in facts_of(found.bench)],
         "next": (found.tests[0].name, why(found.tests[0], found.belief, found.effects)),
-        "so_what": _so_what(extras.so_what),
+        "so_what": None if extras.so_what is None else _so_what(extras.so_what),
         "facts": _facts(found, extras),
         "json_link": "data:application/json," + quote(record_text(found)),
-        "csv_link": csv_link(cells.table(points)),
-        **_marks(points),
+        "csv_link": html.csv_link(cells.table(points)),
+        "without": sorted({cells.unreadable(point) for point in points} - {""}),
+        "part_engaged": any(point.failed and point.engaged for point in points),
+        "unknown_shifts": sum(point.unknown for point in points),
         **_figures(found, points, extras),
     }
 
 
-def record_text(found: Diagnosis) -> str:
-    """Return the record of a diagnosis as JSON."""
-    return json.dumps(found.as_dict(), indent=1, allow_nan=False)
-
-
 def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> Row:
-    """Return all figures as HTML, an empty word where there is nothing to draw."""
-    gaps, leading = found.before_after, found.leading
+    """Draw all figures as HTML, an empty word where there is nothing to draw."""
+    leading = found.leading
     timed = any(point.bench_s is not None for point in points)
     name = "" if leading == NONE else answers.short(found, leading)
-    many = len(found.belief) > 1
     drawn = {
         "map": gapmap.gap_map_figure(points) if timed else None,
-        "causes": charts.causes_figure(found) if many else None,
+        "causes": charts.causes_figure(found) if len(found.belief) > 1 else None,
         "before": before.before_figure(points, name.replace("<br>", " ")) if timed else None,
-        "held_out": charts.held_out_figure(found) if gaps.baseline is not None else None,
-        "alike": alike.alike_figure(found) if alike.is_worth(found) else None,
+        "held_out": None if found.before_after.baseline is None else charts.held_out_figure(found),
+        "alike": alike.alike_figure(found) if len(found.confusion.hypotheses) > 1 else None,
         "bounds": charts.bounds_figure(found) if found.bounds else None,
         "phases": charts.phases_figure(extras.phases) if extras.phases else None,
     }
     return {
-        f"{key}_figure": "" if figure is None else figure_html(figure, key)
+        f"{key}_figure": "" if figure is None else html.figure_html(figure, key)
         for key, figure in drawn.items()
     }
 
 
 def _cards(found: Diagnosis) -> list[Row]:
-    """Return the numbers under the headline: gap, what is left, and what chance makes."""
+    """Return the numbers under the headline: gap now, gap left, and the gap by chance."""
     gaps = found.before_after
     if gaps.baseline is None or gaps.floor is None:
         return []
@@ -98,20 +133,15 @@ def _cards(found: Diagnosis) -> list[Row]:
     words = "would be left if that hypothesis were true" if len(cards) > 1 else "would be the gap"
     title, chance_s = answers.by_chance(found)
     cards.append(("gain", title, gaps.floor if chance_s is None else chance_s, words))
-    return [dict(zip(("look", "title", "value", "words"), card, strict=True)) | {
-        "value": ms(card[2]).split()[0]} for card in cards]  # fmt: skip
-
-
-def _marks(points: list[cells.CellRow]) -> Row:
-    """Return what the legend of the map has to explain."""
-    without = {cells.unreadable(point) for point in points} - {""}
-    part = any(point.failed and point.engaged for point in points)
-    unknown = sum(point.unknown for point in points)
-    return {"without": sorted(without), "part_engaged": part, "unknown_shifts": unknown}
+    keys = ("look", "title", "value", "words")
+    return [
+        dict(zip(keys, (look, title, ms(gap).split()[0], words), strict=True))
+        for look, title, gap, words in cards
+    ]
 
 
 def _readings(found: Diagnosis) -> Row:
-    """Return probabilities under other readings: a column each, a row a hypothesis."""
+    """Tabulate probabilities under other readings: a column each, a row a hypothesis."""
     columns = {"as given": found.belief} | {
         _reading(key): belief for key, belief in found.other.items()
     }
@@ -125,70 +155,45 @@ def _readings(found: Diagnosis) -> Row:
 
 
 def _reading(key: str) -> str:
-    """Return what a reading assumes, in words; ``given_X`` takes a reading at rest in."""
     if key.startswith("given_"):
         return f"given the {quantity(key.removeprefix('given_'))} at rest"
     return READINGS.get(key, key.replace("_", " "))
 
 
-def _tests(found: Diagnosis) -> list[Row]:
-    """Return the menu, with what each test tells and its chance to settle the cause."""
-    return [
-        {
-            "name": test.name,
-            "how": test.how,
-            "shows": ", ".join(found.effects[name].plain for name in test.shows),
-            "information": "" if test.information is None else f"{test.information:.2f}",
-            "share": "" if test.information is None else chance(test.settles),
-            "hours": f"{test.hours:.2g}",
-        }
-        for test in found.tests[:TESTS]
-    ]
+def _so_what(given: SoWhat) -> Row:
+    sides = given.without, given.within
 
+    def shown(key: str, design: Mapping[str, Any]) -> str:
+        return value(key, design[key]).split()[0] if key in design else ""
 
-def _so_what(given: SoWhat | None) -> Row | None:
-    if given is None:
-        return None
-    keys = list(dict.fromkeys([*given.without.design, *given.within.design]))
     rows = [
-        (axis(key), [_value(key, side.design) for side in (given.without, given.within)])
-        for key in keys
+        (axis(key), [shown(key, side.design) for side in sides])
+        for key in dict.fromkeys([*given.without.design, *given.within.design])
     ]
     for words, name in (("without", "time_without_s"), ("with", "time_with_s")):
-        times = [ms(getattr(side, name)) for side in (given.without, given.within)]
+        times = [ms(getattr(side, name)) for side in sides]
         rows.append((f"expected shift time, simulated {words} the effect", times))
     return {"rows": rows, "regret": ms(given.regret_s), "sentence": given.sentence}
 
 
-def _value(key: str, design: Any) -> str:
-    return value(key, design[key]).split()[0] if key in design else ""
-
-
 def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
-    """Return what is known of data set and run."""
+    """List the facts on data set and run."""
     bench = found.bench
-    shifts = sum(cell.n for cell in bench.cells)
+    named = [h for h in found.belief if h not in (NONE, UNKNOWN)]
+    kinds = zip((1, 2, 3), ("of one effect", "of two", "of three"), strict=True)
+    counts = [(sum(len(h) == size for h in named), words) for size, words in kinds]
+    listed = ", ".join(f"{count} {words}" for count, words in counts if count)
     given = {
         "data set": bench.name,
         "source": bench.source,
-        "operating points": f"{len(bench.cells)}, with {shifts} shifts that have a time",
+        "operating points": f"{len(bench.cells)}, with {sum(cell.n for cell in bench.cells)} "
+        "shifts that have a time",
         "corrections": ", ".join(f"{c.quantity}={c.way}" for c in bench.corrections),
-        "looks odd": "; ".join(_odd(one) for one in bench.warnings),
+        "looks odd": "; ".join(
+            f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
+        ),
         "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
-        "hypotheses": _hypotheses(found),
+        "hypotheses": f"{len(found.belief)}: {listed}, no effect, and no known effect",
         **extras.provenance,
     }
     return {label(key).replace("_", " "): words for key, words in given.items() if words}
-
-
-def _hypotheses(found: Diagnosis) -> str:
-    """Return how many hypotheses were weighed, and of which kind."""
-    named = [h for h in found.belief if h not in (NONE, UNKNOWN)]
-    sizes = [sum(len(h) == k for h in named) for k in (1, 2, 3)]
-    kinds = zip(sizes, ("of one effect", "of two", "of three"), strict=True)
-    listed = [f"{count} {words}" for count, words in kinds if count]
-    return f"{len(found.belief)}: {', '.join(listed)}, no effect, and no known effect"
-
-
-def _odd(finding: Finding) -> str:
-    return f"{finding.found}; this looks like {finding.looks_like}"

@@ -1,0 +1,236 @@
+"""The report of a study: its content, and the files that it is written with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import plotly.graph_objects as go
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
+from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
+from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import label, percent
+from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
+from dogshape.pipeline.reports.study import point_gains as places
+from dogshape.pipeline.reports.study.convergence import convergence_figure, course
+from dogshape.pipeline.reports.study.front import (
+    confirmed_designs,
+    front_figure,
+    sure_figure,
+    third_figure,
+)
+from dogshape.pipeline.reports.study.goals import MARGIN, goals_of
+from dogshape.pipeline.reports.study.parallel import parallel_figure
+from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
+from dogshape.pipeline.reports.study.replays import replays_of, write_replays
+from dogshape.pipeline.reports.study.single_shifts import Shifts, place, read_shifts
+from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
+from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.result_records import check_record
+from dogshape.sim.files import naming
+from dogshape.sim.shift.loads import Landing
+from dogshape.sim.strength.checks import GROUPS
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.landing import landing_checks
+from dogshape.sim.units import RPM
+from dogshape.surrogate.validation_figures import validation_of
+
+Say = Callable[[str], None]
+#: What every page of a study has, filled or empty; a template asks for nothing else.
+FIGURES = (
+    "fronts", "sure", "parallel", "effects", "indices", "distribution", "engaged", "gain",
+    "points", "listed", "convergence",
+)  # fmt: skip
+
+
+def publish(folder: StudyFolder, say: Say) -> Path:
+    """Make what the report lacks, then write it; return its path.
+
+    Effects from the surrogate take a minute, the page of a shift half a second each.
+    """
+    study, result = folder.stored_study(), folder.stored_result()
+    require_targets({"the report": folder.report})
+    learn_effects(folder, say)
+    shifts = read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
+    # What other machines simulated is in their folders.
+    lost = 0 if folder.others.exists() else result["n_simulated_shifts"] - len(shifts.rows)
+    if lost > 0:
+        say(
+            f"{folder.shifts} lacks {lost} of the {result['n_simulated_shifts']} shifts that "
+            f"{folder.result.name} rests on, so the report shows single shifts without them; "
+            "'dogshape study' with --resume simulates them again"
+        )
+    pairs = replays_of(shifts, designs.designs_shown(result) if result["best"] else [])
+    write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
+    return _write(folder, study, result, shifts)
+
+
+def write_report(folder: StudyFolder) -> Path:
+    """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
+    study, journal = folder.stored_study(), ShiftJournal(folder.shifts, only_read=True)
+    return _write(folder, study, folder.stored_result(), read_shifts(study, journal))
+
+
+def _write(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Path:
+    content = content_of(folder, study, result, shifts)
+    with naming(folder.designs):
+        designs.designs_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
+    write_page(folder.report, "report.html.j2", **content)
+    return folder.report
+
+
+def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Row:
+    """Collect the content of the report's template; what is not known is empty."""
+    variables, best = list(study.variables), result["best"]
+    fitted, confirmation = result["surrogate"], result["confirmation"]
+    goals, weights = goals_of(result), {point.weight for point in study.points}
+    figures: Row = dict.fromkeys(FIGURES, "")
+    if best is not None:
+        figures |= _search_figures(result, variables, shifts) | _surrogate_figures(folder)
+    if confirmation:
+        figures |= _confirmed_figures(weighted(study, confirmation))
+    times = _distributions(result, shifts)
+    if times:
+        figures["distribution"] = single_shifts.distribution_figure(times)
+    quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
+    still = landing_checks(study.clutch.dog, Landing(), study.limits)  # for their limits alone
+    trials = result["trials"]
+    return {
+        **{name: _html(name, figure) for name, figure in figures.items()},
+        "study": study,
+        "result": result,
+        "c": confirmation,
+        "variables": variables,
+        "goals": goals,
+        "lead": goals.leading,
+        "columns": [goal for goal in goals.told if goal.name != MARGIN],
+        "gained": summary.gained(result),
+        "meaning": summary.meaning(goals, len(study.points), len(weights) > 1),
+        "confirmed": confirmed_designs(result),
+        "partial": any(0 < row["points"] < len(study.points) for row in trials),
+        "weighted": len(weights) > 1,
+        "uncertain": study.uncertainty.source if study.uncertainty else (),
+        "label": label,
+        "percent": percent,
+        "ms": summary.ms,
+        "headline": summary.headline(result),
+        "said": summary.points_of(result) if confirmation else [],
+        "choice": summary.choice(result),
+        "failures": summary.failures_of(result) if confirmation else [],
+        "passed_over": summary.passed_over(result) if confirmation else "",
+        "at_the_ends": summary.at_the_ends(result, study.variables),
+        "lost": any(row["lost"] for row in quantiles),
+        "failed_words": summary.failed_words,
+        "replicated_words": replicated.replicated_words(result),
+        "replicated": replicated.replicated_rows(result),
+        "quantiles": quantiles,
+        "drawings": _drawings(study, best),
+        "replays": _replays(folder, shifts, shown) if best else [],
+        "csv": csv_link(designs.designs_frame(result, variables).to_csv(index=False)),
+        "command": command_of(study),
+        "dates": dates_of(folder.result),
+        "study_file": file_of(study),
+        "surrogate_useful": bool(fitted) and validation_of(fitted).useful,
+        "contact": study.clutch.contact,
+        "solver": study.clutch.solver,
+        "groups": GROUPS,
+        "checks": [
+            check_record(check) for check in strength_checks(study.clutch.dog, study.limits) + still
+        ],
+        "designs": shown,
+        "parts": designs.in_parts(shown),
+        "sure_known": bool(shown) and all("probability_on_front" in r for r in result["front"]),
+        "barred": [r for r in trials if designs.is_barred(r)],
+        "failed_anew": designs.failed_at_new_angles(result),
+        "hard": [r for r in trials if not r["feasible"] and not designs.is_barred(r)],
+    }
+
+
+def _html(name: str, figure: Any) -> Any:
+    return figure_html(figure, name) if isinstance(figure, go.Figure) else figure
+
+
+def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
+    others = [goal.name for goal in goals_of(result).others]
+    fronts = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
+    if len(others) >= 2:
+        figure = third_figure(result, variables, others[0], others[1])
+        fronts.append(figure_html(figure, "front-third"))
+    return {
+        "fronts": fronts,
+        "sure": sure_figure(result),
+        "parallel": parallel_figure(result, variables),
+        "convergence": convergence_figure(result, course(result, shifts)),
+    }
+
+
+def weighted(study: Study, confirmation: Row) -> Row:
+    """Add the weights of operating points to both designs of a confirmation."""
+    weights = {place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
+
+    def added(points: list[Row]) -> list[Row]:
+        keys = [place(p["mismatch_rpm"], p["force_N"]) for p in points]
+        return [{**p, "weight": weights.get(key, 1.0)} for p, key in zip(points, keys, strict=True)]
+
+    both = {key: confirmation[key] for key in ("prototype", "best")}
+    return {key: {**found, "points": added(found["points"])} for key, found in both.items()}
+
+
+def _confirmed_figures(confirmation: Row) -> Row:
+    if not places.is_grid(confirmation):
+        return {"listed": places.listed_figure(confirmation)}
+    return {
+        "points": places.points_figure(confirmation),
+        "engaged": places.engaged_figure(confirmation),
+        "gain": places.gain_figure(confirmation),
+    }
+
+
+def _surrogate_figures(folder: StudyFolder) -> Row:
+    known = stored_effects(folder)
+    if known is None:
+        return {}
+    effects = known["effects"]
+    return {
+        "effects": (effects, figure_html(effects_figure(effects), "effects")),
+        "indices": indices_html(known["indices"]),
+    }
+
+
+def _distributions(result: Row, shifts: Shifts) -> dict[str, single_shifts.Distribution]:
+    if not result["confirmation"] or result["best"] is None:
+        return {}
+    best = {name: result["best"][name] for name in shifts.study.variables}
+    pairs = {"prototype": shifts.study.prototype, "chosen": best}
+    found = {name: single_shifts.distribution(shifts, one) for name, one in pairs.items()}
+    known = {name: one for name, one in found.items() if one is not None}
+    return known if len(known) == len(found) else {}
+
+
+def _drawings(study: Study, best: Row | None) -> Row:
+    span = 2.4 * study.clutch.dog.pitch
+    sections, sheet = [section_svg(study.clutch.dog, "Prototype", span)], ""
+    if best is not None and not best["prototype"]:
+        dog = study.dog_with({name: best[name] for name in study.variables})
+        title = f"Design {best['trial']}"
+        sections.append(section_svg(dog, title, span))
+        sheet = dimensioned_svg(dog, study.limits, f"{title}, dimensioned section")
+    return {"sections": sections, "sheet": sheet}
+
+
+def _replays(folder: StudyFolder, shifts: Shifts, shown: list[Row]) -> list[Row]:
+    return [
+        {
+            "design": pair[0].design,
+            "shifts": [{"words": r.words, "angle": r.shift["relative_angle_deg"],
+                        "page": r.path if (folder.root / r.path).is_file() else ""}
+                       for r in pair],
+        }
+        for pair in replays_of(shifts, shown)
+    ]  # fmt: skip
