@@ -1,4 +1,4 @@
-r"""Where to simulate next: the rows that most lower the error of a question.
+r"""Next rows to simulate: those that most lower the error of a question.
 
 A question is the expected time over a mix at some target designs, with weights
 :math:`\omega_t`. A row *q* that is simulated with noise :math:`s_q^2` lowers the summed
@@ -103,7 +103,7 @@ class _Rows:
 
     @property
     def gains(self) -> Array:
-        """Return what each row would take from the question's variance, (n,)."""
+        """Compute the drop of the question's variance by each row, (n,)."""
         gains: Array = self._weights @ self._shared**2 / (self._variance + self.noise)
         return gains
 

@@ -36,7 +36,7 @@ CHUNK = 64  #: rows worked out at a time, so that they stay in the processor's c
 
 @dataclass(frozen=True)
 class Term:
-    """One term: which factors it has, and whether it grows with the mismatch.
+    """One term: its factors, and its growth with the mismatch.
 
     ``scales`` bounds its length scales, ranges of designs being scaled to one; a fit starts from
     ``first``. Equal bounds fix them as the reach of what is rough: nothing beyond foretells it.
@@ -50,7 +50,7 @@ class Term:
 
     @property
     def rough(self) -> bool:
-        """Whether the length scales are fixed."""
+        """Fixed length scales."""
         return self.scales[0] == self.scales[1]
 
 
@@ -244,7 +244,7 @@ def distance(a: Array, b: Array) -> Array:
 
 
 def wendland(apart: Array, coordinates: int) -> Array:
-    """Return Wendland's correlation of scaled distances, of their shape; nought from 1 on.
+    """Compute Wendland's correlation of scaled distances, of their shape; zero from 1 on.
 
     Positive definite over that many coordinates.
     """
@@ -257,7 +257,7 @@ def wendland(apart: Array, coordinates: int) -> Array:
 
 
 def _size(points: Array) -> Array:
-    """Return how fast shifts at operating points (n, p) are, nought at coordinate 1, (n,)."""
+    """Compute the mismatch coordinate of operating points (n, p), zero at coordinate 1, (n,)."""
     return np.abs(points[:, 0]) - 1.0 if points.shape[1] else np.zeros(len(points))
 
 

@@ -148,13 +148,13 @@ def once(rows: Array) -> Array:
 
 
 def among(x: Array, designs: Array) -> Mask:
-    """Tell which rows of x (n, d) are one of the designs (k, d), (n,) of bool."""
+    """Mark the rows of x (n, d) that equal one of the designs (k, d), (n,) of bool."""
     found: Mask = (x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
     return found
 
 
 def differences(mine: Record, theirs: Record) -> str:
-    """Say in which keys two records differ, the first three of them."""
+    """List the first three keys in which two records differ."""
     keys = [k for k in {**mine, **theirs} if not _same(mine.get(k), theirs.get(k))]
     parts = [f"{k} is {_said(mine, k)} here and {_said(theirs, k)} there" for k in keys[:3]]
     return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")

@@ -93,7 +93,7 @@ class Over:
         return engaged + retries, error
 
     def _parts(self, x: Array, features: Array) -> tuple[Array, Array, Array]:
-        """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
+        """Predict times to engage and of retries, each (m,), and errors of retries, (m, q), s."""
         data, mix = self.surrogate.data, self.mix
         share, unsure = self.surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
         retries = (1.0 - share) / share @ mix.weights * mix.retry
@@ -134,7 +134,7 @@ class Over:
         return form
 
     def _feature(self, part: Part, x: Array) -> Array:
-        """Return a term's factor of designs (m, d) and the known ones; (m, 1) if it has none."""
+        """Compute a term's factor of designs (m, d) and the known designs; (m, 1) without one."""
         if part.design is None:
             return np.ones((len(x), 1))
         return part.design_factor(x, self._known)
@@ -149,7 +149,7 @@ class Over:
         return summed
 
     def _features(self, x: Array) -> Array:
-        """Return factors of designs (m, c) and the known ones, term by term, (m, f)."""
+        """Compute factors of designs (m, c) and the known designs, term by term, (m, f)."""
         return np.concatenate([self._feature(part, x) for part in self._terms], axis=1)
 
     @cached_property
@@ -177,7 +177,7 @@ class Over:
         return form
 
     def _known_of_rough(self, features: Array) -> Array:
-        """Return what rough features add to the variance that the rows take away, (m,).
+        """Compute the variance that the rows take away by rough features, (m,).
 
         Nearly all are nought, so that only the others are summed.
         """
@@ -200,7 +200,7 @@ class Over:
         return rows
 
     def with_rows(self, x: Array, inputs: Array) -> Array:
-        """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
+        """Compute the covariance of relative errors of designs (m, c) with inputs, (m, n).
 
         Their covariance before any data.
         """

@@ -1,4 +1,4 @@
-r"""Which form the surrogate should have: the likelihood of designs left out decides.
+r"""Choice of the form of the surrogate: the likelihood of designs left out decides.
 
 Each form is fitted to one half of the designs and foretells the other, and the other way
 round. The score is the mean logarithm of the density that it gave to what came out, the noise
@@ -56,7 +56,7 @@ def compare(
 
 
 def _left_out(data: Dataset, form: str, first: Mask) -> tuple[Array, Array]:
-    """Return errors of ln t and their foretold standard deviations for all rows, each (n,)."""
+    """Compute errors of ln t and their predicted standard deviations for all rows, each (n,)."""
     errors, deviations = [], []
     for seen in (first, ~first):
         made = ALTERNATIVES[form]

@@ -1,4 +1,4 @@
-r"""What a candidate is expected to add to the front: its hypervolume, by random scales.
+r"""Expected gain of hypervolume by a candidate, by random scales.
 
 For a reference point *r* beyond all designs and a direction :math:`\lambda` of positive
 coordinates, the scale of values *y* (all to be minimised) is
@@ -41,7 +41,7 @@ def scales(values: Array, reference: Array, ways: Array) -> Array:
 
 
 def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
-    """Return what each candidate adds to a front's hypervolume, mean over draws, (m,).
+    """Compute the hypervolume that each candidate adds to a front, mean over draws, (m,).
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def volume_of(objectives: int) -> float:
 
 
 def not_dominated(values: Array) -> Mask:
-    """Tell which rows (..., n, k), all to be minimised, no other row dominates, (..., n)."""
+    """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
     one, other = values[..., :, None, :], values[..., None, :, :]
     better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
     kept: Mask = np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)

@@ -31,7 +31,7 @@ DRAWS = 4000  #: of the errors of an effect
 
 @dataclass(frozen=True)
 class Effect:
-    """Main effect of a variable on the expected time, s, nought in the mean over the designs.
+    """Main effect of a variable on the expected time, s, with mean zero over the designs.
 
     ``values`` are in edge units, equally many designs between two of them; ``low`` and ``high``
     bound 95 % at each, all (k,). ``chance`` is the span that errors alone reach in one of twenty
@@ -57,13 +57,13 @@ class Effect:
 
     @property
     def clear(self) -> bool:
-        """Whether the effect spans more than errors alone would."""
+        """Test that the effect spans more than errors alone would."""
         return self.span > self.chance
 
 
 @dataclass(frozen=True)
 class Accumulation:
-    """What an effect asks for: ``moved`` designs (2 n, d), and how their times add up.
+    """Request of an effect: ``moved`` designs (2 n, d), and the sum of their times.
 
     ``form`` (k, 2 n) times the expected times of the moved designs is the effect at ``values``.
     """

@@ -43,7 +43,7 @@ EVEN = Term(design=True, point=True, scales=(0.1, 0.1), first=0.1)
 
 @dataclass(frozen=True)
 class Form:
-    """What a surrogate is made of: terms of its covariance, and whether designs have a ridge."""
+    """Form of a surrogate: terms of its covariance, and the ridge of designs."""
 
     terms: tuple[Term, ...]
     ridge: bool = False

@@ -70,7 +70,7 @@ class Process:
 
     @cached_property
     def weights(self) -> Array:
-        """What each row adds to a prediction, (n,)."""
+        """Weight of each row in a prediction, (n,)."""
         if self.known is not None:
             return self.known
         weights: Array = self.inverse @ (self.targets - self.centre)

@@ -1,4 +1,4 @@
-r"""What a process is fitted to: coordinates of the rows, logarithms, and their known noise.
+r"""Targets of a process: coordinates of the rows, logarithms, and their known noise.
 
 Where the tangent of a face or flank passes the friction coefficient it turns from holding to
 letting go, and times with it. With a *ridge*, designs have for each angle a coordinate more that
@@ -40,7 +40,7 @@ def point_coordinates(points: Array) -> Array:
 
 
 def timed(data: Dataset) -> Mask:
-    """Tell which rows have a time, (n,) of bool: some shift engaged."""
+    """Mark the rows with a time, (n,) of bool: some shift engaged."""
     known: Mask = np.isfinite(data.column("mean_s"))
     return known
 
@@ -82,7 +82,7 @@ def time_targets(data: Dataset, ridge: bool) -> Targets:
 
 
 def spread_targets(data: Dataset, ridge: bool) -> Targets:
-    """Return the logarithms of the spreads with the noise of such from so many shifts."""
+    """Compute log standard deviations with the variance of their sampling noise."""
     rows = data.subset(data.column("engaged") > 2)
     noise = 0.5 / (rows.column("engaged") - 1.0) + 0.05
     # The logarithm of a deviation from few shifts lies half its variance low, too.

@@ -1,4 +1,4 @@
-"""What the simulation says of an expected time, to hold the surrogate against.
+"""Reference values of expected times from the simulation, to judge the surrogate.
 
 Times are those of shifts that engage. Where one shift in some hundreds hangs crest on crest and
 costs a second, dense simulations of a design hold one or none: their mean would be that draw.

@@ -60,7 +60,7 @@ class Validation:
 
     @property
     def useful(self) -> bool:
-        """Whether the surrogate explains at least half of the variance.
+        """Test that the surrogate explains at least half of the variance.
 
         That of expected times, or where few designs tell these, of single operating points.
         """
@@ -78,7 +78,7 @@ def validation_of(record: dict[str, Any]) -> Validation:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the surrogate says of reference designs.
+    """Predictions of the surrogate for reference designs.
 
     ``time`` and ``error`` are of the expected time of shifts that engage, (k,); ``means`` is
     that at each point, ``relative`` the standard deviation of its logarithm, ``spreads`` the

@@ -49,7 +49,7 @@ FREE = 0.999  #: part of the axial gap that is flown in closed form
 
 
 def engine_available() -> bool:
-    """Tell whether MuJoCo can be imported."""
+    """Test that MuJoCo can be imported."""
     try:
         _mujoco()
     except InputError:
@@ -152,7 +152,7 @@ class SecondEngine:
 def _start(
     clutch: Clutch, point: OperatingPoint, settings: EngineSettings
 ) -> tuple[float, tuple[float, float]]:
-    """Return when the free flight ends, s, and the contact's ``solref``: for all angles."""
+    """Compute the end of the free flight, s, and the contact's ``solref``: for all angles."""
     start = point.profile.free_flight_time(FREE * clutch.dog.axial_gap, clutch.rings.mass)
     return start, solver_reference(settings, damping_ratio(clutch, point))
 
@@ -181,7 +181,7 @@ class _Watch:
             self.outcome = Outcome.BLOCKED
 
     def _half_up(self, time: float) -> bool:
-        """Tell whether the force was half up: then a ring that nothing holds would move."""
+        """Test that the force was half up: then a ring that nothing holds would move."""
         return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.force)
 
 

@@ -27,7 +27,7 @@ class Correction:
     way: str
 
     def __str__(self) -> str:
-        """Return it as it is written."""
+        """Write the correction as a user does."""
         return f"{self.quantity}={self.way}"
 
 

@@ -1,4 +1,4 @@
-"""What looks like a slip of units or axes in bench data, in words."""
+"""Findings in words: probable slips of units or axes in bench data."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """What was found, what it looks like and what to do."""
+        """Finding, probable cause and remedy in a sentence."""
         return f"{self.found}; this looks like {self.looks_like}; {self._remedy}"
 
     @property

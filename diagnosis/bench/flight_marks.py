@@ -51,7 +51,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class SeenFlight:
-    """What a bench shows of the flight under one force profile.
+    """Marks of the flight that a bench shows under one force profile.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class SeenFlight:
 
 
 def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
-    """Return what the traces of a data set show of the flight, one for each force profile."""
+    """Gather the marks of the flight from the traces of a data set, by force profile."""
     found: dict[ForceProfile, list[int]] = {}
     for place, cell in enumerate(bench.cells):
         if cell.traces:
@@ -97,7 +97,7 @@ def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFl
 
 
 def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
-    """Return what flight and sensors err beside scatter, s^2, (k, k)."""
+    """Compute the covariance of flight and sensor errors beside scatter, s^2, (k, k)."""
     way = places < len(WAYS)
     own = np.where(way, FLOOR, FORCE_FLOOR)
     parts = [
@@ -169,7 +169,7 @@ def scatter(values: Array) -> float:
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:
-    """Return when rising samples pass a level.
+    """Find the time at which rising samples pass a level.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def _window(
 
 
 def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | None:
-    """Return where a parabola through samples passes a level upwards."""
+    """Find the upward crossing of a level by a parabola through samples."""
     degree = 2 if time.size >= 4 else 1
     centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
     matrix = np.vander((time - centre) / scale, degree + 1)
@@ -223,7 +223,7 @@ def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | No
 
 
 def _root(found: Array, level: float, inside: Array) -> float | None:
-    """Return where a polynomial passes a level upwards within samples, None if nowhere."""
+    """Find the upward crossing of a level by a polynomial within samples, None without one."""
     shifted = found.copy()
     shifted[-1] -= level
     slope = np.polyder(found)

@@ -1,4 +1,4 @@
-"""Which way the rings turned past each other: a setting of the stand that nobody may have noted.
+"""Sense of rotation, in which the rings turn past each other: a setting of the stand.
 
 Whoever writes a table of mismatches says by their sign which flanks meet (``docs/mismatch.md``).
 Where ``bench.toml`` calls that sense *known*, only a slip can have reversed it; where it says

@@ -62,7 +62,7 @@ CHECKS: tuple[Check, ...] = (
 
 
 def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
-    """Return what looks like a slip in a sheet whose corrections have been made.
+    """Find probable slips in a sheet whose corrections have been made.
 
     ``asked`` are these corrections; quantities that are to be taken as given, or that have
     been swapped already, are not questioned.

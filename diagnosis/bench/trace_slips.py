@@ -28,7 +28,7 @@ def _ratios(sheet: Sheet, ratio: Callable[[Row, BenchTrace], float | None]) -> R
 
 
 def _all_near(ratios: Ratios, target: float, factor: float = NEAR) -> bool:
-    """Tell whether nine in ten ratios lie within a factor of a target, of its sign."""
+    """Test that nine in ten ratios lie within a factor of a target, of its sign."""
     return _share_near(ratios, target, factor) >= 0.9
 
 
@@ -119,7 +119,7 @@ def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
 
 
 def _other_displacement(stand: Stand, middle: float) -> tuple[str, str | None, bool]:
-    """Return what a displacement of so many travels looks like, its correction and certainty."""
+    """Name the probable unit of a displacement of so many travels, its correction, certainty."""
     ratio = stand.sensor.linkage_ratio
     if 0.5e-3 < middle < 2e-3:
         return "metres", "m", True

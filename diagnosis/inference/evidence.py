@@ -89,7 +89,7 @@ def normalised(found: Sum) -> Sum:
 
 
 def hopeless(rows: Rows, best: float, finished: int) -> bool:
-    """Tell whether a hypothesis lies so far below the best that more rounds change nothing."""
+    """Test that a hypothesis lies so far below the best that more rounds change nothing."""
     limit = HOPELESS[min(finished, len(HOPELESS) - 1)]
     return float(rows.whole.max()) < best - limit
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.likelihood.signature import Metric, known
 from dogshape.diagnosis.terms import Array
 
@@ -45,7 +45,7 @@ class HeldOut:
 
 
 def folds(bench: Bench) -> list[np.ndarray]:
-    """Return which cells to leave out, one force, then one speed at a time."""
+    """List the cells to leave out, one force, then one speed at a time."""
     forces = np.array([cell.point.profile.force for cell in bench.cells])
     speeds = np.array([cell.point.mismatch for cell in bench.cells])
     found = [column == value for column in (forces, speeds) for value in np.unique(column)]
@@ -53,7 +53,7 @@ def folds(bench: Bench) -> list[np.ndarray]:
 
 
 def by_effects(found: Scored) -> Predict:
-    """Return what a hypothesis predicts after a refit; NaN where none of its values engages."""
+    """Make the predictor of a hypothesis after a refit; NaN where none of its values engages."""
     means = found.rows.predicted.mean
     there = np.isfinite(means)
 
@@ -69,9 +69,9 @@ def by_effects(found: Scored) -> Predict:
 
 
 def held_out(
-    bench: Bench, seen: Observed, baseline: Predicted, metric: Metric, predict: Predict
+    bench: Bench, seen: Observed, baseline: PredictionSummary, metric: Metric, predict: Predict
 ) -> HeldOut:
-    """Return gaps before and after; predictions from refits without each cell."""
+    """Compute gaps before and after; predictions come from refits without each cell."""
     times = seen.time
     having = known(times) & known(baseline.mean[0])
     if not having.any():

@@ -1,4 +1,4 @@
-r"""The next bench test: which would tell most about the cause for what it costs.
+r"""Next bench test: the one with the most information about the cause for its cost.
 
 A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. What it
 is expected to tell is the mutual information of cause and outcome,
@@ -32,7 +32,7 @@ from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.inference.unknown import Unknown
 from dogshape.diagnosis.inference.verdict import NAMED
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
@@ -71,7 +71,7 @@ MORE = (10, 40)  #: shifts that may be added at an operating point
 
 @dataclass(frozen=True)
 class Outcome:
-    """What hypotheses say of a test: mean and variance of each outcome, (hypotheses, d)."""
+    """Predicted outcome of a test: mean and variance, (hypotheses, d)."""
 
     mean: Array
     variance: Array
@@ -79,7 +79,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a test measures.
+    """Quantity that a test measures.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ class Asked:
     shifts: int = 0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what it has, in the edge's units."""
+        """Write the record in the edge's units."""
         record: dict[str, Any] = {"kind": self.kind}
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)
@@ -108,7 +108,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class NextTest:
-    """A test with what it is expected to tell, nats, and its cost in hours.
+    """Test with its expected information, nats, and its cost in hours.
 
     ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
     where nobody can foretell it, and so is ``outcome``; else that has a row for each of
@@ -136,7 +136,7 @@ class NextTest:
         return (self.information or 0.0) / self.hours
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what it measures and what each hypothesis foretells of it."""
+        """Write the measured quantity and the prediction of each hypothesis."""
         record = {"name": self.name, **self.asked.as_dict()}
         if self.outcome is not None:
             rows = zip(self.hypotheses, self.outcome.mean, self.outcome.variance, strict=True)
@@ -153,7 +153,7 @@ def _short(values: Array) -> list[float]:
 
 
 def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, float]:
-    """Return the mutual information of hypothesis and outcome, nats, and the chance to settle."""
+    """Compute the mutual information of hypothesis and outcome, nats, and the chance to settle."""
     generator = np.random.default_rng(seed)
     width = np.sqrt(outcome.variance)
     # As many draws of each hypothesis as its probability: less noise than drawing which.
@@ -175,20 +175,20 @@ def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, 
 
 @dataclass(frozen=True)
 class Standing:
-    """What is known when the next test is chosen."""
+    """State of the diagnosis at the choice of the next test."""
 
     bench: Bench
     seen: Observed
     scored: Mapping[Hypothesis, Scored]
     unknown: Unknown
-    belief: Probabilities
+    posterior: Probabilities
     effects: Mapping[str, Effect]
     leading: Hypothesis
 
     @property
     def plausible(self) -> tuple[Hypothesis, ...]:
         """Hypotheses that take part."""
-        return tuple(h for h, p in self.belief.items() if p > LEAST)
+        return tuple(h for h, p in self.posterior.items() if p > LEAST)
 
     @property
     def setting(self) -> Setting:
@@ -197,14 +197,14 @@ class Standing:
 
 
 def choose(standing: Standing) -> tuple[NextTest, ...]:
-    """Return the tests, the best first."""
+    """Rank the tests, the best first."""
     names = standing.plausible
-    shares = np.array([standing.belief[h] for h in names])
+    shares = np.array([standing.posterior[h] for h in names])
     shares = shares / shares.sum()
     tests = []
-    for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]:
-        nats, settles = told(shares, said)
-        tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
+    for name, how, hours, asked, shows, predicted in [*_direct(standing), *_more(standing)]:
+        nats, settles = told(shares, predicted)
+        tests.append(NextTest(name, how, nats, hours, asked, shows, names, predicted, settles))
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
     # So does the one that shows the sense, on which all sizes rest where nobody noted it.
@@ -218,9 +218,11 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
 
 def _look(standing: Standing) -> list[NextTest]:
     """Return the test that shows where along the shift an unknown gap arises, if there is any."""
-    said, seen = foretold(standing, standing.leading), standing.seen
-    left = seen.time - said.mean
-    score = abs(left) / np.sqrt(said.variance + said.single / np.maximum(1.0, seen.shifts))
+    predicted, seen = mean_prediction(standing, standing.leading), standing.seen
+    left = seen.time - predicted.mean
+    score = abs(left) / np.sqrt(
+        predicted.variance + predicted.single / np.maximum(1.0, seen.shifts)
+    )
     if not np.isfinite(score).any():
         return []
     place = int(np.nanargmax(score))
@@ -266,7 +268,7 @@ def _direct(standing: Standing) -> list[Offer]:
 
 
 def _read(effect: Effect) -> tuple[str, ...]:
-    """Return what a direct test reads of an effect: its parameters, or whether it is there."""
+    """List the parameters that a direct test reads of an effect, or the effect's name."""
     return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
 
 
@@ -275,7 +277,7 @@ def _absent(effect: Effect, setting: Setting) -> list[float]:
 
 
 def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
-    """Return what hypotheses say of the parameters of some effects, as shares of their priors.
+    """Predict a direct test of some effects, as shares of the priors of their parameters.
 
     An effect without parameters is there (1) or not (0).
     """
@@ -304,12 +306,14 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
 def _more(standing: Standing) -> list[Offer]:
     """Return more shifts at each operating point of the data set."""
     found: list[Offer] = []
-    said = [foretold(standing, hypothesis) for hypothesis in standing.plausible]
+    predicted = [mean_prediction(standing, hypothesis) for hypothesis in standing.plausible]
     for place in range(len(standing.bench.cells)):
         where = _where(standing.bench, place)
         for count in MORE:
-            mean = np.array([[one.mean[place]] for one in said])
-            variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
+            mean = np.array([[one.mean[place]] for one in predicted])
+            variance = np.array(
+                [[one.variance[place] + one.single[place] / count] for one in predicted]
+            )
             name = f"{count} more shifts at {where}"
             how = f"Record {count} more shifts at {where}, each with its own time."
             if np.isfinite(mean).all() and np.isfinite(variance).all():
@@ -320,8 +324,8 @@ def _more(standing: Standing) -> list[Offer]:
 
 
 @dataclass(frozen=True)
-class Foretold:
-    """What a hypothesis says of the data set's cells given all data, (cells,) each; s, s^2.
+class MeanPrediction:
+    """Mean times of the cells that a hypothesis predicts given all data, (cells,); s, s^2.
 
     ``variance`` is that of the mean (parameters, simulation), ``single`` that of single shifts.
     """
@@ -331,28 +335,28 @@ class Foretold:
     single: Array
 
 
-def foretold(standing: Standing, hypothesis: Hypothesis) -> Foretold:
-    """Return what a hypothesis says of each cell."""
+def mean_prediction(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:
+    """Predict the mean time of each cell by a hypothesis."""
     if hypothesis == UNKNOWN:
         baseline = standing.scored[()].rows.predicted
         mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
-        return Foretold(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
+        return MeanPrediction(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
     found = standing.scored[hypothesis]
     whole = found.weights()
     # Values with which nothing engages have no mean; where they matter the cell is left out.
     counting = whole > 1e-6 * whole.max()
-    predicted: Predicted = found.rows.predicted.rows(counting)
+    predicted: PredictionSummary = found.rows.predicted.rows(counting)
     weights = whole[counting] / whole[counting].sum()
     mean = weights @ predicted.mean
     # Errors of the simulation are common to all hypotheses and part none of them, but they limit
     # what any outcome can say.
     variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
-    return Foretold(mean, variance, weights @ predicted.sd**2)
+    return MeanPrediction(mean, variance, weights @ predicted.sd**2)
 
 
-def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) -> str:
-    """Return in a sentence or two why a test is the next."""
-    open_to = [h for h, p in belief.items() if p > 0.05][:4]
+def why(test: NextTest, posterior: Probabilities, effects: Mapping[str, Effect]) -> str:
+    """Explain the choice of a test in a sentence or two."""
+    open_to = [h for h, p in posterior.items() if p > 0.05][:4]
     common = in_common(open_to)
     doubt = [plain(without(h, common), effects) for h in open_to]
     cost = f"about {number(test.hours)} h of work"
@@ -361,7 +365,7 @@ def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) ->
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    if max(belief.values()) > NAMED:
+    if max(posterior.values()) > NAMED:
         return f"{test.how} It tells most for its cost, open are {those} ({cost})."
     return (
         f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "

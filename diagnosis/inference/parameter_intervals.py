@@ -30,7 +30,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Bound:
-    """Which values of an effect's first parameter the data leave, with 95 %.
+    """Values of an effect's first parameter that the data leave, with 95 %.
 
     ``informed`` is False where the data see nothing of the effect: then the range is the prior's.
     """

@@ -34,7 +34,7 @@ Kind = Literal["effect", "none", "unknown", "ambiguous"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is decided.
+    """Decision of the diagnosis.
 
     Parameters
     ----------
@@ -52,29 +52,29 @@ class Verdict:
 
 
 def decide(
-    belief: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
+    posterior: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
 ) -> Verdict:
-    """Return the verdict from probabilities, classes and predictive p-values.
+    """Decide on a verdict from probabilities, classes and predictive p-values.
 
     ``fits`` has the plausible hypotheses, unknown left out.
     """
-    ordered = sorted(belief, key=lambda h: -belief[h])
+    ordered = sorted(posterior, key=lambda h: -posterior[h])
     top = ordered[0]
     group = confusion.class_of(top)
-    kind = _kind(belief, top, fits)
+    kind = _kind(posterior, top, fits)
     causes: tuple[str, ...] = top if kind == "effect" else ()
     if kind == "ambiguous":
-        causes = tuple(name for name, p in inclusion(belief).items() if p > PART)
-    return Verdict(kind, causes, _credible(belief), group, sum(belief[h] for h in group))
+        causes = tuple(name for name, p in inclusion(posterior).items() if p > PART)
+    return Verdict(kind, causes, _credible(posterior), group, sum(posterior[h] for h in group))
 
 
-def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
-    if belief.get(UNKNOWN, 0.0) > NAMED:
+def _kind(posterior: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
+    if posterior.get(UNKNOWN, 0.0) > NAMED:
         return "unknown"
-    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
+    if posterior[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
         return "ambiguous"
     # Another hypothesis may share no cause with the most probable one: then that is not certain.
-    part = inclusion(belief)
+    part = inclusion(posterior)
     if any(part[name] <= PART for name in top):
         return "ambiguous"
     if top == NONE:
@@ -84,13 +84,13 @@ def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, floa
     return "ambiguous" if doubted else "effect"
 
 
-def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:
+def _credible(posterior: Probabilities) -> tuple[Hypothesis, ...]:
     """Return the most probable hypotheses that have 0.9 together."""
     found: list[Hypothesis] = []
     whole = 0.0
-    for hypothesis in sorted(belief, key=lambda h: -belief[h]):
+    for hypothesis in sorted(posterior, key=lambda h: -posterior[h]):
         if whole >= CREDIBLE:
             break
         found.append(hypothesis)
-        whole += belief[hypothesis]
+        whole += posterior[hypothesis]
     return tuple(found)

@@ -31,7 +31,7 @@ JITTER = 1e-9
 
 @dataclass(frozen=True)
 class Slopes:
-    """How cells' log likelihoods (m, cells) change with an offset of what is foretold.
+    """Slopes of cells' log likelihoods (m, cells) over an offset of the prediction.
 
     ``first`` is the derivative, 1/s, ``second`` the curvature downwards, 1/s^2, not negative.
     """
@@ -77,7 +77,7 @@ def shared_errors(common: Array, joint: Array) -> Array:
 
 
 def log_common(slopes: Slopes, common: Array) -> Array:
-    """Return what common errors (m or 1, cells, r) add to the log likelihood of cells, (m,)."""
+    """Compute the change of the log likelihood by common errors (m or 1, cells, r), (m,)."""
     if not common.any():
         return np.zeros(len(slopes.first))
     squares, spread = _solved(slopes, common)
@@ -85,7 +85,7 @@ def log_common(slopes: Slopes, common: Array) -> Array:
 
 
 def explained(slopes: Slopes, common: Array) -> Array:
-    """Return what common errors (m or 1, cells, r) take off the sum of squared scores, (m,).
+    """Compute the squared scores that common errors (m or 1, cells, r) explain, (m,).
 
     A score is the slope over the root of the curvature.
     """

@@ -1,4 +1,4 @@
-"""What hypotheses predict in units of what the data can tell: points whose distance counts.
+"""Signatures: predictions in units of the errors of the data, as points with a distance.
 
 The signature of a prediction has a coordinate for each cell with times (the mean), each cell with
 single shifts (the logarithm of their spread) and each cell with shares engaged, each over its
@@ -17,7 +17,7 @@ import numpy as np
 from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted
+from dogshape.diagnosis.likelihood.scores import PredictionSummary
 from dogshape.diagnosis.terms import Array
 
 VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
@@ -25,7 +25,7 @@ VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
 
 @dataclass(frozen=True)
 class Metric:
-    """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing.
+    """Standard errors of a data set, (cells,) each; infinite where no data are.
 
     ``core`` is that of the mean of shifts that are not late, ``mean`` that of all. ``flight``
     (K, K) makes the marks of the flight independent, of standard error 1.
@@ -37,7 +37,7 @@ class Metric:
     core: Array
     flight: Array | None = None
 
-    def of(self, predicted: Predicted) -> Array:
+    def of(self, predicted: PredictionSummary) -> Array:
         """Return signatures, (m, coordinates)."""
         parts = zip(
             (predicted.core, predicted.log_sd, predicted.engaged),
@@ -51,11 +51,11 @@ class Metric:
 
 
 def known(errors: Array) -> np.ndarray:
-    """Tell which errors are those of something."""
+    """Mark the finite errors."""
     return np.isfinite(errors)
 
 
-def metric_of(seen: Observed, baseline: Predicted) -> Metric:
+def metric_of(seen: Observed, baseline: PredictionSummary) -> Metric:
     """Return the standard errors, spreads and errors from the baseline (1, cells)."""
     shifts, tried = seen.shifts, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)

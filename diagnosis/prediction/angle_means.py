@@ -42,7 +42,7 @@ def engaged_mean(times: Array) -> Array:
 
 
 def residuals(times: Array) -> Array:
-    """Return what each angle adds to the relative error of the mean, (..., n)."""
+    """Compute the share of each angle in the relative error of the mean, (..., n)."""
     mean = engaged_mean(times)[..., None]
     ended = np.isfinite(times)
     share = ended.mean(axis=-1, keepdims=True)
@@ -124,7 +124,7 @@ def binned(times: Array, count: int, weights: Array | None = None) -> Array:
 
 
 def engaged_count(times: Array) -> tuple[Array, Array]:
-    """Return how many shifts of times (..., n) engaged, and of how many, without failed ones."""
+    """Count the engaged and all finished shifts of times (..., n)."""
     return np.isfinite(times).sum(axis=-1).astype(float), (~np.isnan(times)).sum(axis=-1) * 1.0
 
 

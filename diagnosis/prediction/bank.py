@@ -58,7 +58,7 @@ CHECKS: tuple[Hypothesis, ...] = (
 
 @dataclass(frozen=True)
 class Plan:
-    """What a bank holds.
+    """Settings of a bank.
 
     Parameters
     ----------
@@ -108,12 +108,12 @@ class Plan:
         return (*(level for levels in own.values() for level in levels), *dict.fromkeys(pairs))
 
     def shifts(self, bench: Bench) -> int:
-        """Return how many shifts the bank of a bench takes, without those for the numerics."""
+        """Count the shifts of the bank of a bench, without those for the numerics."""
         each = self.dense + len(self.levels_for(bench))
         return len(bench.cells) * self.angles * each
 
     def hours(self, bench: Bench, cores: int = 2, shift: float = SHIFT) -> float:
-        """Return how long they take at so many s of processor time each."""
+        """Estimate the hours of the bank at ``shift`` s of processor time a shift."""
         return self.shifts(bench) * shift / cores / 3600.0
 
 
@@ -248,7 +248,7 @@ def _numerics(
 
 
 def times_of(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Return what a bench reads of shifts, s, (n,)."""
+    """Read the times of shifts as a bench does, s, (n,)."""
     return np.array([_time(setting, row) for row in rows])
 
 

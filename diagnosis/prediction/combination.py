@@ -39,39 +39,38 @@ FEW = 0.25  #: of the smaller change, what two effects miss where no pair was si
 
 
 @dataclass(frozen=True)
-class Reach:
-    """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
+class Emulated:
+    """Emulated times at m values, (m, q), with share engaged and both variances, (m,).
 
-    Of C operating points all have a first axis more, (C, m, q) and (C, m). ``times`` are those that
-    are not late, ``variance`` that of the logarithm of their mean; ``late`` is the share of late
-    ones, (m,).
+    Of C operating points all have a first axis more, (C, m, q) and (C, m). ``times`` leave outliers
+    out, ``variance`` is that of the logarithm of their mean; ``outlier_share`` is (m,).
     """
 
     times: Array
     engaged: Array
     variance: Array
     engaged_variance: Array
-    late: Array
+    outlier_share: Array
 
 
-def log_mean(reach: Reach) -> Array:
+def log_mean(emulated: Emulated) -> Array:
     """Return the logarithm of the mean time, (..., m)."""
-    mean: Array = np.log(reach.times.mean(axis=-1))
+    mean: Array = np.log(emulated.times.mean(axis=-1))
     return mean
 
 
-def together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
+def together(base: Emulated, emulated_alone: list[Emulated], variances: list[Array]) -> Emulated:
     """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    start = np.log(base.times), _logit(base.engaged), _logit(base.late)
-    times, odds, late = start
+    start = np.log(base.times), _logit(base.engaged), _logit(base.outlier_share)
+    times, odds, outlier_share = start
     doubt, variance = base.engaged_variance, base.variance
-    for one, own in zip(reaches, variances, strict=True):
+    for one, own in zip(emulated_alone, variances, strict=True):
         times = times + np.log(one.times) - start[0]
         odds = odds + _logit(one.engaged) - start[1]
-        late = late + _logit(one.late) - start[2]
+        outlier_share = outlier_share + _logit(one.outlier_share) - start[2]
         doubt, variance = doubt + one.engaged_variance, variance + own
     found = np.sort(np.exp(times), axis=-1)
-    return Reach(found, expit(odds), variance, doubt, expit(late))
+    return Emulated(found, expit(odds), variance, doubt, expit(outlier_share))
 
 
 def _logit(share: Array) -> Array:
@@ -90,7 +89,7 @@ def basis(first: Array, second: Array) -> Array:
 
 @dataclass(frozen=True)
 class Blend:
-    """How a pair combines.
+    """Law by which a pair combines.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ class Blend:
 
 @dataclass(frozen=True)
 class Missed:
-    """What combining adds to the logarithm of the mean, (m,): correction and standard errors.
+    """Correction of the logarithm of the mean of combined effects, (m,), with standard errors.
 
     ``common`` is that of *w*, of one sign at operating points whose *d* is, ``own`` the rest.
     """
@@ -119,14 +118,14 @@ class Missed:
 
 @dataclass(frozen=True)
 class Interactions:
-    """How effects combine, by pair; ``any`` of those that were not simulated."""
+    """Laws of combination by pair; ``any`` is that of pairs that were not simulated."""
 
     pairs: Mapping[Hypothesis, Blend]
     any: Blend
 
     @classmethod
     def of(cls, bank: Bank) -> Interactions:
-        """Return what the pairs of a bank show."""
+        """Fit the laws to the pairs of a bank."""
         those = dict.fromkeys(k.hypothesis for k in bank.levels if len(k.hypothesis) == 2)
         shown = {pair: _shown(bank, pair) for pair in those}
         if not shown:
@@ -139,13 +138,15 @@ class Interactions:
         own = float(np.sqrt(np.mean([one.own**2 for one in pairs.values()])))
         return cls(pairs, Blend(np.array([centre]), spread, own, FEW))
 
-    def missed(self, base: Reach, reaches: Mapping[str, Reach], cell: int | None = None) -> Missed:
-        """Return what the product of effects, each alone by name, leaves out.
+    def missed(
+        self, base: Emulated, emulated_alone: Mapping[str, Emulated], cell: int | None = None
+    ) -> Missed:
+        """Compute the correction of the product of effects, each alone by name.
 
         That is at one operating point, or at all where ``cell`` is None.
         """
         start = log_mean(base)
-        changes = {name: log_mean(one) - start for name, one in reaches.items()}
+        changes = {name: log_mean(one) - start for name, one in emulated_alone.items()}
         moved, common, own = np.zeros((3, 1))
         for one, two in combinations(sorted(changes), 2):
             blend = self.pairs.get((one, two), self.any)
@@ -160,7 +161,7 @@ class Interactions:
 
 @dataclass(frozen=True)
 class _Shown:
-    """What a simulated pair leaves beside the product, (levels, C) each; NaN if not known."""
+    """Residual of a simulated pair beside the product, (levels, C) each; NaN if not known."""
 
     left: Array
     noise: Array
@@ -183,7 +184,7 @@ class _Shown:
         return float(np.clip(share, *BEYOND)), precision**-0.5
 
     def blend(self, centre: float, spread: float) -> Blend:
-        """Return how the pair combines."""
+        """Fit the law of the pair."""
         share, error = self._fitted(centre, spread)
         left, basis = (
             np.where(self._known, part, 0.0)
@@ -200,7 +201,7 @@ class _Shown:
 
 
 def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
-    """Return what the levels of a pair show."""
+    """Compare the levels of a pair with the product."""
     rows = []
     for k in bank.of(pair):
         alone = [_same(bank, bank.levels[k], place) for place in range(2)]

@@ -53,7 +53,7 @@ class FlightStore:
         return self.fresh[key]
 
     def save(self) -> None:
-        """Add what is fresh to the last file, which is written as a whole or not at all.
+        """Add the new flights to the last file, which is written as a whole or not at all.
 
         Runs that save to the same file do so one after the other, so that each keeps its tables.
         Raises StorageError where it cannot be read or written.

@@ -79,7 +79,7 @@ def _shares(parameter: Parameter, values: Array) -> Array:
 
 
 def _weights(nodes: Array, places: Array, degree: int) -> Array:
-    """Return what the nodes weigh in a spline at places (m,), (m, n)."""
+    """Compute the weights of the nodes in a spline at places (m,), (m, n)."""
     spline = make_interp_spline(nodes, np.eye(nodes.size), k=min(degree, nodes.size - 1))
     weights: Array = spline(places)
     return weights
@@ -148,7 +148,7 @@ def _missed(nodes: Sequence[Array], logs: Array) -> Array:
 
 
 class FlightTables:
-    """Says the marks of the flight for any values of a hypothesis; flies when first asked."""
+    """Tables of flights that predict their marks; a flight is simulated at the first use."""
 
     def __init__(
         self,
@@ -210,7 +210,7 @@ class FlightTables:
         return any(changes_flight(setting, one) for one in self._tried(name, setting))
 
     def _delays(self, hypothesis: Hypothesis, values: Array, setting: Setting) -> Array:
-        """Return by how much effects make the force start later, s, (m,)."""
+        """Add up the delays of the force by effects, s, (m,)."""
         whole = np.zeros(len(values))
         for name in hypothesis:
             if any(one.delay != setting.delay for one in self._tried(name, setting)):

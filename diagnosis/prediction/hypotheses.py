@@ -1,4 +1,4 @@
-"""Hypotheses on why a bench differs: none, one effect, a plausible pair, or unknown.
+"""Hypotheses on the cause of a gap: none, one effect, a plausible pair, or unknown.
 
 Any two effects may come together, but only some pairs are plausible before anything is seen: the
 dead time of an actuator comes with every bench and every actuator, dry friction with every ring
@@ -63,7 +63,7 @@ class Space:
         return np.array([p.share(p.neutral_of(setting)) for p in self.parameters], dtype=float)
 
     def columns(self, name: str) -> slice:
-        """Return where the parameters of an effect are."""
+        """Find the columns of the parameters of an effect."""
         start = 0
         for effect in self.effects:
             if effect.name == name:
@@ -72,7 +72,7 @@ class Space:
         raise KeyError(name)
 
     def possible(self, values: Array) -> np.ndarray:
-        """Tell which values (m, p) give a bench at all, (m,)."""
+        """Mark the values (m, p) that give a bench, (m,)."""
         result = np.ones(len(values), dtype=bool)
         for effect in self.effects:
             if effect.name in self.bounded:
@@ -96,7 +96,7 @@ def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:
 
 
 def _bounded(effect: Effect, setting: Setting) -> bool:
-    """Tell whether some values within the priors give no bench."""
+    """Test that some values within the priors give no bench."""
     ticks = np.linspace(0.0, 1.0, TRIED)
     grid = itertools.product(*([p.at(t) for t in ticks] for p in effect.parameters))
     return not all(_possible(effect, setting, row) for row in grid)
@@ -115,7 +115,7 @@ def spaces_of(
     pairs: Sequence[Hypothesis] | None = None,
     sense: Sense = "known",
 ) -> tuple[Space, ...]:
-    """Return the spaces of none, each effect, and the pairs (the plausible ones by default).
+    """List the spaces of none, each effect, and the pairs (the plausible ones by default).
 
     Behind them stand those with the reversed sense (``diagnosis.bench.sense``).
     """
@@ -177,7 +177,7 @@ def _kind(hypothesis: Hypothesis) -> str:
 
 
 def _threes(effects: int) -> int:
-    """Return how many threes of some effects have a common one."""
+    """Count the triples of effects that hold a common one."""
     return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
 
 

@@ -55,7 +55,7 @@ class Curves:
     inflation: float
 
     def weights(self, cell: int, places: Array) -> tuple[Array, Array]:
-        """Return what levels weigh in the curve at ``places`` (m, d), and its variance.
+        """Compute the weights of levels in the curve at ``places`` (m, d), and its variance.
 
         Weights (m, N) add up to one; variance of the logarithm, (m,).
         """
@@ -111,13 +111,13 @@ class Curves:
 
     @cached_property
     def _ones(self) -> Array:
-        """What the inverse makes of ones, (C, N)."""
+        """Row sums of the inverse, (C, N)."""
         ones: Array = self.inverse.sum(axis=2)
         return ones
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether levels lie at the same coordinates at all operating points."""
+        """Test that levels lie at the same coordinates at all operating points."""
         return bool((self.sites == self.sites[:1]).all())
 
     def like(self, size: Array, errors: Array, longest: float = np.inf) -> Curves:
@@ -230,7 +230,7 @@ def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]
 
 
 def left_out(inverse: Array, means: Array) -> tuple[Array, Array]:
-    """Return by how much levels that are left out miss their curves, and its error, (C, N)."""
+    """Compute the residuals of levels that are left out, and their errors, (C, N)."""
     ones = inverse.sum(axis=2)
     total = ones.sum(axis=1)[:, None]
     solved = (inverse * means[:, None]).sum(axis=2)

@@ -52,7 +52,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Consequence:
-    """What an effect does to the choice of a design.
+    """Consequence of an effect for the choice of a design.
 
     Of the candidates the first is the prototype, the second what the study chose.
     """
@@ -63,17 +63,17 @@ class Consequence:
 
     @property
     def chosen(self) -> Candidate:
-        """What the study chose, without the effect."""
+        """Choice of the study, without the effect."""
         return self.candidates[1]
 
     @property
     def best(self) -> Candidate:
-        """The best with it."""
+        """Best candidate with the effect."""
         return min(self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
     def regret(self) -> float:
-        """What choosing without the effect costs with it, s."""
+        """Cost of choosing without the effect, with the effect acting, s."""
         return self.chosen.with_effect.mean - self.best.with_effect.mean
 
     @property
@@ -193,7 +193,7 @@ def _kept(study: Study, where: str | Path) -> Path:
 
 
 def shifts_of(study: Study, designs: Mapping[str, Params]) -> int:
-    """Return how many shifts ``consequence`` takes."""
+    """Count the shifts of ``consequence``."""
     return 2 * ANGLES * len(study.points) * len(designs)
 
 

@@ -123,7 +123,7 @@ class Distribution:
 
     @property
     def text(self) -> str:
-        """What it is, in words that tell any two apart."""
+        """Description in words that tell any two distributions apart."""
         return ", ".join([self.kind, *(f"{name} {v:.12g}" for name, v in self.given.items())])
 
     def at(self, shares: Values) -> Values:

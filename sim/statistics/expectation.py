@@ -41,7 +41,7 @@ Phases = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShiftResult:
-    """What an expectation needs of one shift: outcome and time in s (None if it failed)."""
+    """Outcome and time of one shift in s (None if it failed), for an expectation."""
 
     outcome: Outcome
     shift_time: float | None
@@ -68,7 +68,7 @@ class PointExpectation:
 
     @property
     def lost(self) -> int:
-        """How many of the shifts did not engage."""
+        """Number of the shifts that did not engage."""
         return self.n - round(self.engaged * self.n)
 
 
@@ -87,7 +87,7 @@ class Expectation:
 
     @property
     def is_lower_bound(self) -> bool:
-        """Whether at some operating point no shift engaged at all."""
+        """Test that at some operating point no shift engaged at all."""
         return any(p.mean_engaged is None for p in self.points)
 
     @property
@@ -104,17 +104,17 @@ class Expectation:
 
     @property
     def shifts(self) -> int:
-        """How many shifts say something."""
+        """Number of shifts that finished."""
         return sum(p.n for p in self.points)
 
     @property
     def lost(self) -> int:
-        """How many of them did not engage."""
+        """Number of shifts that did not engage."""
         return sum(p.lost for p in self.points)
 
     @property
     def blocked(self) -> int:
-        """How many of them stood still dog on dog, held by friction."""
+        """Number of shifts that friction held dog on dog."""
         return sum(p.blocked for p in self.points)
 
     @property

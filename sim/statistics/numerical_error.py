@@ -18,7 +18,7 @@ Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, i
 
 
 def repeated(shifts: int) -> int:
-    """Return how many of so many shifts are repeated."""
+    """Compute the number of shifts that are repeated."""
     return min(shifts, max(LEAST, shifts // CHECKED))
 
 

@@ -125,7 +125,7 @@ class Uncertainty:
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:
-    """Return which draw each of the even angles gets, (count,), each draw once.
+    """Assign a draw to each of the even angles, (count,), each draw once.
 
     The angles of a coarser draw keep what they had; those between them get the next ones.
     """

@@ -57,7 +57,7 @@ def _with_plain(
 
 
 def _engines_apart(folder: Path, emulator: SenseEmulator) -> tuple[list[float], list[float]]:
-    """Return what both engines differ by at the points of a case, s, in both senses.
+    """Measure the offsets of both engines at the points of a case, s, in both senses.
 
     It is kept beside the cases.
     """

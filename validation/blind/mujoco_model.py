@@ -1,4 +1,4 @@
-r"""The stand with its truth as a MuJoCo model: which mechanism of MuJoCo is which effect.
+r"""MuJoCo model of the stand with its truth: a mechanism of MuJoCo for each effect.
 
 One dog of the sliding ring carries the whole ring and meets every dog of the output ring. In
 MuJoCo's direct format of contact parameters spring and damper are for the very mass that a
@@ -241,7 +241,7 @@ def _actuator(stand: Stand, truth: Truth) -> str:
 
 
 def _tendon(stand: Stand, truth: Truth) -> str:
-    """Return what joins actuator and ring: a spring, or two stops a play apart."""
+    """Write the tendon between actuator and ring: a spring, or two stops a play apart."""
     if not truth.linkage:
         return ""
     near, far = stand.mass * (1.0 - FORK), stand.mass * FORK + truth.added_mass

@@ -1,4 +1,4 @@
-r"""How much of a pair's gap each of its effects makes that the other does not, by two yardsticks.
+r"""Share of a pair's gap that only one of its effects makes, by two yardsticks.
 
 With :math:`\bar t` the means of the pair and :math:`\bar t_e` those without the effect *e*, at even
 angles of the same engine, the size of *e* *beside* its partner is the root mean square over the
@@ -40,7 +40,7 @@ KEPT = "partners.json"  #: beside the cases
 
 @dataclass(frozen=True)
 class Size:
-    """How large an effect of a pair is beside its partner, in standard errors.
+    """Size of an effect of a pair beside its partner, in standard errors.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Size:
     after: float
 
     def as_dict(self) -> Record:
-        """Return what the score says of it."""
+        """Write the entry of the score."""
         return {
             "beside_in_errors": self.beside,
             "before_refit_in_errors": self.before,
@@ -99,7 +99,7 @@ def partner_gaps(
 
 
 def shifts_left(folder: Path, key: Record) -> int:
-    """Return how many shifts ``partner_gaps`` has to make."""
+    """Count the shifts that ``partner_gaps`` has to make."""
     return sum(_shifts(case, key) for case in _left(folder, key).values())
 
 

@@ -39,7 +39,7 @@ FORMS = ("means", "singles", "traces")
 
 
 class Progress(Protocol):
-    """Is told of shifts that are to come and of finished ones."""
+    """Listener to shifts that are to come and to finished ones."""
 
     def extend(self, count: int) -> None:
         """Expect more shifts."""
@@ -140,7 +140,7 @@ def scored(
 
 
 def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
-    """Return what the means of a case look like, by the size of what each effect moves.
+    """Name the hypothesis that the means of a case show, by the size of each effect.
 
     That is none below a gap of ``VISIBLE``, and a pair without its effects below that size.
     """
@@ -219,7 +219,7 @@ def _outside(marks: Sequence[Mark]) -> Record:
 
 
 def _advised(marks: Sequence[Mark], told: Mapping[str, Advised]) -> Record:
-    """Return how often the advised test settles what is ambiguous."""
+    """Count the ambiguous cases that the advised test settles."""
     mine = [m for m in marks if m.verdict == "ambiguous"]
     tested = [(m, told[m.name]) for m in mine if m.name in told]
     return {
@@ -245,7 +245,7 @@ def _shrink(marks: Sequence[Mark]) -> Record:
 
 
 def _plain(marks: Sequence[Mark]) -> Record:
-    """Return how often both plain baselines are right, beside the diagnosis on the same cases.
+    """Count the right answers of both baselines, beside the diagnosis on the same cases.
 
     Only cases of one effect count: neither baseline knows pairs or things outside the list.
     """
@@ -270,7 +270,7 @@ def _beside(marks: Sequence[Mark]) -> Record:
 
 
 def _confusion(marks: Sequence[Mark]) -> dict[str, dict[str, int]]:
-    """Return how often each top was found, by truth."""
+    """Count the tops of all cases by truth."""
     table: dict[str, Counter[str]] = {}
     for mark in marks:
         table.setdefault(in_short(mark.truth), Counter())[in_short(mark.top)] += 1

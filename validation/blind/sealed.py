@@ -43,7 +43,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Wanted:
-    """What set to make: which, how large, from which stand, with which seed."""
+    """Request of a set: its kind, size, stand and seed."""
 
     base: Path
     which: str = "published"
@@ -194,7 +194,7 @@ def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) ->
 
 
 def _done(path: Path, manifest: Record) -> bool:
-    """Tell whether a result is there; one of another set of cases raises StorageError."""
+    """Test that a result exists; one of another set of cases raises StorageError."""
     if not path.exists():
         return False
     if read(path, "remove it").get("key_sha256") != manifest["key_sha256"]:

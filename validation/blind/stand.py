@@ -62,7 +62,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the bench has and ``bench.toml`` does not say; SI units.
+    """True properties of the bench that ``bench.toml`` leaves out; SI units.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Truth:
 
     @property
     def linkage(self) -> bool:
-        """Whether the actuator moves apart from the ring."""
+        """Test that the actuator moves apart from the ring."""
         return self.compliance > 0.0 or self.free_play > 0.0
 
 

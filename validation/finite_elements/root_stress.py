@@ -74,7 +74,7 @@ DIRECT = 40_000  #: unknowns up to which one block holds all planes
 
 @dataclass(frozen=True)
 class RootStress:
-    """What a load does to the root of a dog.
+    """Stress at the root of a dog under a load.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class RootStress:
 
 
 def fem_available() -> bool:
-    """Tell whether scikit-fem can be imported."""
+    """Test that scikit-fem can be imported."""
     try:
         _skfem()
     except InputError:
@@ -192,7 +192,7 @@ class RootModel:
         return sp.csr_matrix((spring.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def _reduction(self, cut: Cut) -> Matrix:
-        """Return the matrix from free unknowns to all; free ones keep their order."""
+        """Build the matrix from free unknowns to all; the free unknowns keep their order."""
         planes, nodes = len(self.radii), self.section.nodes
         held = {"bottom": self.section.bottom, "left": self.section.left}
         fixed = np.zeros(nodes, dtype=bool)
@@ -232,7 +232,7 @@ class RootModel:
         return np.append(ends, unknowns)
 
     def _surface(self, plane_cells: NDArray[np.int64], along: int, radial: int) -> _Surface:
-        """Return what belongs to Gauss points on the surface of cells of the section."""
+        """Evaluate Gauss points on the surface of cells of the section."""
         every, layers = len(self.section.cells), (len(self.radii) - 1) // 2
         cells = np.concatenate([plane_cells + k * every for k in range(layers)])
         (x, wx), (y, wy) = _gauss(along), _gauss(radial)

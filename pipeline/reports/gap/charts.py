@@ -44,7 +44,7 @@ def causes_figure(found: Diagnosis) -> go.Figure:
 
 
 def _cause_bar(found: Diagnosis, hypothesis: Hypothesis) -> _Bar:
-    chances = found.belief[hypothesis]
+    chances = found.posterior[hypothesis]
     return short(found, hypothesis), chances, chance(chances)
 
 

@@ -51,7 +51,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "unknown_cells": extras.unknown_cells,
         "tests": _tests(found),
         "at_rest": [against(fact, found.scored) for fact in facts_of(found.bench)],
-        "next": (found.tests[0].name, why(found.tests[0], found.belief, found.effects)),
+        "next": (found.tests[0].name, why(found.tests[0], found.posterior, found.effects)),
         "so_what": _so_what(extras.so_what),
         "facts": _facts(found, extras),
         "json_link": "data:application/json," + quote(record_text(found)),
@@ -71,7 +71,7 @@ def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> R
     gaps, leading = found.before_after, found.leading
     timed = any(point.bench_s is not None for point in points)
     name = "" if leading == NONE else answers.short(found, leading)
-    many = len(found.belief) > 1
+    many = len(found.posterior) > 1
     drawn = {
         "map": gapmap.gap_map_figure(points) if timed else None,
         "causes": charts.causes_figure(found) if many else None,
@@ -112,15 +112,17 @@ def _marks(points: list[cells.CellRow]) -> Row:
 
 def _readings(found: Diagnosis) -> Row:
     """Return probabilities under other readings: a column each, a row a hypothesis."""
-    columns = {"as given": found.belief} | {
-        _reading(key): belief for key, belief in found.other.items()
+    columns = {"as given": found.posterior} | {
+        _reading(key): posterior for key, posterior in found.other.items()
     }
-    shown = [h for belief in columns.values() for h in list(belief)[:4] if belief[h] > 0.005]
+    shown = [
+        h for posterior in columns.values() for h in list(posterior)[:4] if posterior[h] > 0.005
+    ]
     rows = [
-        (plain(h, found.effects), [chance(belief.get(h, 0.0)) for belief in columns.values()])
+        (plain(h, found.effects), [chance(posterior.get(h, 0.0)) for posterior in columns.values()])
         for h in dict.fromkeys(shown)
     ]
-    first = {next(iter(belief)) for belief in columns.values()}
+    first = {next(iter(posterior)) for posterior in columns.values()}
     return {"columns": list(columns), "rows": rows, "same": len(first) == 1}
 
 
@@ -183,11 +185,11 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
 
 def _hypotheses(found: Diagnosis) -> str:
     """Return how many hypotheses were weighed, and of which kind."""
-    named = [h for h in found.belief if h not in (NONE, UNKNOWN)]
+    named = [h for h in found.posterior if h not in (NONE, UNKNOWN)]
     sizes = [sum(len(h) == k for h in named) for k in (1, 2, 3)]
     kinds = zip(sizes, ("of one effect", "of two", "of three"), strict=True)
     listed = [f"{count} {words}" for count, words in kinds if count]
-    return f"{len(found.belief)}: {', '.join(listed)}, no effect, and no known effect"
+    return f"{len(found.posterior)}: {', '.join(listed)}, no effect, and no known effect"
 
 
 def _odd(finding: Finding) -> str:

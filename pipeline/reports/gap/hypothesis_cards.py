@@ -47,7 +47,7 @@ class Answer:
 
 def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
     """Return the hypotheses that are worth a line, most probable first."""
-    worth = [h for h, p in found.belief.items() if p >= LEAST or h in found.verdict.credible]
+    worth = [h for h, p in found.posterior.items() if p >= LEAST or h in found.verdict.credible]
     # Where no known effect fits, the nearest still says what of it is likely.
     return list(dict.fromkeys([*worth[:MOST], found.leading]))
 
@@ -77,7 +77,7 @@ def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark])
     reasons, doubts = _from_data(found, hypothesis)
     return Answer(
         plain(hypothesis, found.effects),
-        found.belief[hypothesis],
+        found.posterior[hypothesis],
         hypothesis in found.verdict.credible,
         tuple(told(n, i) for n, i in found.intervals.get(hypothesis, {}).items()),
         found.fits.get(hypothesis),
