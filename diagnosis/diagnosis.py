@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.inference.classes import (
     Confusion,
     confusable,
@@ -45,7 +46,7 @@ from dogshape.sim.units import RPM
 
 Record = dict[str, Any]
 
-BLIND = 0.999  #: hidden share of a prior from which the data tell nothing of an effect
+BLIND = 0.999  #: hidden share of a prior from which the data hold no information on an effect
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Diagnosis:
 
     Parameters
     ----------
-    belief : probability of each hypothesis, the largest first, weak effects counted as none and
+    posterior : probability of each hypothesis, the largest first, weak effects counted as none and
         what cannot have made the data as unknown.
     raw : before that.
     scored : every hypothesis but unknown with its evidence.
@@ -116,7 +117,15 @@ class Diagnosis:
                 "rival_heldout_rmse_s": from_rival.held_out if from_rival else None,
                 "rival_shrink": from_rival.shrink if from_rival else None,
             },
-            "where": self._where(),
+            "where": [
+                {
+                    "mismatch_rpm": one.cell.point.mismatch / RPM,
+                    "force_N": one.cell.point.profile.force,
+                    "gap_s": one.gap,
+                    "z": one.z,
+                }
+                for one in self.gaps
+            ],
             "next_test": {
                 **self.tests[0].as_dict(),
                 "why": why(self.tests[0], self.posterior, self.effects),
@@ -155,6 +164,14 @@ class Diagnosis:
                 for key, posterior in self.other.items()
             },
         }
+
+    @property
+    def gaps(self) -> tuple[PointGap, ...]:
+        """Gap at each operating point without any effect, with the error of the data."""
+        means = [float(m) if np.isfinite(m) else None for m in self.baseline.mean[0]]
+        errors = self.metric.mean.tolist()
+        cells = zip(self.bench.cells, means, errors, strict=True)
+        return tuple(PointGap(cell, mean, error) for cell, mean, error in cells)
 
     @property
     def chance(self) -> float | None:
@@ -205,22 +222,6 @@ class Diagnosis:
         if hypothesis in self.fits:
             record["predictive_p"] = self.fits[hypothesis]
         return record
-
-    def _where(self) -> list[Record]:
-        found = []
-        for place, cell in enumerate(self.bench.cells):
-            gap = None if cell.time is None else cell.time - float(self.baseline.mean[0, place])
-            gap = gap if gap is None or np.isfinite(gap) else None
-            error = float(self.metric.mean[place])
-            found.append(
-                {
-                    "mismatch_rpm": cell.point.mismatch / RPM,
-                    "force_N": cell.point.profile.force,
-                    "gap_s": gap,
-                    "z": None if gap is None else gap / error,
-                }
-            )
-        return found
 
 
 def diagnose(

@@ -7,7 +7,7 @@ Poupart and Hoey 2011):
 .. math:: p(z) \sim Beta(s \bar p + \sum_i c_i k_i,\; s (1 - \bar p) + \sum_i c_i (n_i - k_i)),
    \quad c_i = e^{-|z - z_i|^2/2\ell^2}
 
-Length :math:`\ell` and strength *s* of the prior are those that best foretell the counts of
+Length :math:`\ell` and strength *s* of the prior are those that best predict the counts of
 designs left out. A Gaussian process of the logit would pull shares that are nearly always
 one away from it, and each thousandth costs a retry.
 """
@@ -110,5 +110,4 @@ def fit_share(designs: int, inputs: Array, counts: tuple[Array, Array], place: P
 def _nearness(a: Array, b: Array, length: float) -> Array:
     if length == inf:
         return np.ones((len(a), len(b)))
-    near: Array = np.exp(-0.5 * (distance(a, b) / length) ** 2)
-    return near
+    return np.exp(-0.5 * (distance(a, b) / length) ** 2)

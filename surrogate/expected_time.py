@@ -61,8 +61,7 @@ class Over:
             [np.repeat(halfway, count, axis=0), np.tile(self._nodes, (BETWEEN, 1))], axis=1
         )
         variance = self.surrogate.times.predict(inputs)[1]
-        typical: Array = variance.reshape(BETWEEN, count).mean(axis=0)
-        return typical
+        return variance.reshape(BETWEEN, count).mean(axis=0)
 
     def times(self, x: Array) -> Array:
         """Return the expected time at each point of designs (m, c), (m, q), s."""
@@ -70,8 +69,7 @@ class Over:
 
     def _times(self, features: Array) -> Array:
         centre = self.surrogate.times.centre
-        times: Array = np.exp(centre + features @ self._sums + 0.5 * self._rest)
-        return times
+        return np.exp(centre + features @ self._sums + 0.5 * self._rest)
 
     def predict(self, x: Array, *, alone: bool = True) -> tuple[Array, Array]:
         """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s.
@@ -115,8 +113,7 @@ class Over:
     def _shares(self) -> Array:
         """Share of each operating point in the expected time, mean over known designs, (q,)."""
         parts = self.times(self._known).mean(axis=0) * self.mix.weights
-        shares: Array = parts / parts.sum()
-        return shares
+        return parts / parts.sum()
 
     @cached_property
     def _quadratic(self) -> Array:
@@ -130,8 +127,7 @@ class Over:
             block[np.arange(len(place)), place] = summed
             blocks.append(block if part.design is not None else summed[:, None])
         wide = np.concatenate(blocks, axis=1)
-        form: Array = wide.T @ process.inverse @ wide
-        return form
+        return wide.T @ process.inverse @ wide
 
     def _feature(self, part: Part, x: Array) -> Array:
         """Compute a term's factor of designs (m, d) and the known designs; (m, 1) without one."""
@@ -142,8 +138,7 @@ class Over:
     def _by_design(self, part: Part, link: Array) -> Array:
         """Sum what rows (q, n) give, by their design, (k, q), or over all, (1, q)."""
         if part.design is None:
-            whole: Array = link.sum(axis=1)[None, :]
-            return whole
+            return link.sum(axis=1)[None, :]
         summed = np.zeros((len(self._known), len(link)))
         np.add.at(summed, self._place_of_row, link.T)
         return summed
@@ -167,19 +162,17 @@ class Over:
         smooth = features[:, kept]
         known = np.einsum("ij,ij->i", smooth @ self._without_rough, smooth)
         known += self._known_of_rough(features)
-        variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
-        return variance
+        return np.maximum(sum(self._alone) - known, 1e-12)
 
     @cached_property
     def _without_rough(self) -> Array:
         """Part of ``_quadratic`` that has no rough feature."""
-        form: Array = self._quadratic[np.ix_(~self._rough, ~self._rough)]
-        return form
+        return self._quadratic[np.ix_(~self._rough, ~self._rough)]
 
     def _known_of_rough(self, features: Array) -> Array:
         """Compute the variance that the rows take away by rough features, (m,).
 
-        Nearly all are nought, so that only the others are summed.
+        Nearly all are zero, so that only the others are summed.
         """
         rough = features[:, self._rough]
         rows, columns = np.nonzero(rough)
@@ -196,8 +189,7 @@ class Over:
     @cached_property
     def _of_rough(self) -> Array:
         """Rows of ``_quadratic`` of rough features; pairs of one with another kind count twice."""
-        rows: Array = self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
-        return rows
+        return self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
 
     def with_rows(self, x: Array, inputs: Array) -> Array:
         """Compute the covariance of relative errors of designs (m, c) with inputs, (m, n).
@@ -224,8 +216,7 @@ class Over:
         counted = np.repeat(taken, self._sizes)
         left = self._features(a) * counted
         right = left if b is a else self._features(b) * counted
-        covariance: Array = total - left @ self._quadratic @ right.T
-        return covariance
+        return total - left @ self._quadratic @ right.T
 
     def sample(self, x: Array, rng: np.random.Generator) -> Array:
         """Draw the smooth part of the expected time of designs (m, d), edge units, (m,), s.
@@ -235,5 +226,4 @@ class Over:
         where = self.surrogate.coordinates(x)
         covariance = self.covariance(where, where)
         root = root_of(covariance)
-        drawn: Array = self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))
-        return drawn
+        return self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))

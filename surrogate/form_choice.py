@@ -1,6 +1,6 @@
 r"""Choice of the form of the surrogate: the likelihood of designs left out decides.
 
-Each form is fitted to one half of the designs and foretells the other, and the other way
+Each form is fitted to one half of the designs and predicts the other, and the other way
 round. The score is the mean logarithm of the density that it gave to what came out, the noise
 of the row included (Rasmussen and Williams 2006, ch. 5.4): it punishes intervals that are too
 narrow and such that are too wide.

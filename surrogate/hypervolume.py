@@ -36,8 +36,7 @@ def scales(values: Array, reference: Array, ways: Array) -> Array:
     least = np.full((*values.shape[:2], len(ways)), np.inf)
     for k in range(values.shape[2]):
         np.minimum(least, gain[:, :, k, None] / ways[:, k], out=least)
-    power: Array = least ** values.shape[2]
-    return power
+    return least ** values.shape[2]
 
 
 def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
@@ -54,8 +53,7 @@ def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Arr
     if front.shape[1]:
         best = scales(front, reference, ways).max(axis=1)
         own = np.maximum(own - best[:, None, :], 0.0)
-    gained: Array = own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
-    return gained
+    return own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
 
 
 def hypervolume(values: Array, reference: Array) -> float:
@@ -88,5 +86,4 @@ def not_dominated(values: Array) -> Mask:
     """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
     one, other = values[..., :, None, :], values[..., None, :, :]
     better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
-    kept: Mask = np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
-    return kept
+    return np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)

@@ -8,7 +8,7 @@ both ends of its own interval, the mean differences are added up,
 .. math:: g(z_k) = \sum_{l \le k} \frac{1}{n_l} \sum_{i \in l}
    \left( E(z_l, x_i) - E(z_{l-1}, x_i) \right) - c,
 
-and *c* makes the mean over the designs nought. This is linear in the expected times of the
+and *c* makes the mean over the designs zero. This is linear in the expected times of the
 moved designs, so the band follows from their joint covariance in closed form; it is what
 endless joint draws of the surrogate would give. Roughness averages out over many designs and is
 left out.

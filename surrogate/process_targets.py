@@ -34,15 +34,14 @@ def design_coordinates(data: Dataset, x: Array, ridge: bool) -> Array:
 def point_coordinates(points: Array) -> Array:
     """Return coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
 
-    Logarithmic but for mismatches near nought, which may have either sign.
+    Logarithmic but for mismatches near zero, which may have either sign.
     """
     return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
 
 
 def timed(data: Dataset) -> Mask:
     """Mark the rows with a time, (n,) of bool: some shift engaged."""
-    known: Mask = np.isfinite(data.column("mean_s"))
-    return known
+    return np.isfinite(data.column("mean_s"))
 
 
 def known_noise(data: Dataset) -> Array:

@@ -90,8 +90,7 @@ def _point_warnings(data: Dataset, points: Array) -> list[str]:
 def _within(values: Array, low: Array | float, high: Array | float) -> Mask:
     """Mark values in their range or a hundredth of it beside, of their shape."""
     slack = 0.01 * (high - low)
-    inside: Mask = np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
-    return inside
+    return np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
 
 
 def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
@@ -103,8 +102,7 @@ def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
     if mix is not None and _point_warnings(data, mix.points):
         return np.zeros(len(x), dtype=bool)
     inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
-    known: Mask = np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
-    return known
+    return np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
 
 
 def half_difference(

@@ -37,8 +37,7 @@ class Input:
         """Return the values at shares of the way from low to high, (n,)."""
         if self.scale == WHOLE:
             levels = self.high - self.low + 1.0
-            whole: Array = np.minimum(self.low + np.floor(share * levels), self.high)
-            return whole
+            return np.minimum(self.low + np.floor(share * levels), self.high)
         if self.scale == LOG:
             return self.low * (self.high / self.low) ** share
         return self.low + share * (self.high - self.low)

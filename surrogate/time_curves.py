@@ -52,5 +52,4 @@ def times_at(surrogate: Surrogate, x: Array, points: Array, retry: float) -> Arr
 
 def _times(surrogate: Surrogate, inputs: Array, retry: float) -> Array:
     share = surrogate.share.at(inputs)[0]
-    times: Array = np.exp(surrogate.times.mean(inputs)) + (1.0 - share) / share * retry
-    return times
+    return np.exp(surrogate.times.mean(inputs)) + (1.0 - share) / share * retry

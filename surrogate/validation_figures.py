@@ -1,7 +1,7 @@
 """Figures of a validation: how good the surrogate is on designs that it has not seen.
 
 Always by design: rows of one design are on the same side of a split, else a design's own shifts
-at other operating points would foretell it.
+at other operating points would predict it.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class Validation:
     def useful(self) -> bool:
         """Test that the surrogate explains at least half of the variance.
 
-        That of expected times, or where few designs tell these, of single operating points.
+        The variance is that of expected times, or with few designs of single operating points.
         """
         return (self.q2 if self.n >= LEAST else self.q2_points) >= 0.5
 

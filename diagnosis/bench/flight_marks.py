@@ -106,8 +106,7 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
         np.where(way, SHARE * times, 0.0),
         np.where(way, FLOOR, 0.0),
     ]
-    whole: Array = np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
-    return whole
+    return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 
 def _joined(marks: Sequence[Mark | None]) -> Mark | None:
@@ -144,8 +143,7 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Ma
 def smoothed(values: Array) -> Array:
     """Return the median of three neighbours, (n,)."""
     padded = np.concatenate([values[:1], values, values[-1:]])
-    smooth: Array = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-    return smooth
+    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:

@@ -1,4 +1,4 @@
-"""Flaws of a table of shifts that are told and not refused: rows twice, traces that end early."""
+"""Flaws of a table of shifts that are reported, not refused: rows twice, traces that end early."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ Where ``bench.toml`` calls that sense *known*, only a slip can have reversed it;
 *unknown*, either sense is as probable as the other, and every hypothesis stands for both.
 
 With the other sense all effects act otherwise, so nothing that both signs of an effect make is
-combined: a hypothesis with ``reversed_mismatch`` is that of its other effects, foretold by
+combined: a hypothesis with ``reversed_mismatch`` is that of its other effects, predicted by
 simulations at the negated operating points (``diagnosis.prediction.sense_bank``).
 """
 

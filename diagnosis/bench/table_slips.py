@@ -36,8 +36,8 @@ def too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 def _cannot_be(stand: Stand, row: Row) -> bool:
     if not np.isfinite(free_flight(stand, row)):
         return True
-    late = row.time is not None and not 0.0 < row.time <= stand.clutch.timeout
-    return late or too_early(stand, row)
+    beyond = row.time is not None and not 0.0 < row.time <= stand.clutch.timeout
+    return beyond or too_early(stand, row)
 
 
 def bounds(stand: Stand, sheet: Sheet) -> list[Finding]:

@@ -92,10 +92,10 @@ def speeds(stand: Stand, sheet: Sheet) -> list[Finding]:
 
 def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
     """Return traces whose time runs a hundred times as long as the shift."""
-    late = stand.clutch.timeout
-    ratios = _ratios(sheet, lambda row, t: float(t.time[-1]) / (row.time or late))
+    timeout = stand.clutch.timeout
+    ratios = _ratios(sheet, lambda row, t: float(t.time[-1]) / (row.time or timeout))
     ends = _ratios(sheet, lambda _, t: float(t.time[-1]))
-    if not ratios.size or np.median(ratios) < 100.0 or np.median(ends) < late:
+    if not ratios.size or np.median(ratios) < 100.0 or np.median(ends) < timeout:
         return []
     found = f"t_s of the traces runs to {_middle(ratios)} times the time of the shift"
     looks = "milliseconds"

@@ -65,8 +65,7 @@ def _placed(predicted: PredictionSummary, metric: Metric, baseline: PredictionSu
 
 def _emulated(predicted: PredictionSummary) -> Array:
     """Return the variance of emulated means (m, cells), without that of the model."""
-    variance: Array = predicted.error**2 - predicted.model**2
-    return variance
+    return predicted.error**2 - predicted.model**2
 
 
 def _nearest(mine: _Placed, theirs: _Placed) -> Array:

@@ -62,8 +62,7 @@ def by_effects(found: Scored) -> Predict:
         weights = found.weights(cells)[:, None] * there
         whole = weights.sum(axis=0)
         summed = (weights * np.where(there, means, 0.0)).sum(axis=0)
-        predicted: Array = np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
-        return predicted
+        return np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
 
     return predict
 

@@ -1,7 +1,7 @@
 r"""Next bench test: the one with the most information about the cause for its cost.
 
-A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. What it
-is expected to tell is the mutual information of cause and outcome,
+A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. Its
+expected information is the mutual information of cause and outcome,
 
 .. math:: I = H(p) - E_y H(p | y),
 
@@ -13,14 +13,14 @@ their outcome is the effects' parameters, as shares of the priors, to a twentiet
 share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
 shifts at an operating point. One is chosen even where a hypothesis has 0.8: the one with the most
 nats an hour, and where nothing is to be learnt the direct test of what was named. Where no known
-effect fits, nobody can say what a test would tell; then it is traces at the operating point that
-misses most.
+effect fits, no outcome can be predicted; then the test is traces at the operating point with the
+largest residual.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -84,7 +84,7 @@ class Asked:
     Parameters
     ----------
     kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
-        ``traces`` where nobody can say what comes out.
+        ``traces`` where no hypothesis predicts the outcome.
     parameters : that a direct test measures, in the order of its outcome.
     point : mismatch in rad/s and force in N of shifts or traces.
     shifts : that are made.
@@ -111,7 +111,7 @@ class NextTest:
     """Test with its expected information, nats, and its cost in hours.
 
     ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
-    where nobody can foretell it, and so is ``outcome``; else that has a row for each of
+    where no hypothesis predicts it, as is ``outcome``; else ``outcome`` has a row for each of
     ``hypotheses``: shares of the priors for a direct test, s for more shifts.
     """
 
@@ -152,7 +152,9 @@ def _short(values: Array) -> list[float]:
     return [float(f"{value:.6g}") for value in values]
 
 
-def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, float]:
+def expected_information(
+    probabilities: Array, outcome: Outcome, seed: int = 1
+) -> tuple[float, float]:
     """Compute the mutual information of hypothesis and outcome, nats, and the chance to settle."""
     generator = np.random.default_rng(seed)
     width = np.sqrt(outcome.variance)
@@ -201,19 +203,23 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     names = standing.plausible
     shares = np.array([standing.posterior[h] for h in names])
     shares = shares / shares.sum()
-    tests = []
-    for name, how, hours, asked, shows, predicted in [*_direct(standing), *_more(standing)]:
-        nats, settles = told(shares, predicted)
-        tests.append(NextTest(name, how, nats, hours, asked, shows, names, predicted, settles))
+    tests = [_judged(shares, test) for test in (*_direct(standing), *_more(standing))]
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
-    # So does the one that shows the sense, on which all sizes rest where nobody noted it.
+    # So does the one that shows the sense, on which all sizes rest where it was not noted.
     named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
     if shares.max() <= NAMED:
         tests.sort(key=lambda t: -t.value)
     first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
     return (*first, *tests)
+
+
+def _judged(shares: Array, test: NextTest) -> NextTest:
+    """Add the expected information of a test and its chance to settle the cause."""
+    assert test.outcome is not None
+    nats, settles = expected_information(shares, test.outcome)
+    return replace(test, information=nats, settles=settles)
 
 
 def _look(standing: Standing) -> list[NextTest]:
@@ -247,20 +253,20 @@ def _where(bench: Bench, place: int) -> str:
     return f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-Offer = tuple[str, str, float, Asked, tuple[str, ...], Outcome]
-
-
-def _direct(standing: Standing) -> list[Offer]:
+def _direct(standing: Standing) -> list[NextTest]:
+    """List the direct tests of the effects."""
     grouped: dict[str, list[Effect]] = {}
     for effect in standing.effects.values():
         grouped.setdefault(effect.test.name, []).append(effect)
     return [
-        (
+        NextTest(
             name,
             those[0].test.how,
+            None,
             HOURS.get(name, DIRECT),
             Asked("direct", tuple(name for effect in those for name in _read(effect))),
             tuple(effect.name for effect in those),
+            standing.plausible,
             _parameters(standing, those),
         )
         for name, those in grouped.items()
@@ -303,9 +309,9 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
     return Outcome(np.array(means), np.array(variances))
 
 
-def _more(standing: Standing) -> list[Offer]:
-    """Return more shifts at each operating point of the data set."""
-    found: list[Offer] = []
+def _more(standing: Standing) -> list[NextTest]:
+    """List more shifts at each operating point of the data set as tests."""
+    found = []
     predicted = [mean_prediction(standing, hypothesis) for hypothesis in standing.plausible]
     for place in range(len(standing.bench.cells)):
         where = _where(standing.bench, place)
@@ -319,7 +325,9 @@ def _more(standing: Standing) -> list[Offer]:
             if np.isfinite(mean).all() and np.isfinite(variance).all():
                 asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
                 outcome = Outcome(mean, variance)
-                found.append((name, how, SETUP + SHIFT * count, asked, (), outcome))
+                hours = SETUP + SHIFT * count
+                test = NextTest(name, how, None, hours, asked, (), standing.plausible, outcome)
+                found.append(test)
     return found
 
 

@@ -100,8 +100,7 @@ def _count_score(tried: Array, seen: Array, a: Array, b: Array) -> Array:
     """Score counts (cells,) at the middle of their probability, (cells, m)."""
     law = betabinom(tried[:, None], a, b)
     middle = law.cdf(seen[:, None]) - 0.5 * law.pmf(seen[:, None])
-    scores: Array = ndtri(np.clip(middle, MOST, 1.0 - MOST))
-    return scores
+    return ndtri(np.clip(middle, MOST, 1.0 - MOST))
 
 
 def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:

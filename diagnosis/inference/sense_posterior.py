@@ -32,7 +32,7 @@ class SenseAnswer:
     ----------
     reversed : whether the sense is the other one than that of the table.
     probability : of the sense.
-    belief : probabilities of effects given the sense, which is no part of their names.
+    posterior : probabilities of effects given the sense, which is no part of their names.
     """
 
     reversed: bool

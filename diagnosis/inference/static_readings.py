@@ -53,8 +53,7 @@ class Fact:
     def log_density(self, values: Array) -> Array:
         """Return the logarithm of the density of the reading at values (m,) of the parameter."""
         score = (values - self.value) / self.error
-        result: Array = -0.5 * score**2 - np.log(self.error)
-        return result
+        return -0.5 * score**2 - np.log(self.error)
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:

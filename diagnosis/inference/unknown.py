@@ -209,5 +209,4 @@ def _free_share(seen: Observed, predicted: CellPredictions, extra: float) -> Arr
     """
     failed = seen.failed + extra * seen.unknown
     by_baseline = log_engaged(seen, predicted, failed)[:, 0]
-    log: Array = np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)
-    return log
+    return np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)

@@ -1,31 +1,31 @@
 r"""Likelihood of a cell of bench data under the prediction of a hypothesis.
 
-A mean of *n* shifts, *j* of which may be late (``diagnosis.prediction.outliers``) by :math:`\tau`
+A mean of *n* shifts has *j* outliers (``diagnosis.prediction.outliers``), late by :math:`\tau`
 with the deviation *w*, with the share :math:`\lambda`, has the density
 
 .. math:: f(\bar t) = (1 - \epsilon) \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
           \sigma^2/n + j w^2/n^2 + e^2) + \epsilon N(\bar t; \mu, \sigma^2/n + e^2 + m^2).
 
-:math:`\mu, \sigma` are mean and spread of simulated shifts that are not late. The error *e* of the
+:math:`\mu, \sigma` are mean and spread of simulated shifts without outliers. The error *e* of the
 emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
 (:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of an
 effect's levels; how often that is, levels that are left out say
-(``diagnosis.prediction.level_curves``). Of single shifts that are not late mean and standard
+(``diagnosis.prediction.level_curves``). Of single shifts without outliers mean and standard
 deviation *s* count,
 
 .. math:: \ln s \sim N(\ln\sigma + \tfrac12(\psi(\tfrac\nu2) - \ln\tfrac\nu2),
           \tfrac14\psi'(\tfrac\nu2) + \kappa^2),
 
 with :math:`\nu` degrees of freedom, those with which :math:`s^2` has its variance at the simulated
-kurtosis: a few shifts far off, which a sample may miss, tell little of *s*. The error of the
+kurtosis: a few shifts far off, which a sample may miss, hardly constrain *s*. The error of the
 simulated spread :math:`\kappa` is large where a jump was missed; finer shapes are those of few
-simulated angles. Given *s*, the spread in the density of their mean is the one that both tell.
-Their number of late ones is beta-binomial, and each of these has a heavy tail,
+simulated angles. Given *s*, the spread in the density of their mean is the one of both together.
+Their number of outliers is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
 What cells err in common (``diagnosis.likelihood.common_error``) needs slope and curvature of all
-this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Shifts
-of which nobody knows are left out, or counted as failed where one asks.
+this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Unknown
+shifts are left out, or counted as failed on request.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ from dogshape.diagnosis.prediction.outliers import added
 from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array
 
-TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
-ANYTHING = 0.002  #: share of late shifts that may take any time until the time-out
-LEAST_OUTLIERS = 0.003  #: least share of late shifts
-OUTLIERS_KNOWN = 24.0  #: shifts that the simulated share of late ones counts as
-OUTLIER_SPREAD = 0.5  #: error of the logarithm of a spread with late shifts in it
+TAIL = 0.02  #: least share of outliers where no simulation shows their delay
+ANYTHING = 0.002  #: share of outliers that may take any time until the time-out
+LEAST_OUTLIERS = 0.003  #: least share of outliers
+OUTLIERS_KNOWN = 24.0  #: shifts that the simulated share of outliers counts as
+OUTLIER_SPREAD = 0.5  #: error of the logarithm of a spread with outliers in it
 MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
 LEAST_FREEDOM = 0.5  #: degrees of freedom
-HIDDEN = 3  #: late ones that may hide among single shifts
-RARE = 1e-6  #: probability of more late shifts than a mean's density counts
-CROWD = 12.0  #: expected late shifts of a mean from which their number counts as normal
+HIDDEN = 3  #: outliers that can hide among single shifts
+RARE = 1e-6  #: probability of more outliers than a mean's density counts
+CROWD = 12.0  #: expected outliers of a mean from which their number counts as normal
 ROOT = float(np.sqrt(2.0 * np.pi))
 
 
@@ -131,8 +131,7 @@ class CellPredictions(Prediction):
 def log_sum(logs: Array, axis: int) -> Array:
     """Return the logarithm of a sum of exponentials, quicker than scipy's for small arrays."""
     top = np.max(logs, axis=axis, keepdims=True)
-    whole: Array = np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
-    return whole
+    return np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
 
 
 def log_as_failed(seen: Observed, predicted: CellPredictions) -> Array:
@@ -203,7 +202,7 @@ def _spread_parts(
 ) -> tuple[Array, Array]:
     r"""Score the logarithm of the spread, with variances, (cells, m, parts) each.
 
-    Parts are those of the density of the mean: *j* late shifts among *n* that are not found late
+    Parts are those of the density of the mean: *j* outliers among *n* that are not found as such
     add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
     """
     bias, own = sampled
@@ -229,20 +228,20 @@ def _log_spread(seen: Observed, predicted: CellPredictions, sampled: tuple[Array
 
 
 def _spread(seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]) -> Array:
-    """Return the spread that the simulation and the sample tell together, s, (cells, m)."""
+    """Combine the spreads of the simulation and of the sample, s, (cells, m)."""
     bias, own = sampled
     share = predicted.shape**2 / np.maximum(predicted.shape**2 + own, 1e-12)
     share = np.where(seen.freedom[:, None] > 0, share, 0.0)
-    told: Array = (1.0 - share) * np.log(predicted.sd) + share * (seen.log_sd[:, None] - bias)
-    return np.exp(told)
+    log: Array = (1.0 - share) * np.log(predicted.sd) + share * (seen.log_sd[:, None] - bias)
+    return np.exp(log)
 
 
 def _log_outliers(seen: Observed, predicted: CellPredictions) -> Array:
     """Compute the log density of number and times of single outliers, (cells, m)."""
     outliers = np.array([times.size for times in seen.outlier_times], dtype=float)[:, None]
-    soon = seen.single[:, None] - outliers
+    core = seen.single[:, None] - outliers
     a, b = outlier_beta(predicted)
-    log: Array = betaln(a + outliers, b + soon) - betaln(a, b)
+    log: Array = betaln(a + outliers, b + core) - betaln(a, b)
     for place in np.flatnonzero(outliers[:, 0]):
         log[place] += _log_tail(seen, predicted, int(place))
     return log
@@ -255,8 +254,7 @@ def _log_tail(seen: Observed, predicted: CellPredictions, place: int) -> Array:
     scale = np.maximum(behind, last - first)
     after = np.maximum(0.0, seen.outlier_times[place] - first)
     tail = (1.0 + after / scale) ** -2 / scale
-    log: Array = np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
-    return log
+    return np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
 
 
 def _timed_mean(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array, Array]:
@@ -273,7 +271,7 @@ def _timed_mean(seen: Observed, predicted: CellPredictions) -> tuple[Array, Arra
     # Between two modes the curve bends upwards; a parabola must not rise above the modes.
     most = parts[..., 0] - share[..., 0] + 0.5 * score[..., 0] ** 2
     below = np.maximum(most - log, 0.5)
-    # The number of late ones that are found says already that there are no more.
+    # The number of outliers that are found already implies that there are no more.
     missed = np.log1p(-np.clip(predicted.missed, 1e-12, 0.5)) if predicted.missed.any() else 0.0
     found = ((seen.freedom > 0) & (seen.in_means == 0))[:, None]
     log = log - np.where(found, share[..., 0] - missed, 0.0)
@@ -285,7 +283,7 @@ def _waits(
 ) -> tuple[Array, Array, Array]:
     """Compute the parts of a mean's density: log share, score, width, (cells, m, parts).
 
-    They are 0, 1, ... late shifts within it, and last a jump that the emulator missed.
+    They are 0, 1, ... outliers within it, and last a jump that the emulator missed.
     """
     n, share = np.maximum(1.0, seen.n)[:, None], predicted.outlier_share[..., None]
     hidden = np.maximum(0.0, seen.n)[:, None, None]
@@ -296,7 +294,7 @@ def _waits(
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, predicted)
     whole = _spread(seen, predicted, sampled) ** 2 / n + predicted.error**2
-    # Of very many late shifts the number is normal: one part with its mean and variance.
+    # Of very many outliers the number is normal: one part with its mean and variance.
     expected = seen.in_means[:, None] * predicted.outlier_share
     crowded = (expected > CROWD)[..., None]
     number = np.where(crowded, expected[..., None], waits)
@@ -316,7 +314,7 @@ def _waits(
 def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:
     """List the numbers of outliers that the density of a mean counts, 0, 1, ..., (parts,).
 
-    Of single shifts the late ones are found, but for few.
+    Outliers among single shifts are found, but for few.
     """
     number = seen.in_means[:, None]
     share = np.where(number * predicted.outlier_share > CROWD, 0.0, predicted.outlier_share)
@@ -327,7 +325,7 @@ def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:
 def _behind(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array]:
     """Compute mean and deviation of the delay of outliers, s, (cells, m).
 
-    Where nobody knows, the wait for the next slot as far as it exceeds what was simulated.
+    Without simulated outliers, the wait for the next slot beyond the simulated range.
     """
     seen_range = predicted.times[..., -1] - predicted.times[..., 0]
     wait = np.maximum(0.0, np.minimum(seen.wait[:, None], predicted.mean) - seen_range)
@@ -355,8 +353,7 @@ def log_engaged(seen: Observed, predicted: CellPredictions, failed: Array) -> Ar
     engaged, missed = seen.engaged[:, None], failed[:, None]
     tried = engaged + missed
     ways = gammaln(tried + 1) - gammaln(engaged + 1) - gammaln(missed + 1)
-    result: Array = ways + betaln(a + engaged, b + missed) - betaln(a, b)
-    return result
+    return ways + betaln(a + engaged, b + missed) - betaln(a, b)
 
 
 def beta_of(predicted: CellPredictions) -> tuple[Array, Array]:
@@ -383,5 +380,4 @@ def _normal(share: Array, apart: Array) -> Array:
     below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
-    scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
-    return scores
+    return np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))

@@ -61,8 +61,7 @@ def common_errors(mismatch: Array, baseline: Array, share: float) -> Array:
     levels, place = np.unique(slips, return_inverse=True)
     apart = (levels[:, None] - levels[None]) / LENGTH
     root = np.linalg.cholesky(np.exp(-0.5 * apart**2) + JITTER * np.eye(levels.size))
-    found: Array = share * np.nan_to_num(baseline)[:, None] * root[place]
-    return found
+    return share * np.nan_to_num(baseline)[:, None] * root[place]
 
 
 def shared_errors(common: Array, joint: Array) -> Array:

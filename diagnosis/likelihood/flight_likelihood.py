@@ -78,8 +78,7 @@ def log_flights(seen: Sequence[SeenFlight], predicted: Sequence[FlightPrediction
     first = expit(apart)
     # ln(e^A + e^B) = r A + (1 - r) B + H(r), r the probability of the first.
     entropy = np.logaddexp(0.0, -apart) + (1.0 - first) * apart
-    whole: Array = first * acting + (1.0 - first) * nominal + (entropy - np.log(2.0)) / len(seen)
-    return whole
+    return first * acting + (1.0 - first) * nominal + (entropy - np.log(2.0)) / len(seen)
 
 
 def _squared(seen: Array, predicted: Array, covariance: Array) -> tuple[Array, Array]:
@@ -94,8 +93,7 @@ def _student(seen: Array, predicted: Array, covariance: Array) -> Array:
     distance, spread = _squared(seen, predicted, covariance)
     size = seen.size
     constant = gammaln((DOF + size) / 2.0) - gammaln(DOF / 2.0) - 0.5 * size * np.log(DOF * np.pi)
-    log: Array = constant - 0.5 * spread - 0.5 * (DOF + size) * np.log1p(distance / DOF)
-    return log
+    return constant - 0.5 * spread - 0.5 * (DOF + size) * np.log1p(distance / DOF)
 
 
 def to_cells(seen: Sequence[SeenFlight], logs: Array, cells: int) -> Array:

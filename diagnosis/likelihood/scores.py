@@ -46,7 +46,7 @@ IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 class PredictionSummary:
     """Moments of the predicted times of each cell, each (m, cells); times in s.
 
-    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
+    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` leave outliers out.
     ``log_sd`` is the logarithm of ``core_sd`` and ``shape`` its error, ``error`` the standard error
     of the mean, of which ``model`` is that of any simulation.
     ``flight`` are the marks of all force profiles, (m, K), None without traces.
@@ -244,8 +244,7 @@ class Scored:
     def weights(self, cells: np.ndarray | None = None) -> Array:
         """Return posterior weights of the rows, (m,), given the data of some cells, or all."""
         log = self.log_prior + self.log_table(cells)
-        result: Array = np.exp(log - log_sum(log, axis=0))
-        return result
+        return np.exp(log - log_sum(log, axis=0))
 
     def log_table(self, cells: np.ndarray | None = None) -> Array:
         """Return the log likelihood of some cells, or all, (m,)."""

@@ -27,7 +27,7 @@ VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
 class Metric:
     """Standard errors of a data set, (cells,) each; infinite where no data are.
 
-    ``core`` is that of the mean of shifts that are not late, ``mean`` that of all. ``flight``
+    ``core`` is that of the mean without outliers, ``mean`` that of all shifts. ``flight``
     (K, K) makes the marks of the flight independent, of standard error 1.
     """
 
@@ -75,5 +75,4 @@ def metric_of(seen: Observed, baseline: PredictionSummary) -> Metric:
 def squared(one: Array, other: Array) -> Array:
     """Return squared distances between signatures (m, k) and (n, k), (m, n)."""
     cross = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
-    whole: Array = np.maximum(cross, 0.0)
-    return whole
+    return np.maximum(cross, 0.0)

@@ -3,8 +3,8 @@
 A plan says which levels. All of them are simulated at the same even relative angles of each
 operating point, so that levels differ by their physics; the baseline besides at some between, since
 every hypothesis rests on it. Effects that only change how a shift is read need no shift. Pairs of
-effects are foretold from both alone (``diagnosis.prediction.emulator``); a few are simulated to see
-how far off that is.
+effects are predicted from both alone (``diagnosis.prediction.emulator``); a few are simulated to
+measure the error of that.
 
 With 28 operating points and the effects that come with the project the default plan has about
 62 000 shifts. One takes about 0.1 s of processor time, so two cores need 52 minutes; fewer angles
@@ -235,8 +235,7 @@ def collect(
 
 def _common(angles: Array, fewer: Array) -> NDArray[np.int64]:
     """Return the places of fewer angles (C, n) among angles (C, dense n)."""
-    places: NDArray[np.int64] = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
-    return places
+    return np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
 
 
 def _numerics(

@@ -55,8 +55,7 @@ class Emulated:
 
 def log_mean(emulated: Emulated) -> Array:
     """Return the logarithm of the mean time, (..., m)."""
-    mean: Array = np.log(emulated.times.mean(axis=-1))
-    return mean
+    return np.log(emulated.times.mean(axis=-1))
 
 
 def together(base: Emulated, emulated_alone: list[Emulated], variances: list[Array]) -> Emulated:
@@ -75,16 +74,14 @@ def together(base: Emulated, emulated_alone: list[Emulated], variances: list[Arr
 
 def _logit(share: Array) -> Array:
     inside = np.clip(share, 1e-3, 1.0 - 1e-3)
-    odds: Array = np.log(inside / (1.0 - inside))
-    return odds
+    return np.log(inside / (1.0 - inside))
 
 
 def basis(first: Array, second: Array) -> Array:
     """Return *d* from changes of the logarithms of two means."""
     one, two = np.exp(first), np.exp(second)
     added = np.maximum(one + two - 1.0, LEAST_SUM * np.minimum(one, two))
-    found: Array = np.log(added) - first - second
-    return found
+    return np.log(added) - first - second
 
 
 @dataclass(frozen=True)
@@ -169,8 +166,7 @@ class _Shown:
 
     @property
     def _known(self) -> np.ndarray:
-        found: np.ndarray = np.isfinite(self.left + self.noise + self.basis)
-        return found
+        return np.isfinite(self.left + self.noise + self.basis)
 
     def mean(self, centre: float, spread: float) -> float:
         """Return *w* of all operating points, ``centre`` give or take ``spread`` before."""

@@ -59,7 +59,7 @@ SHARES = 24  #: at which times are given
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
 ANGLES = "angles"  #: stands for effects that only weight the baseline's angles
-NONE = 10.0  #: relative error of a mean that no shift tells
+NONE = 10.0  #: relative error of a mean without a single shift
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Fit:
 
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
-    ``least`` (C,): equal angles at all levels tell less than as many different ones.
+    ``least`` (C,): equal angles at all levels count less than as many different angles.
     ``outlier_shares`` are (C, N); means and shapes leave outliers out. ``missed`` is the share of
     levels that, left out, lie behind a jump, and ``jump`` its size in the logarithm.
     """
@@ -120,8 +120,7 @@ class Fit:
         """Return the variance of a share that may fall anywhere between levels that differ."""
         part = abs(weights)
         part /= part.sum(axis=-1, keepdims=True)
-        variance: Array = (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
-        return variance
+        return (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
 
 
 def fit_effect(bank: Bank, effect: Effect, dense: Array, outliers: Outliers) -> Fit:
@@ -364,8 +363,7 @@ class BankEmulator:
         ended = times[np.isfinite(times)]
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
-        variance: float = spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
-        return variance
+        return spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
 
 
 def _weighed(weights: Array, levels: Array) -> Array:

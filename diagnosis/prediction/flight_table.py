@@ -74,15 +74,13 @@ def _shares(parameter: Parameter, values: Array) -> Array:
     inside = np.clip(values, low, high)
     if parameter.scale == "uniform":
         return (inside - low) / (high - low)
-    shares: Array = np.log(inside / low) / np.log(high / low)
-    return shares
+    return np.log(inside / low) / np.log(high / low)
 
 
 def _weights(nodes: Array, places: Array, degree: int) -> Array:
     """Compute the weights of the nodes in a spline at places (m,), (m, n)."""
     spline = make_interp_spline(nodes, np.eye(nodes.size), k=min(degree, nodes.size - 1))
-    weights: Array = spline(places)
-    return weights
+    return spline(places)
 
 
 def _sum(weights: Sequence[Array], table: Array) -> Array:
@@ -124,8 +122,7 @@ def _filled(whole: Array) -> Array:
     if not missing.any():
         return whole
     places = distance_transform_edt(missing, return_distances=False, return_indices=True)
-    filled: Array = whole[tuple(places)]
-    return filled
+    return whole[tuple(places)]
 
 
 def _sizes(effects: Sequence[Effect]) -> tuple[int, ...]:
@@ -143,8 +140,7 @@ def _missed(nodes: Sequence[Array], logs: Array) -> Array:
         part = _weights(n[few], n, 3)
         found = np.moveaxis(np.tensordot(part, found, axes=(1, axis)), 0, axis)
     near = (3,) * len(nodes)
-    errors: Array = HALF * maximum_filter(abs(found - logs), size=(*near, 1), mode="nearest")
-    return errors
+    return HALF * maximum_filter(abs(found - logs), size=(*near, 1), mode="nearest")
 
 
 class FlightTables:

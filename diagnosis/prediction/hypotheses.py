@@ -4,7 +4,7 @@ Any two effects may come together, but only some pairs are plausible before anyt
 dead time of an actuator comes with every bench and every actuator, dry friction with every ring
 on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
 none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
-what nobody has thought of. Three effects together are looked at where no pair can have made the
+causes that are not listed. Three effects together are looked at where no pair can have made the
 data, the best pair with each further effect; each has the probability before of any such three.
 """
 
@@ -57,11 +57,6 @@ class Space:
         columns = [at_shares(p, shares[:, k]) for k, p in enumerate(self.parameters)]
         return np.stack(columns, axis=1) if columns else np.zeros((len(shares), 0))
 
-    def neutral_shares(self) -> Array:
-        """Return the shares nearest to what changes nothing, (p,)."""
-        setting = self.setting
-        return np.array([p.share(p.neutral_of(setting)) for p in self.parameters], dtype=float)
-
     def columns(self, name: str) -> slice:
         """Find the columns of the parameters of an effect."""
         start = 0
@@ -86,8 +81,7 @@ def at_shares(parameter: Parameter, shares: Array) -> Array:
     low, high = parameter.low, parameter.high
     if parameter.scale == "uniform":
         return low + shares * (high - low)
-    values: Array = low * (high / low) ** shares
-    return values
+    return low * (high / low) ** shares
 
 
 def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:

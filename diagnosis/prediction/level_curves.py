@@ -70,8 +70,7 @@ class Curves:
         """Return the covariance of curves at ``places`` (C or 1, m, d) and levels, (C, m, N)."""
         sites = self.sites[:1] if self._alike else self.sites
         shape = _kernel(places[:, :, None] - sites[:, None], self.lengths, self.step)
-        known: Array = self.size[:, None, None] ** 2 * shape
-        return known
+        return self.size[:, None, None] ** 2 * shape
 
     def from_first(self, known: Array) -> tuple[Array, Array]:
         """Return weights and variance of the first level with the curve's change from there.
@@ -106,14 +105,12 @@ class Curves:
         own = 2.0 * (scale - scale * between)
         weights, left = _solved(self.inverse, apart, 0.0)
         variance = own - _products(weights, apart) + left**2 * self._ones.sum(axis=1)[:, None]
-        found: Array = self.inflation * np.maximum(variance, 0.0)
-        return found
+        return self.inflation * np.maximum(variance, 0.0)
 
     @cached_property
     def _ones(self) -> Array:
         """Row sums of the inverse, (C, N)."""
-        ones: Array = self.inverse.sum(axis=2)
-        return ones
+        return self.inverse.sum(axis=2)
 
     @cached_property
     def _alike(self) -> bool:
@@ -140,8 +137,7 @@ def _solved(inverse: Array, known: Array, total: float) -> tuple[Array, Array]:
 
 def _products(one: Array, other: Array) -> Array:
     """Return the inner products of rows, (..., m)."""
-    found: Array = (one * other).sum(axis=-1)
-    return found
+    return (one * other).sum(axis=-1)
 
 
 def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curves:
@@ -189,8 +185,7 @@ def _length(apart: Array) -> Array:
 
 def _matern(distance: Array) -> Array:
     r = ROOT5 * distance
-    value: Array = (1.0 + r + r * r / 3.0) * np.exp(-r)
-    return value
+    return (1.0 + r + r * r / 3.0) * np.exp(-r)
 
 
 def _inverse(covariance: Array) -> Array:
@@ -199,8 +194,7 @@ def _inverse(covariance: Array) -> Array:
 
 def _whitening(errors: Array) -> Array:
     """Return *W* with W S W^T = 1 for covariances *S* (C, N, N)."""
-    white: Array = np.linalg.inv(np.linalg.cholesky(errors))
-    return white
+    return np.linalg.inv(np.linalg.cholesky(errors))
 
 
 def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
@@ -216,8 +210,7 @@ def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
     total = (ones[:, None] ** 2 / spread).sum(axis=2)
     misfit = ((mine**2)[:, None] / spread).sum(axis=2)
     misfit -= ((ones * mine)[:, None] / spread).sum(axis=2) ** 2 / total
-    found: Array = -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
-    return found
+    return -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
 
 
 def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]:

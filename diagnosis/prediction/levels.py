@@ -170,8 +170,7 @@ class Axes:
     @property
     def neutral(self) -> Array:
         """Coordinates of the neutral values, (p,)."""
-        places: Array = self.at(self.neutral_values[None])[0]
-        return places
+        return self.at(self.neutral_values[None])[0]
 
     def _shares(self, values: Array) -> Array:
         low, high = self.low, self.high

@@ -2,7 +2,7 @@
 
 At 100 1/min and more nearly all shifts of an operating point take within some ms, and a few in a
 hundred take a tenth of a second more, with hardly anything between. Mixed into one mean and one
-standard deviation they would hide what the bulk tells. An outlier lies behind the median of its
+standard deviation they would hide the bulk. An outlier lies behind the median of its
 level by more than ``FAR`` times the distance of the 80 % quantile, so that a wait that many shifts
 have makes no outliers.
 """
@@ -44,28 +44,27 @@ def bulk(times: Array) -> Array:
     known = np.where(np.isfinite(known).any(axis=-1, keepdims=True), known, 0.0)
     middle, most = np.nanquantile(known, (MIDDLE, MOST), axis=-1, keepdims=True)
     outlying = np.isfinite(times) & (times > middle + np.maximum(FAR * (most - middle), LEAST))
-    found: Array = np.where(outlying, np.nan, times)
-    return found
+    return np.where(outlying, np.nan, times)
 
 
-def outlier_counts(times: Array, soon: Array) -> tuple[Array, Array]:
+def outlier_counts(times: Array, bulk_times: Array) -> tuple[Array, Array]:
     """Count the outliers of times (..., n), and the shifts that engaged, (...).
 
-    ``soon`` is their bulk.
+    ``bulk_times`` is their bulk.
     """
     ended = np.isfinite(times).sum(axis=-1) * 1.0
-    return ended - np.isfinite(soon).sum(axis=-1), ended
+    return ended - np.isfinite(bulk_times).sum(axis=-1), ended
 
 
 def outlier_statistics(every: list[tuple[Array, Array]]) -> Outliers:
     """Estimate share and delay of outliers from times (..., C, n) with their bulks."""
     count, whole, parts = 0.0, 0.0, []
-    for times, soon in every:
-        some, of = outlier_counts(times, soon)
+    for times, bulk_times in every:
+        some, of = outlier_counts(times, bulk_times)
         levels = tuple(range(some.ndim - 1))
         count, whole = count + some.sum(axis=levels), whole + of.sum(axis=levels)
-        outlying = np.isfinite(times) & np.isnan(soon)
-        excess = np.where(outlying, times - engaged_mean(soon)[..., None], np.nan)
+        outlying = np.isfinite(times) & np.isnan(bulk_times)
+        excess = np.where(outlying, times - engaged_mean(bulk_times)[..., None], np.nan)
         parts.append(np.moveaxis(excess, -2, 0).reshape(excess.shape[-2], -1))
     rows = [row[np.isfinite(row)] for row in np.concatenate(parts, axis=1)]
     mean = [row.mean() if row.size >= ENOUGH else np.nan for row in rows]
@@ -73,11 +72,10 @@ def outlier_statistics(every: list[tuple[Array, Array]]) -> Outliers:
     return Outliers((count + 0.5) / (np.asarray(whole) + 1.0), np.array(mean), np.array(sd))
 
 
-def outlier_shares(times: Array, soon: Array, share: Array) -> Array:
+def outlier_shares(times: Array, bulk_times: Array, share: Array) -> Array:
     """Estimate shares of outliers (C, N), drawn towards the ``share`` (C,) of all levels."""
-    outlying, ended = outlier_counts(times, soon)
-    found: Array = (outlying + PRIOR * share[:, None]) / (ended + PRIOR)
-    return found
+    outlying, ended = outlier_counts(times, bulk_times)
+    return (outlying + PRIOR * share[:, None]) / (ended + PRIOR)
 
 
 def added(outlying: Array, behind: Array, behind_sd: Array) -> tuple[Array, Array]:

@@ -194,8 +194,7 @@ def entry_depth(clutch: Clutch) -> float:
 def _smoothed(values: Series) -> Series:
     """Return the median of three neighbours, so that one noisy sample is no mark, (n,)."""
     padded = np.concatenate([values[:1], values, values[-1:]])
-    smooth: Series = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-    return smooth
+    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def _between(time: Series, way: Series, place: int, level: float) -> float:

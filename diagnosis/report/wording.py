@@ -76,7 +76,7 @@ def quantity(name: str) -> str:
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
-def told(name: str, value: Interval, of: str = "") -> str:
+def described(name: str, value: Interval, of: str = "") -> str:
     """Return a parameter with its interval and unit; ``of`` says which interval it is."""
     mean, unit = shown(name, value.mean)
     amount = f"{mean:.3g} {unit}".rstrip()
@@ -145,7 +145,7 @@ def _cause(found: Found) -> str:
     verdict, posterior = found.verdict, found.posterior
     if verdict.kind == "effect":
         values = found.intervals.get(verdict.causes, {})
-        size = "; ".join(told(name, value, "90 % interval ") for name, value in values.items())
+        size = "; ".join(described(name, value, "90 % interval ") for name, value in values.items())
         return (
             f"The cause is {plain(verdict.causes, found.effects)}, with a probability of "
             f"{chance(posterior[verdict.causes])}" + (f": {size}." if size else ".")
@@ -208,7 +208,7 @@ def _sense(one: SenseAnswer) -> str:
 def _given(found: Found, one: SenseAnswer) -> str:
     """Return the most probable effects given a sense, with their sizes."""
     best = next(iter(one.posterior))
-    sizes = [told(name, size) for name, size in one.sizes(best, found.intervals).items()]
+    sizes = [described(name, size) for name, size in one.sizes(best, found.intervals).items()]
     size = f": {', '.join(sizes)}" if sizes else ""
     return f"{plain(best, found.effects)} ({chance(one.posterior[best])}){size}"
 

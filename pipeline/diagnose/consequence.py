@@ -154,7 +154,7 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, P
 def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
     """Return the prototype and the fastest feasible designs of a study's kept result, by name.
 
-    The chosen one comes first; designs that failed at fresh angles are left out.
+    The chosen one comes first; designs that failed when re-simulated at new angles are left out.
 
     Raises DataError where nothing is kept.
     """

@@ -131,8 +131,7 @@ def even_phases(count: int, seed: int, index: int, base: int | None = None) -> P
     multiple of ``base``, the result holds the ``base`` fractions of the same draw.
     """
     start = np.random.default_rng([seed, index]).random() * (count // (base or count))
-    phases: Phases = (np.arange(count) + start % 1.0) / count
-    return phases
+    return (np.arange(count) + start % 1.0) / count
 
 
 def expect_point(

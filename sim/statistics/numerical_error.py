@@ -58,9 +58,11 @@ def numerical_differences(
     drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
     chosen = [shifts[k] for k in sorted(drawn.tolist())]
     fine = run([blocks[which].refined(place) for which, place, _ in chosen])
-    late = blocks[0].clutch.timeout
+    timeout = blocks[0].clutch.timeout
     pairs = zip(chosen, fine, strict=True)
-    apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
+    apart = np.array(
+        [_time(row, timeout) - _time(again[0], timeout) for (_, _, row), again in pairs]
+    )
     return apart, np.array([which for which, _, _ in chosen])
 
 
@@ -87,6 +89,6 @@ def _spread(rows: Sequence[Record]) -> float:
     return float(np.std(times, ddof=1)) if len(times) > 1 else 0.0
 
 
-def _time(row: Record, late: float) -> float:
+def _time(row: Record, timeout: float) -> float:
     time = result_of(row).shift_time
-    return late if time is None else time
+    return timeout if time is None else time

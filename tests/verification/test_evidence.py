@@ -13,7 +13,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sampled
-from dogshape.diagnosis.inference.next_test import Outcome, told
+from dogshape.diagnosis.inference.next_test import Outcome, expected_information
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
     Rules,
@@ -161,8 +161,8 @@ def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> N
     entropy = -float((shares * np.log(shares)).sum())
     far = Outcome(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1)))
     same = Outcome(np.zeros((3, 1)), np.ones((3, 1)))
-    assert told(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
-    assert told(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert expected_information(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
+    assert expected_information(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_squared_distances() -> None:

@@ -3,12 +3,12 @@ r"""Check of the advised test: does its outcome settle an ambiguous case.
 The outcome *y* of the test comes from the case's truth, never from the diagnosis: a direct test
 reads the true parameters as shares of their priors, with an error of a twentieth; more shifts are
 made by the same engine with other draws, and the mean of those that engaged is read. What the
-hypotheses foretold of it, normal densities in the record of the diagnosis, then counts by Bayes:
+hypotheses predicted of it, normal densities in the record of the diagnosis, then counts by Bayes:
 
 .. math:: p'(h) \propto p(h) \prod_k N(y_k; \mu_{hk}, \sigma_{hk}).
 
 The case is *settled* where the truth, or what no data of shifts tells from it, then leads with more
-than 0.8, and *wrongly settled* where anything else does. Nobody foretells traces: they settle
+than 0.8, and *wrongly settled* where anything else does. No hypothesis predicts traces: they settle
 nothing here.
 """
 
@@ -123,7 +123,7 @@ def advised_tests(
     found = {}
     for name, test in _tests(results).items():
         case, result = key["cases"][name], results[name]["diagnosis"]
-        found[name] = told(name, case, result, partial(stage_of, folder, key, name))
+        found[name] = judged_by_test(name, case, result, partial(stage_of, folder, key, name))
         if advance is not None and "shifts" in test:
             advance(int(test["shifts"]))
     return found
@@ -150,7 +150,7 @@ def stage_of(folder: Path, key: Record, name: str) -> Stage:
     return Stage(read_stand(folder / "cases" / name), points)
 
 
-def told(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
+def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
     """Simulate the advised test of a case, by its truth and its diagnosis.
 
     ``stage`` is asked where the test needs one; traces need none.
@@ -233,7 +233,7 @@ def _point_of(test: Record, stage: Stage) -> Point:
 
 
 def updated(
-    chances: Mapping[Names, float], foretold: Iterable[Record], outcome: Sequence[float]
+    chances: Mapping[Names, float], predictions: Iterable[Record], outcome: Sequence[float]
 ) -> dict[Names, float]:
     """Update probabilities by an outcome; hypotheses without a prediction get none.
 
@@ -244,7 +244,7 @@ def updated(
     outcome : as many values as each mean has.
     """
     logs = {}
-    for one in foretold:
+    for one in predictions:
         mean, sd = np.array(one["mean"]), np.array(one["sd"])
         score = (np.array(outcome) - mean) / sd
         prior = max(1e-300, chances.get(names_of(one["effects"]), 0.0))

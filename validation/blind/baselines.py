@@ -77,8 +77,7 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
 
 def deviance(apart: Array, variance: Array) -> Array:
     """Return minus twice the logarithm of a normal density, of distances and variances, (m,)."""
-    found: Array = apart**2 / variance + np.log(2.0 * np.pi * variance)
-    return found
+    return apart**2 / variance + np.log(2.0 * np.pi * variance)
 
 
 def _grid(space: Space) -> Array:
@@ -88,8 +87,7 @@ def _grid(space: Space) -> Array:
     shares = np.array(list(itertools.product(steps, repeat=p))).reshape(len(steps) ** p, p)
     every = frozenset(effect.name for effect in space.effects)
     bounded = Space(space.effects, space.setting, every)
-    inside: Array = shares[bounded.possible(bounded.values(shares))]
-    return inside
+    return shares[bounded.possible(bounded.values(shares))]
 
 
 def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:

@@ -3,7 +3,7 @@
 MuJoCo's dogs pass each other a little sooner than Drake's, alike at all strengths of all effects.
 That is no effect, and a diagnosis that met it unprepared would name one for it. So before the first
 case both engines make the same shifts without any effect, at the even angles of the bank, and
-what MuJoCo's take longer on average, late ones aside, is added to all that the diagnosis foretells
+what MuJoCo's take longer on average, outliers aside, is added to all that the diagnosis predicts
 of that operating point. What is left between the engines where effects act is the common error
 ``REST``.
 

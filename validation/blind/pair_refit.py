@@ -14,7 +14,7 @@ sampling of the case's number of shifts, emulation and simulation of the pair
 
 :math:`\tfrac12 \Delta\chi^2` is the expected logarithm of the likelihood ratio of the pair over its
 partner alone: where it is small no method with these errors can tell them apart by means. Its root
-is a number of standard errors in all. Spreads of single shifts, late ones and traces, which may
+is a number of standard errors in all. Spreads of single shifts, outliers and traces, which may
 tell more, are left out.
 """
 
@@ -126,8 +126,7 @@ def errors_of(seen: Seen, case: Record, places: Sequence[int], counts: Array) ->
     common = np.hstack([common, np.nan_to_num(predicted.common)])
     with np.errstate(divide="ignore"):
         own = predicted.sd[:, 0] ** 2 / counts + predicted.error[:, 0] ** 2
-    whole: Array = np.diag(own) + common @ common.T
-    return whole
+    return np.diag(own) + common @ common.T
 
 
 @dataclass(frozen=True)

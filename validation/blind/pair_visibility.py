@@ -167,5 +167,4 @@ def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarra
     having = np.isfinite(bulk(times))
     # Late shifts are left out, as in the size of a gap; where no shift engages there is no mean.
     share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
-    found: np.ndarray = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
-    return found
+    return (np.where(having, times, 0.0) * weights).sum(axis=1) / share

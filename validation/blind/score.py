@@ -70,8 +70,8 @@ def score(
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
     sizes = partner_gaps(folder, key, seen, jobs, advance)
     found = scored(marks, advised_tests(folder, key, results, advance), sizes)
-    told = {n: _told(result) for n, result in results.items()}
-    beside = [mark_of(n, truth, key, told[n]) for n, truth in key["cases"].items()]
+    answered = {n: _told(result) for n, result in results.items()}
+    beside = [mark_of(n, truth, key, answered[n]) for n, truth in key["cases"].items()]
     return {**found, "told": scored(beside, None, sizes)}
 
 
@@ -101,7 +101,7 @@ def scored(
     ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs, both by
     case.
     """
-    told, pairs = advised or {}, sizes or {}
+    answered, pairs = advised or {}, sizes or {}
     least = {name: min(size.beside for size in mine.values()) for name, mine in pairs.items()}
     after = {name: min(size.after for size in mine.values()) for name, mine in pairs.items()}
     marks = [replace(m, also=looks_like(m, pairs.get(m.name, {}))) for m in marks]
@@ -125,8 +125,8 @@ def scored(
         "outside": _outside(marks),
         "outside_visible": _outside(visible),
         "advised_test": {
-            "all": _advised(marks, told),
-            "visible": _advised(visible, told),
+            "all": _advised(marks, answered),
+            "visible": _advised(visible, answered),
         },
         "shrink": _shrink(marks),
         "plain": _plain(marks),
@@ -135,7 +135,7 @@ def scored(
             "mean": mean(m.time for m in marks),
             "largest": max((m.time for m in marks), default=None),
         },
-        "marks": [_row(m, told.get(m.name), pairs.get(m.name)) for m in marks],
+        "marks": [_row(m, answered.get(m.name), pairs.get(m.name)) for m in marks],
     }
 
 
@@ -152,7 +152,7 @@ def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
 
 def figures(marks: Sequence[Mark]) -> Record:
     """Return the figures that any group of cases has."""
-    told = [m for m in marks if not m.refused]
+    answered = [m for m in marks if not m.refused]
     return {
         "n": len(marks),
         "top_1": share(m.right for m in marks),
@@ -162,14 +162,14 @@ def figures(marks: Sequence[Mark]) -> Record:
         "precision_when_named": share(m.named_right for m in marks if m.named),
         "precision_as_seen": share(m.named_as_seen for m in marks if m.named),
         "named_causes_true": share(m.causes_true for m in marks if m.causes),
-        "coverage_90": share(m.truth in m.credible for m in told),
-        "size_90": mean(float(len(m.credible)) for m in told),
-        "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
-        "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in told]),
+        "coverage_90": share(m.truth in m.credible for m in answered),
+        "size_90": mean(float(len(m.credible)) for m in answered),
+        "parameter_coverage_90": share(ok for m in answered if m.right for ok in m.inside),
+        "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in answered]),
         "calibration_error_of_top_as_seen": calibration(
-            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in told]
+            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in answered]
         ),
-        "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in told),
+        "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in answered),
     }
 
 
@@ -218,10 +218,10 @@ def _outside(marks: Sequence[Mark]) -> Record:
     }
 
 
-def _advised(marks: Sequence[Mark], told: Mapping[str, Advised]) -> Record:
+def _advised(marks: Sequence[Mark], answered: Mapping[str, Advised]) -> Record:
     """Count the ambiguous cases that the advised test settles."""
     mine = [m for m in marks if m.verdict == "ambiguous"]
-    tested = [(m, told[m.name]) for m in mine if m.name in told]
+    tested = [(m, answered[m.name]) for m in mine if m.name in answered]
     return {
         **settled_figures(len(mine), [test for _, test in tested]),
         "settled_as_seen": share(t.settled or t.top in m.also for m, t in tested),

@@ -124,8 +124,7 @@ def _one(
     kept = folder.parent.parent / MAKING / f"{folder.name}.json"
     asked = {**case.record(), "points": [[p.mismatch, p.force, p.rise] for p in points]}
     if kept.exists() and (made := read(kept, "remove it"))["case"] == asked:
-        times: list[list[float | None]] = made["times_s"]
-        return times
+        return made["times_s"]
     times = write_case(folder, folder.name, base, case, simulate(stand, points, case))
     kept.parent.mkdir(exist_ok=True)
     write(kept, json.dumps({"case": asked, "times_s": times}))
@@ -220,8 +219,7 @@ def opened(folder: Path) -> Record:
         raise StorageError(f"{path} cannot be read ({error.strerror}); bring the key") from error
     if hashlib.sha256(content).hexdigest() != manifest["key_sha256"]:
         raise StorageError(f"{path} is not the key that was sealed; bring that one")
-    found: Record = json.loads(content)
-    return found
+    return json.loads(content)
 
 
 def results_of(folder: Path) -> dict[str, Record]:
