@@ -149,17 +149,17 @@ def among(x: Array, designs: Array) -> Mask:
 
 def differences(mine: Record, theirs: Record) -> str:
     """List the first three keys in which two records differ."""
-    keys = [k for k in {**mine, **theirs} if not _same(mine.get(k), theirs.get(k))]
+    keys = [
+        k
+        for k in {**mine, **theirs}
+        if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
+    ]
     parts = [f"{k} is {_said(mine, k)} here and {_said(theirs, k)} there" for k in keys[:3]]
     return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
 
 
 def _said(record: Record, key: str) -> Any:
     return record.get(key, "absent")
-
-
-def _same(mine: Any, theirs: Any) -> bool:
-    return content_key({"v": mine}) == content_key({"v": theirs})
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:

@@ -155,17 +155,15 @@ def trace_force(stand: Stand, sheet: Sheet) -> list[Finding]:
     if factor is not None and factor > 1.5 and _all_near(ratios, factor, 1.2):
         looks = "the force at the robot arm in the table"
         return [Finding("force", found, looks, "arm", certain=True)]
-    settled = _ratios(sheet, lambda row, t: _last_force(row, t) if _is_settled(row, t) else None)
+    settled = _ratios(
+        sheet, lambda row, t: _last_force(row, t) if t.time[-1] > row.rise + SETTLED else None
+    )
     if factor is not None and factor > 1.5 and _all_near(settled, 1.0 / factor, 1.2):
         looks = "the force at the robot arm in the traces"
         return [Finding("trace_force", found, looks, "arm")]
     if settled.size and not 0.5 < np.median(settled) < 1.5:
         return [Finding("trace_force", found, "a sensor with a wrong scale")]
     return []
-
-
-def _is_settled(row: Row, trace: BenchTrace) -> bool:
-    return bool(trace.time[-1] > row.rise + SETTLED)
 
 
 def _last_force(row: Row, trace: BenchTrace) -> float | None:

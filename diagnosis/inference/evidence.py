@@ -96,6 +96,7 @@ def hopeless(rows: Rows, best: float, finished: int) -> bool:
 
 def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
     """Integrate over the unit cube of ``size`` 1 or 2 by halving boxes."""
+    # scipy's cubature gives the sum, but not the rows behind it, which all that follows weighs.
     boxes = _first_boxes(size)
     rows = at(_points(boxes))
     log = _log_weights(boxes)

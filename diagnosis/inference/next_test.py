@@ -225,8 +225,8 @@ def _judged(shares: Array, test: NextTest) -> NextTest:
 def _look(standing: Standing) -> list[NextTest]:
     """Return the test that shows where along the shift an unknown gap arises, if there is any."""
     predicted, seen = mean_prediction(standing, standing.leading), standing.seen
-    left = seen.time - predicted.mean
-    score = abs(left) / np.sqrt(
+    residual = seen.time - predicted.mean
+    score = abs(residual) / np.sqrt(
         predicted.variance + predicted.single / np.maximum(1.0, seen.shifts)
     )
     if not np.isfinite(score).any():
@@ -237,7 +237,7 @@ def _look(standing: Standing) -> list[NextTest]:
     name = f"traces of {TRACED}{before} shifts at {where}"
     how = (
         f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
-        f"{where}, where the nearest hypothesis misses the mean by {1e3 * left[place]:+.0f} ms."
+        f"{where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} ms."
     )
     asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
     return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED, asked)]

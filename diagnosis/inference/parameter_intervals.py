@@ -48,6 +48,7 @@ class Bound:
 
 def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
     """Return weighted quantiles of values (m,)."""
+    # numpy's weighted quantiles do not interpolate: an end would jump from row to row.
     order = np.argsort(values)
     below = np.cumsum(weights[order]) - 0.5 * weights[order]
     return [float(np.interp(share, below, values[order])) for share in shares]

@@ -109,8 +109,8 @@ class CellPredictions(Prediction):
         share = np.maximum(every["outlier_share"], least)
         every["outlier_share"] = np.clip(share, LEAST_OUTLIERS, 1.0 - LEAST_OUTLIERS)
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
-        apart = times - mean[..., None]
-        kurtosis = (apart**4).mean(axis=2) / np.maximum((apart**2).mean(axis=2), 1e-12) ** 2
+        deviation = times - mean[..., None]
+        kurtosis = (deviation**4).mean(axis=2) / np.maximum((deviation**2).mean(axis=2), 1e-12) ** 2
         return cls(**every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis)
 
     def moved(self, offsets: Array) -> CellPredictions:
@@ -216,8 +216,8 @@ def _spread_parts(
         spread = np.concatenate([spread, np.log(predicted.sd)[..., None]], axis=2)
         shape = np.concatenate([shape, MISSHAPEN * last], axis=2)
     variance = own[..., None] + shape**2
-    apart = (seen.log_sd[:, None] - bias)[..., None] - spread
-    return apart / np.sqrt(np.maximum(variance, 1e-12)), variance
+    residual = (seen.log_sd[:, None] - bias)[..., None] - spread
+    return residual / np.sqrt(np.maximum(variance, 1e-12)), variance
 
 
 def _log_spread(seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]) -> Array:
@@ -370,14 +370,14 @@ def time_score(seen: Observed, predicted: CellPredictions) -> Array:
 
     Zero without times.
     """
-    share, apart, _ = _waits(seen, predicted, _sampled(seen, predicted))
-    scores = np.where((seen.n > 0)[:, None], _normal(share, apart), 0.0)
+    share, residual, _ = _waits(seen, predicted, _sampled(seen, predicted))
+    scores = np.where((seen.n > 0)[:, None], _normal(share, residual), 0.0)
     return np.nan_to_num(scores, nan=20.0)
 
 
-def _normal(share: Array, apart: Array) -> Array:
+def _normal(share: Array, residual: Array) -> Array:
     """Return the normal scores of a mixture's parts, (cells, m, parts) to (cells, m)."""
-    below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
+    below, above = (log_sum(share + log_ndtr(sign * residual), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
     return np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))

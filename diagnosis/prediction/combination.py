@@ -160,38 +160,40 @@ class Interactions:
 class _Shown:
     """Residual of a simulated pair beside the product, (levels, C) each; NaN if not known."""
 
-    left: Array
+    residual: Array
     noise: Array
     basis: Array
 
     @property
     def _known(self) -> np.ndarray:
-        return np.isfinite(self.left + self.noise + self.basis)
+        return np.isfinite(self.residual + self.noise + self.basis)
 
     def mean(self, centre: float, spread: float) -> float:
         """Return *w* of all operating points, ``centre`` give or take ``spread`` before."""
         return self._fitted(centre, spread)[0]
 
     def _fitted(self, centre: float, spread: float) -> tuple[float, float]:
-        left, noise, basis = (part[self._known] for part in (self.left, self.noise, self.basis))
+        residual, noise, basis = (
+            part[self._known] for part in (self.residual, self.noise, self.basis)
+        )
         weight = basis / noise**2
         precision = float((weight * basis).sum()) + spread**-2
-        share = (float((weight * left).sum()) + centre * spread**-2) / precision
+        share = (float((weight * residual).sum()) + centre * spread**-2) / precision
         return float(np.clip(share, *BEYOND)), precision**-0.5
 
     def blend(self, centre: float, spread: float) -> Blend:
         """Fit the law of the pair."""
         share, error = self._fitted(centre, spread)
-        left, basis = (
+        residual, basis = (
             np.where(self._known, part, 0.0)
-            for part in (self.left - share * self.basis, self.basis)
+            for part in (self.residual - share * self.basis, self.basis)
         )
         noise = np.where(self._known, self.noise, 1.0)
         whole = float((basis**2).sum())
-        squares = max(0.0, float(((left**2 - noise**2) * self._known).sum()))
+        squares = max(0.0, float(((residual**2 - noise**2) * self._known).sum()))
         scatter = max(1e-6, squares / whole if whole > 0.0 else 0.0)
         precision = (basis**2 / noise**2).sum(axis=0) + 1.0 / scatter
-        each = share + (left * basis / noise**2).sum(axis=0) / precision
+        each = share + (residual * basis / noise**2).sum(axis=0) / precision
         own = float(np.hypot(OWN, KEPT * np.sqrt(scatter)))
         return Blend(np.clip(each, *BEYOND), float(np.hypot(error, UNSEEN)), own)
 
@@ -204,9 +206,9 @@ def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
         four = bulk(np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)]))
         mean, series = np.log(engaged_mean(four)), residuals(four)
         changes = mean[2:] - mean[0]
-        left = mean[1] - mean[0] - changes.sum(axis=0)
+        residual = mean[1] - mean[0] - changes.sum(axis=0)
         noise = even_variance(series[1] - series[0] - (series[2:] - series[0]).sum(axis=0))
-        rows.append((left, np.sqrt(noise) + LEAST, basis(*changes)))
+        rows.append((residual, np.sqrt(noise) + LEAST, basis(*changes)))
     return _Shown(*np.array(rows).transpose(1, 0, 2))
 
 

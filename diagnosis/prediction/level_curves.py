@@ -153,7 +153,7 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
     best: tuple[float, Array, float, NDArray[np.intp]] | None = None
     prior = -0.5 * (np.log(SIZES / USUAL[0]) / USUAL[1]) ** 2
     apart = sites[:, :, None] - sites[:, None]
-    white = _whitening(errors)
+    white = np.linalg.inv(np.linalg.cholesky(errors))  # W with W S W^T = 1
     for lengths in itertools.product(LENGTHS, repeat=sites.shape[2]):
         scaled = np.array(lengths)
         for step in STEPS:
@@ -190,11 +190,6 @@ def _matern(distance: Array) -> Array:
 
 def _inverse(covariance: Array) -> Array:
     return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-
-
-def _whitening(errors: Array) -> Array:
-    """Return *W* with W S W^T = 1 for covariances *S* (C, N, N)."""
-    return np.linalg.inv(np.linalg.cholesky(errors))
 
 
 def _likelihoods(shape: Array, white: Array, means: Array) -> Array:

@@ -127,7 +127,8 @@ def _worth(found: Found) -> list[Hypothesis]:
 
 def in_words(found: Found) -> str:
     """Return the finding in one paragraph: how large, why, how sure, what to do next."""
-    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), _next(found)
+    following = f"Next: {why(found.test, found.posterior, found.effects)}"
+    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), following
     return " ".join(part for part in parts if part)
 
 
@@ -226,7 +227,3 @@ def _far(found: Found) -> str:
         f"With {what} in the simulation, {ms(gaps.held_out)} are left at operating points that the "
         f"fit never saw{alone}."
     )
-
-
-def _next(found: Found) -> str:
-    return f"Next: {why(found.test, found.posterior, found.effects)}"

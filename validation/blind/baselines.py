@@ -68,16 +68,16 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
         predicted = emulator.at(space.hypothesis, values, cell)
         mean, variance = added(predicted.outlier_share, predicted.behind, predicted.behind_sd)
         sigma = np.sqrt(np.maximum(predicted.times.std(axis=1), LEAST) ** 2 + variance)
-        apart = (bare.time or 0.0) - predicted.times.mean(axis=1) - mean
-        squares += apart**2
-        chi += deviance(apart, sigma**2 / max(1, bare.n) + predicted.error**2)
+        residual = (bare.time or 0.0) - predicted.times.mean(axis=1) - mean
+        squares += residual**2
+        chi += deviance(residual, sigma**2 / max(1, bare.n) + predicted.error**2)
     more = 2.0 * k * (k + 1.0) / max(1.0, n - k - 1.0)
     return float(np.sqrt(squares.min() / n)), float(chi.min() + 2.0 * k + more)
 
 
-def deviance(apart: Array, variance: Array) -> Array:
+def deviance(residual: Array, variance: Array) -> Array:
     """Return minus twice the logarithm of a normal density, of distances and variances, (m,)."""
-    return apart**2 / variance + np.log(2.0 * np.pi * variance)
+    return residual**2 / variance + np.log(2.0 * np.pi * variance)
 
 
 def _grid(space: Space) -> Array:

@@ -172,6 +172,7 @@ def model_text(stand: Stand, truth: Truth) -> str:
         for name in dogs
         for k in range(stand.count)
     )
+    lag = f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
     return f"""<mujoco>
 <compiler angle="radian"/>
 <option timestep="{STEP}" gravity="0 0 0" cone="elliptic" impratio="{1.0 / (IMPEDANCE * HOLD)}"
@@ -183,7 +184,7 @@ def model_text(stand: Stand, truth: Truth) -> str:
 </worldbody>
 <contact>{pairs}</contact>{_tendon(stand, truth)}
 <actuator><general joint="{"actuator" if truth.linkage else "shift"}"
- gear="{truth.force_factor}" {_lag(truth)}/></actuator>
+ gear="{truth.force_factor}" {lag}/></actuator>
 </mujoco>"""
 
 
@@ -257,10 +258,6 @@ def _tendon(stand: Stand, truth: Truth) -> str:
         how = f'stiffness="{stiffness}" damping="{damping}" springlength="0"'
     joints = '<joint joint="actuator" coef="1"/><joint joint="shift" coef="-1"/>'
     return f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
-
-
-def _lag(truth: Truth) -> str:
-    return f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
 
 
 def _inertial(mass: float, polar: float) -> str:

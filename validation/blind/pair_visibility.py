@@ -136,13 +136,10 @@ def added_by(
     """
     whole = even_means(stand, points, truth_of(every, {}))
     return {
-        name: whole - even_means(stand, points, truth_of(_others(every, name), {}))
+        name: whole
+        - even_means(stand, points, truth_of({n: v for n, v in every.items() if n != name}, {}))
         for name in every
     }
-
-
-def _others(every: Mapping[str, Any], name: str) -> dict[str, Any]:
-    return {other: values for other, values in every.items() if other != name}
 
 
 def sizes_of(added: Mapping[str, np.ndarray], case: Record, key: Record, seen: Seen) -> Sizes:
