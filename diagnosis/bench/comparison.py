@@ -1,9 +1,8 @@
 """Simulation against a bench data set, operating point by operating point.
 
-Where the data set says its relative angles, the simulation uses the same; then
-``standard_error`` is that of a mean of so many random angles and tells what weight
-a difference deserves. Otherwise the angles are evenly spaced, and the error is that
-of the bench's mean (spread from the simulation) and of the simulated mean.
+If the data set gives its relative angles, the simulation uses the same angles. The standard error
+is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
+error adds that of the bench's mean (with the simulated spread) and that of the simulated mean.
 """
 
 from __future__ import annotations

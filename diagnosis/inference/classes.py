@@ -1,10 +1,9 @@
 """Classes of hypotheses that a data set cannot tell apart, and effects that it cannot see.
 
-A imitates B as well as its best values do. Where half the squared distance of their signatures
-(``diagnosis.likelihood.signature``) stays below a limit both ways, no data of this kind and number
-would part them, and they are one class. What the error of emulation alone adds to the distance is
-taken off: by it no data part them. A dead time and a shifted time zero of the record are one class
-in any case.
+A hypothesis imitates another one as well as its best values do. Two hypotheses are one class if
+half the squared distance of their signatures (``diagnosis.likelihood.signature``) stays below a
+limit both ways: no data of this kind and number would part them. The distance that errors of
+emulation alone add is subtracted. A dead time and a shifted time zero are always one class.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 r"""Evidence :math:`Z = \int L(\theta) \pi(\theta) d\theta` over the shares of the priors.
 
-One or two parameters: boxes of the unit cube with three Gauss points a side are halved until
-none changes the sum any more; what the last halving changed is the error. More parameters, and
-pairs of effects: importance sampling from a mixture of Student-t round what was found so far and
-the prior itself, all rounds weighted as one mixture, with the effective sample size giving the
-error. ``validation.nested_sampling`` has nested sampling as a second computation.
+One or two parameters of one effect: boxes of the unit cube with three Gauss points a side are
+halved until no halving changes the sum; the change of the last halving is the error. More
+parameters, and pairs of effects: importance sampling from the prior and from Student-t
+distributions round the draws so far. All rounds are weighted as one mixture, and the effective
+sample size gives the error. ``validation.nested_sampling`` is a second computation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Gaps before and after on operating points that a fit never saw.
+"""Gaps before and after at operating points that the fit did not use.
 
-Each force, then each speed, is left out; the hypothesis is refitted to the other cells (its rows
-weighted anew) and predicts those left out. So every cell is predicted twice.
+Each force, then each speed, is left out. The hypothesis is refitted to the other cells by new
+weights of its rows, and predicts the cells left out. So every cell is predicted twice.
 """
 
 from __future__ import annotations

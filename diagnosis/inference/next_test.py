@@ -1,20 +1,21 @@
-r"""Next bench test: the one with the most information about the cause for its cost.
+"""Next bench test: the one with the most information about the cause for its cost.
 
 A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. Its
 expected information is the mutual information of cause and outcome,
 
 .. math:: I = H(p) - E_y H(p | y),
 
-with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture; where the data
-allow no parting of hypotheses, a direct test still does. What counts where nothing has 0.8 is the
-chance that the true hypothesis has it afterwards, less a little for each hour of work: by nats an
-hour a cheap test that settles nothing would lead. Direct tests come from the effects:
-their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
-share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
-shifts at an operating point. One is chosen even where a hypothesis has 0.8: the one with the most
-nats an hour, and where nothing is to be learnt the direct test of what was named. Where no known
-effect fits, no outcome can be predicted; then the test is traces at the operating point with the
-largest residual.
+with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture.
+
+If no hypothesis has more than 0.8, tests are ranked by the chance that the true one has it
+afterwards, minus 4 % per hour of work: a cheap test that settles nothing would lead by nats an
+hour. Otherwise tests are ranked by nats an hour; if nothing is left to learn, the direct test of
+the named cause leads. If no known effect fits, no outcome can be predicted: the test is then
+traces at the operating point with the largest residual.
+
+Direct tests come from the effects. Their outcome is the effects' parameters, as shares of the
+priors, to a twentieth. Effects that share a test share its outcome: a slow push shows friction and
+detent. Generic tests are more shifts at an operating point.
 """
 
 from __future__ import annotations

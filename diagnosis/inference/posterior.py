@@ -1,8 +1,8 @@
 """Probabilities of hypotheses, where an effect too weak to be seen counts as none.
 
-An effect whose strength the data cannot show predicts what none predicts, and a pair with one
-such partner what the other predicts. That share of a hypothesis' posterior goes to the simpler
-one, so that effects which the data cannot see neither gain nor lose.
+An effect whose strength the data cannot show predicts the same as no effect. A pair with such a
+partner predicts the same as its other effect. That share of the posterior moves to the simpler
+hypothesis, so that invisible effects neither gain nor lose.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Posterior predictive p-value of a hypothesis: can it have made the data at all.
 
-Of values drawn from the posterior, each cell gives normal scores for its mean, for the spread of
-its single shifts, for the number of outliers and for its share engaged, and each force profile
-one for the marks of its flight. Their squares are added up, and the p-value is the posterior mean
-of the probability of a larger sum (Gelman, Meng and Stern 1996, realised discrepancies). Means,
-spreads and marks give chi-square; what counts give is few numbers, so that replicates of the counts
-say how large their part is where the hypothesis holds.
+For values drawn from the posterior, each cell gives normal scores: of its mean, of the spread of
+its single shifts, of its number of outliers and of its share engaged. Each force profile gives one
+for the marks of its flight. The p-value is the posterior mean of the probability of a larger sum
+of squares (Gelman, Meng and Stern 1996, realised discrepancies). Squares of means, spreads and
+marks are chi-square. Counts take few values, so replicated counts give the distribution of theirs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The answer under other readings: given what is known at rest, other priors, other counts.
+"""Sensitivity of the answer: with facts from static readings, other priors, other counts.
 
-Where a reading at rest shows an effect, it is there whatever else is: the plausible hypotheses are
-then tried with it too, as probable before the data as they are without.
+An effect that a static reading shows is there under every hypothesis. So the plausible hypotheses
+are also scored with that effect, with the prior probability that they have without it.
 """
 
 from __future__ import annotations

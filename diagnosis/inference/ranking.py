@@ -1,8 +1,8 @@
-"""Hypotheses ranked by a data set: evidence, what cannot be seen, and what fits at all.
+"""Hypotheses ranked by a data set: evidence, visibility, and the predictive check.
 
-None, each effect and the plausible pairs are scored. Where none of them can have made the data and
-a pair leads, that pair and its nearest rivals are tried with each further effect. Where the sense
-of rotation is unknown, this goes for each sense by itself.
+None, each effect and the plausible pairs are scored. If none of them can have made the data and a
+pair leads, that pair and its nearest rivals are tried with each further effect. If the sense of
+rotation is unknown, each sense is treated by itself.
 """
 
 from __future__ import annotations

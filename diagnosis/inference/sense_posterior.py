@@ -1,8 +1,8 @@
 """Answer given either sense of rotation, where the sense was not noted.
 
-How large an effect is depends on the sense, so what is said of it is said for each: the hypotheses
-of one sense alone, weighed, folded and judged among themselves. The probability of a sense is that
-of its hypotheses by evidence, before effects that cannot be seen are counted as none.
+The size of an effect depends on the sense, so each sense has its own answer: only its hypotheses
+are weighed, folded and judged. The probability of a sense is that of its hypotheses by evidence,
+before invisible effects count as none.
 """
 
 from __future__ import annotations

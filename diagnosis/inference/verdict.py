@@ -1,14 +1,14 @@
-"""The decision: a named effect, none, unknown, or ambiguous with what is left.
+"""Verdict: a named effect, none, unknown, or ambiguous.
 
-- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data, and
-  each of its effects is part of the cause with more than 0.95, whatever else is; the sense of
-  rotation (``diagnosis.bench.sense``) is a setting beside these effects, and has to be as sure;
-- *none*: effects that the data could show have less than 0.2 together, and none can have made
-  the data; what each effect is at most stands beside it;
-- *unknown*: a gap of no known effect has more than 0.8; it has also what plausible hypotheses lose
-  that can hardly have made the data (``diagnosis.inference.posterior.judged``);
-- *ambiguous* otherwise, also where a class has more than 0.8 but none of its members: data of
-  this kind cannot part them. What is part of the cause in any case is still named.
+- *effect*: one hypothesis of one or two effects has more than 0.8 and passes the predictive check.
+  Each of its effects is part of the cause with more than 0.95, under any hypothesis. An unknown
+  sense of rotation (``diagnosis.bench.sense``) has to be as sure;
+- *none*: visible effects have less than 0.2 together, and no effect passes the predictive check;
+  each effect has a bound;
+- *unknown*: a gap of no known effect has more than 0.8, with the probability of plausible
+  hypotheses that fail the predictive check (``diagnosis.inference.posterior.judged``);
+- *ambiguous* otherwise, also if a class has more than 0.8 but no member has: data of this kind
+  cannot part its members. Effects that are part of the cause in any case are still named.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 r"""Likelihood of a cell of bench data under the prediction of a hypothesis.
 
-A mean of *n* shifts has *j* outliers (``diagnosis.prediction.outliers``), late by :math:`\tau`
-with the deviation *w*, with the share :math:`\lambda`, has the density
+A mean of *n* shifts, *j* of which are outliers (``diagnosis.prediction.outliers``) of the share
+:math:`\lambda` with the delay :math:`\tau` and its deviation *w*, has the density
 
 .. math:: f(\bar t) = (1 - \epsilon) \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
           \sigma^2/n + j w^2/n^2 + e^2) + \epsilon N(\bar t; \mu, \sigma^2/n + e^2 + m^2).
@@ -9,7 +9,7 @@ with the deviation *w*, with the share :math:`\lambda`, has the density
 :math:`\mu, \sigma` are mean and spread of simulated shifts without outliers. The error *e* of the
 emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
 (:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of an
-effect's levels; how often that is, levels that are left out say
+effect's levels; levels that are left out show how often
 (``diagnosis.prediction.level_curves``). Of single shifts without outliers mean and standard
 deviation *s* count,
 
@@ -23,7 +23,7 @@ simulated angles. Given *s*, the spread in the density of their mean is the one 
 Their number of outliers is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
-What cells err in common (``diagnosis.likelihood.common_error``) needs slope and curvature of all
+Errors that cells share (``diagnosis.likelihood.common_error``) need slope and curvature of all
 this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Unknown
 shifts are left out, or counted as failed on request.
 """

@@ -11,7 +11,7 @@ distribution with ``DOF`` degrees of freedom, so that one odd profile decides no
 friction holds.
 
 The force of a trace may be the one that acts, with its delay, lag and scale, or the nominal one
-that was asked for. Nobody says which, so both are tried, for all profiles alike, half and half.
+that was asked for. The source does not say which, so each is tried for all profiles, half and half.
 
 Operating points of a profile that have traces share its term in equal parts: left out together, as
 when a force is held out, they take all of it along.

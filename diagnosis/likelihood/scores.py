@@ -1,7 +1,7 @@
 """Scores of one hypothesis at many values of its parameters, cell by cell.
 
-Everything that follows (evidence, refits on some of the cells, other priors, what a test would
-show) is a weighted sum over these rows, so the emulator is asked once for each value.
+Evidence, refits on some cells, other priors and outcomes of tests are weighted sums over these
+rows, so the emulator is asked once for each value.
 """
 
 from __future__ import annotations

@@ -1,17 +1,17 @@
-"""The bank: shifts of one clutch with each effect at a few levels, at the bench's operating points.
+"""Bank: shifts of one clutch with each effect at a few levels, at the bench's operating points.
 
-A plan says which levels. All of them are simulated at the same even relative angles of each
-operating point, so that levels differ by their physics; the baseline besides at some between, since
-every hypothesis rests on it. Effects that only change how a shift is read need no shift. Pairs of
-effects are predicted from both alone (``diagnosis.prediction.emulator``); a few are simulated to
-measure the error of that.
+A plan lists the levels. All levels have the same even relative angles at an operating point, so
+that levels differ by their physics. The baseline has further angles between, since every hypothesis
+rests on it. Effects that only change the reading of a shift need no shift. Pairs of effects are
+predicted from both alone (``diagnosis.prediction.emulator``); a few are simulated to measure the
+error of that.
 
-With 28 operating points and the effects that come with the project the default plan has about
-62 000 shifts. One takes about 0.1 s of processor time, so two cores need 52 minutes; fewer angles
-or levels take less in proportion (``Plan.shifts``, ``Plan.hours``).
+With 28 operating points and the effects of the project the default plan has about 62 000 shifts.
+One shift takes about 0.1 s of processor time, so two cores need 52 minutes. Fewer angles or levels
+take less in proportion (``Plan.shifts``, ``Plan.hours``).
 
 A mean of 16 angles errs by milliseconds, so both coefficients of friction are integrated with
-``ACCURACY`` instead of the ten times smaller one of single shifts: that moves a mean by less than a
+``ACCURACY`` instead of the ten times smaller one of single shifts. That moves a mean by less than a
 millisecond at a third of the cost, and is part of the numerical error that a bank measures.
 """
 

@@ -1,16 +1,16 @@
-r"""Effects together, from what each of them makes alone.
+r"""Combination of effects from the emulation of each effect alone.
 
 With :math:`r_e = T_e/T_0` the ratio of mean times with an effect and without any, two effects that
-act one after the other add their changes, :math:`r = r_1 + r_2 - 1`, and two of which one stretches
-what the other makes multiply them, :math:`r = r_1 r_2`. Pairs that were simulated say where between
-(or beyond) both they lie:
+act one after the other add their changes, :math:`r = r_1 + r_2 - 1`. If one effect stretches the
+time that the other makes, they multiply, :math:`r = r_1 r_2`. A weight *w* from simulated pairs
+says where between (or beyond) both a pair lies:
 
-.. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2},
+.. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2}.
 
-*w* being fitted to a pair's operating points by the errors of the simulated means, with all pairs
-as a prior, and moved at each of them as far as its own means say. What is unknown of *w* at other
-strengths is an error that all operating points have in common, and one of their own. All times of
-a spread take the same factor on top of their product, and the odds of engaging multiply.
+*w* is fitted to a pair's operating points by the errors of the simulated means, with all pairs as a
+prior, and moved at each point as far as its own means allow. The error of *w* at other strengths
+has a part that all operating points share, and one of their own. All times of a spread take the
+same factor on top of their product, and the odds of engaging multiply.
 """
 
 from __future__ import annotations

@@ -1,16 +1,15 @@
-r"""The emulator: from a bank's levels to the spread of times at any values of a hypothesis.
+r"""Emulator: from a bank's levels to the distribution of times at any values of a hypothesis.
 
-One effect alone: the mean :math:`M(x)` is that of the baseline with the change that the curve of
-``diagnosis.prediction.level_curves`` makes from there, :math:`\ln M = \sum_l w_l \ln M_l`, so that
-an effect of no strength is the baseline itself; and the shape, times over their mean at equal
-shares, by the same weights. Outliers (``diagnosis.prediction.outliers``) are no part of either:
-their share has the weights of the share engaged, which are its own since its errors are binomial,
-and their delay is that of all levels of the operating point.
+One effect alone: the mean :math:`M(x)` is that of the baseline with the change along the curve of
+``diagnosis.prediction.level_curves``, :math:`\ln M = \sum_l w_l \ln M_l`, so that an effect of no
+strength is the baseline itself. The shape, times over their mean at equal shares, has the same
+weights. Both leave outliers (``diagnosis.prediction.outliers``) out. The share of outliers has the
+weights of the share engaged, and their delay is that of all levels of the operating point.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
-those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise; times are
-then corrected by what simulated pairs show (``diagnosis.prediction.combination``). Delays add to
-all times, exactly. Angles that are not uniform are weights on the baseline's angles.
+those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. Simulated
+pairs correct these times (``diagnosis.prediction.combination``). Delays add to all times, exactly.
+Angles that are not uniform are weights on the baseline's angles.
 
 The error of a mean has three parts: the curve's own (angles and interpolation), numerics, and the
 combination.

@@ -1,11 +1,10 @@
-r"""Tables of flights over the values of effects, and what they say between their nodes.
+"""Tables of flights over the values of effects, and splines between their nodes.
 
-Effects that move the flight are let fly at even shares of their priors, pairs at the grid of both:
-no rule of combination is needed. The logarithms of the marks are splines through the nodes, cubic
-in each parameter. Left with every other node only, the spline misses the nodes between; half
-of that, the largest nearby, is the error of the whole one. The law of an effect (the shape of a
-detent, one lag for a pneumatic cylinder) is taken to err by ``LAW`` of what it changes. A delay
-adds to all marks, exactly.
+Effects that move the flight are simulated at even shares of their priors, pairs at the grid of
+both: no rule of combination is needed. The logarithms of the marks are splines through the nodes,
+cubic in each parameter. The error of a spline is half of what a spline through every other node
+misses, the largest nearby. The law of an effect (the shape of a detent, one lag for a pneumatic
+cylinder) is taken to err by ``LAW`` of its change. A delay adds to all marks, exactly.
 """
 
 from __future__ import annotations

@@ -1,11 +1,10 @@
 """Hypotheses on the cause of a gap: none, one effect, a plausible pair, or unknown.
 
-Any two effects may come together, but only some pairs are plausible before anything is seen: the
-dead time of an actuator comes with every bench and every actuator, dry friction with every ring
-on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
-none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
-causes that are not listed. Three effects together are looked at where no pair can have made the
-data, the best pair with each further effect; each has the probability before of any such three.
+Any two effects can come together, but only some pairs are plausible before the data are seen. Every
+actuator has a dead time, and every ring on its shaft dry friction, so the pairs are these two with
+each other effect. Prior probabilities: a quarter none, nearly half single effects in equal parts,
+the rest pairs in equal parts and ``unknown``. If no pair can have made the data, the best pair is
+tried with each further effect; all triples share a small prior in equal parts.
 """
 
 from __future__ import annotations
