@@ -1,4 +1,4 @@
-"""The diagnosis of a data set: which effect makes the gap, how sure, and what to test next."""
+"""Diagnosis of a data set: cause of the gap with its probability, and the next test."""
 
 from __future__ import annotations
 

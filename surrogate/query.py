@@ -1,4 +1,4 @@
-"""Asking the surrogate about one design."""
+"""Predictions of the surrogate for one design."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Change = Callable[[Row, Sensor], Row]
 
 @dataclass(frozen=True)
 class Correction:
-    """One quantity and how it is to be taken."""
+    """Correction of one quantity, and its way."""
 
     quantity: str
     way: str

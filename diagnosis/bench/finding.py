@@ -9,7 +9,7 @@ from dogshape.diagnosis.bench.corrections import GIVEN
 
 @dataclass(frozen=True)
 class Finding:
-    """One suspicion.
+    """Probable slip in bench data.
 
     ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
     it. ``way`` is the correction of ``quantity`` that would make it right, None where there is

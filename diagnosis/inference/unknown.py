@@ -1,4 +1,4 @@
-r"""The hypothesis *unknown*: a structured gap that no known effect explains.
+r"""Hypothesis *unknown*: a structured gap that no known effect explains.
 
 Every cell's times are those of the baseline, moved by an offset :math:`b_c` of their own and
 stretched by a common factor, or in each cell by another. The offsets are a Gaussian process over
@@ -54,7 +54,7 @@ class Offset:
 
 @dataclass(frozen=True)
 class Model:
-    """One member of the grid: what its offsets and its cells say.
+    """Member of the grid: prior of the offsets, and the cells' likelihoods over them.
 
     ``kernel`` is (cells, cells), s^2; ``mean`` and ``variance`` those of the cells' likelihoods.
     """
@@ -95,7 +95,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The hypothesis with its evidence.
+    """Hypothesis *unknown* with its evidence.
 
     ``engaged`` and ``as_failed`` are the logarithms of what is said of the shares, (cells,), the
     latter with the unknown shifts read as failed; ``flight`` that of the marks of flights.
@@ -139,7 +139,7 @@ class Unknown:
 
 
 def unknown(problem: Problem, bench: Bench) -> Unknown:
-    """Return the hypothesis for a data set."""
+    """Fit the hypothesis *unknown* to a data set."""
     seen, predicted = problem.seen, problem.predictions((), np.zeros((1, 0)))
     means = predicted.whole[0][:, 0]
     places = np.array(

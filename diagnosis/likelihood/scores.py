@@ -76,7 +76,7 @@ class PredictionSummary:
 
     @property
     def _parts(self) -> dict[str, Array]:
-        """What there is, by name."""
+        """Arrays that are not None, by name."""
         every = {name: getattr(self, name) for name in self.__dataclass_fields__}
         return {name: part for name, part in every.items() if part is not None}
 
@@ -220,7 +220,7 @@ def summary_of(
 
 @dataclass(frozen=True)
 class Scored:
-    """A hypothesis with its evidence.
+    """Hypothesis with its evidence.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ def _mean_phase(phases: Sequence[PhaseGap]) -> PhaseGap:
 def along(
     bench: Bench, trace: Tracer | None = None, angles: int = ANGLES, seed: int = 1
 ) -> tuple[CellPhases, ...]:
-    """Return the phases of every cell of which the bench has the trace of a finished shift.
+    """Measure the phases of every cell of which the bench has the trace of a finished shift.
 
     ``trace`` simulates; by default in this process, a tenth of a second and more a shift.
     """

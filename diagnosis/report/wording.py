@@ -1,4 +1,4 @@
-"""The finding in words that need no statistics: a headline, and one paragraph with units."""
+"""Finding in words without statistics: a headline, and one paragraph with units."""
 
 from __future__ import annotations
 

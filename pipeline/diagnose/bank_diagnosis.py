@@ -119,12 +119,12 @@ def plans_of(
 
 
 def blocks_by_key(plans: Iterable[tuple[Plan, Bench]]) -> dict[str, Block]:
-    """Return the blocks of some plans, each once, by the key of their series."""
+    """List the blocks of some plans, each once, by the key of their series."""
     return {series_key(block): block for one in plans for block in blocks_of(*one)}
 
 
 def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple[Bank, Bank]:
-    """Return the banks of a data set with the sense of its table and with the reversed one.
+    """Build the banks of a data set with the sense of its table and with the reversed one.
 
     They are what files have of them, and the rest simulated.
     """

@@ -86,7 +86,7 @@ class Consequence:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """Consequence in words."""
         prototype, chosen, best = self.candidates[0], self.chosen, self.best
         gain = prototype.with_effect.mean - best.with_effect.mean
         gained = (
@@ -108,7 +108,7 @@ class Consequence:
 
     @property
     def record(self) -> dict[str, Any]:
-        """All of it as JSON takes it."""
+        """Record as JSON takes it."""
         return {
             "study": self.study,
             "effects": list(self.level.hypothesis),
@@ -134,7 +134,7 @@ def _record(one: Candidate) -> dict[str, Any]:
 
 
 def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, Params]]:
-    """Return a study and the designs of its result, by a folder of results or a study.
+    """Read a study and the designs of its result, by a folder of results or a study.
 
     Raises DataError where nothing is kept, StorageError where it is damaged.
     """
@@ -152,7 +152,7 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, P
 
 
 def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
-    """Return the prototype and the fastest feasible designs of a study's kept result, by name.
+    """List the prototype and the fastest feasible designs of a study's kept result, by name.
 
     The chosen one comes first; designs that failed when re-simulated at new angles are left out.
 

@@ -50,7 +50,7 @@ class SoWhat:
 
 @dataclass(frozen=True)
 class Extras:
-    """All of it optional; what is empty leaves no trace in the report.
+    """Optional parts of a report; an empty part leaves no trace in the report.
 
     Parameters
     ----------

@@ -46,10 +46,9 @@ def numerical_error(
 def numerical_differences(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return what a smaller tolerance takes off some shift times, s, (k,), and in which block each
-    of them is, (k,).
+    """Compute the change of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
 
-    Which shifts are repeated, and how, is that of ``numerical_error``.
+    The shifts are repeated as for ``numerical_error``.
     """
     shifts = [
         (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)

@@ -36,7 +36,7 @@ UNKNOWN: Names = ("unknown",)
 
 @dataclass(frozen=True)
 class Mark:
-    """One case: ``truth`` and what was found; hypotheses are names in alphabetical order.
+    """Marks of one case: ``truth`` and findings; hypotheses are names in alphabetical order.
 
     ``chances`` are probabilities by hypothesis, ``group`` the top's class, ``credible`` the 90 %
     set. ``shrink``, ``true_shrink`` and ``rival_shrink`` are held-out shrinks of the leading

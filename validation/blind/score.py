@@ -1,4 +1,4 @@
-"""The score of a diagnosis on sealed cases: opened once, every figure with its interval.
+"""Score of a diagnosis on sealed cases: opened once, every figure with its interval.
 
 Shares have Wilson's 95 % interval, means a bootstrap's over cases. ``visible`` are the cases whose
 gap is at least two sampling errors of the means (root mean square over the operating points). A
@@ -96,7 +96,7 @@ def scored(
     advised: Mapping[str, Advised] | None = None,
     sizes: Mapping[str, Sizes] | None = None,
 ) -> Record:
-    """Return all figures from the marks of the cases.
+    """Compute all figures from the marks of the cases.
 
     ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs, both by
     case.

@@ -1,4 +1,4 @@
-r"""The stand of a blind check: what ``bench.toml`` says, and the physics that it does not say.
+r"""Stand of a blind check: content of ``bench.toml``, and the physics that it leaves out.
 
 Nothing here is taken from the simulation or from its effects: a stand is read from the keys of
 ``bench.toml`` alone, and a *truth* is plain numbers that ``validation.blind.mujoco_shift`` gives to
