@@ -46,7 +46,7 @@ def numerical_error(
 def numerical_differences(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Compute the change of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
+    """Compute changes of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
 
     The shifts are repeated as for ``numerical_error``.
     """

@@ -240,7 +240,7 @@ def updated(
     Parameters
     ----------
     chances : before, by hypothesis.
-    foretold : ``effects``, ``mean`` and ``sd`` of each plausible hypothesis.
+    predictions : ``effects``, ``mean`` and ``sd`` of each plausible hypothesis.
     outcome : as many values as each mean has.
     """
     logs = {}
