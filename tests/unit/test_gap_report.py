@@ -21,7 +21,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.parameter_intervals import Interval
 from dogshape.diagnosis.inference.verdict import NAMED, decide
 from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
-from dogshape.diagnosis.report.wording import between, chance, ms, told
+from dogshape.diagnosis.report.wording import between, chance, described, ms
 from dogshape.pipeline.diagnose.extras import Extras, Optimum, Remark, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
 from dogshape.pipeline.reports.gap import charts, reasons
@@ -307,7 +307,7 @@ def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
 
 def test_words_of_numbers() -> None:
     assert [chance(p) for p in (0.001, 0.5, 0.985, 0.999)] == ["< 1 %", "50 %", "98 %", "> 99 %"]
-    assert told("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
+    assert described("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
     assert between("force_factor", 0.6, 0.6) == "0.6"
     assert [odds(log) for log in (0.0, 1.0, 4.0, 9.0)] == [
         "1 : 1", "2.7 : 1", "55 : 1", "> 1000 : 1",
