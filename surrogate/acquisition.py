@@ -7,8 +7,8 @@ variance of the relative errors by
 .. math:: \sum_t \omega_t \frac{C(t, q)^2}{C(q, q) + s_q^2},
 
 *C* being the covariance given all rows (Cohn 1996, for processes: Seo et al. 2000). Rows
-are chosen one after the other, each given those before: what a row will say is not needed for
-that, only where it is.
+are chosen one after the other, each given those before. The choice needs the place of a row, not
+its result.
 """
 
 from __future__ import annotations

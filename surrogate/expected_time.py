@@ -1,11 +1,10 @@
 """The surrogate of the expected time over one mix, for many designs at once.
 
-Terms are products, so the operating points are summed once and each design costs its
-covariance with the known designs alone. What the covariance of the points of each design
-would say is taken the same for all: its variances for the mean of the logarithm's exponential,
-and the shares of the points in the expected time for its error. Against
-``Surrogate.expected``, which leaves nothing out, times agree to 0.1 % and errors to a few
-percent.
+Terms are products, so the operating points are summed once, and each design costs its covariance
+with the known designs alone. Two quantities are taken the same for all designs: the variance at
+each point, in the mean of the logarithm's exponential, and the shares of the points in the expected
+time, in its error. Against ``Surrogate.expected``, which leaves nothing out, times agree to 0.1 %
+and errors to a few percent.
 """
 
 from __future__ import annotations

@@ -6,9 +6,8 @@ coordinates, the scale of values *y* (all to be minimised) is
 .. math:: s_\lambda(y) = \min_i \left(\max(0, r_i - y_i) / \lambda_i\right)^k
 
 and the mean over directions of the largest scale among designs is their hypervolume but for a
-constant (Deng and Zhang 2019; Golovin and Zhang 2020). What a candidate adds is the mean of what
-it adds to each largest scale, over joint draws of the values of candidates and designs, so
-that errors which they share cancel.
+constant (Deng and Zhang 2019; Golovin and Zhang 2020). The gain by a candidate is its mean gain in
+the largest scale. Values of candidates and designs are drawn jointly, so that shared errors cancel.
 """
 
 from __future__ import annotations

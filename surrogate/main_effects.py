@@ -1,9 +1,9 @@
 r"""Main effects as accumulated local effects, with bands.
 
-Designs that pass every check are few and correlated: dogs are high where they are few. What a
-variable does on average over them is therefore asked of neighbours alone (Apley and Zhu 2020):
-the values of a variable are cut at quantiles :math:`z_0 < \dots < z_K`, each design is moved to
-both ends of its own interval, the mean differences are added up,
+Designs that pass every check are few and correlated: dogs are high where they are few. The average
+effect of a variable over such designs comes from neighbours alone (Apley and Zhu 2020). The values
+of the variable are cut at quantiles :math:`z_0 < \dots < z_K`, each design is moved to both ends of
+its own interval, and the mean differences are added up,
 
 .. math:: g(z_k) = \sum_{l \le k} \frac{1}{n_l} \sum_{i \in l}
    \left( E(z_l, x_i) - E(z_{l-1}, x_i) \right) - c,

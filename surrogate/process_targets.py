@@ -1,8 +1,8 @@
 r"""Targets of a process: coordinates of the rows, logarithms, and their known noise.
 
-Where the tangent of a face or flank passes the friction coefficient it turns from holding to
-letting go, and times with it. With a *ridge*, designs have for each angle a coordinate more that
-runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
+A face or flank turns from holding to letting go where the tangent of its angle passes the friction
+coefficient, and times change there. With a *ridge*, designs have a further coordinate for each
+angle, which runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
 """
 
 from __future__ import annotations

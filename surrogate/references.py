@@ -1,8 +1,8 @@
 """Reference values of expected times from the simulation, to judge the surrogate.
 
-Times are those of shifts that engage. Where one shift in some hundreds hangs crest on crest and
-costs a second, dense simulations of a design hold one or none: their mean would be that draw.
-What engages is compared by its count instead, over all references.
+Times are those of shifts that engage. If one shift in some hundreds hangs crest on crest and costs
+a second, dense simulations of a design hold one or none, and their mean would depend on that draw.
+Shares engaged are compared by their counts instead, over all references.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Figures of a validation: how good the surrogate is on designs that it has not seen.
 
-Always by design: rows of one design are on the same side of a split, else a design's own shifts
-at other operating points would predict it.
+Splits are by design: all rows of a design are on the same side, else a design's own shifts at other
+operating points would predict it.
 """
 
 from __future__ import annotations

@@ -122,6 +122,8 @@ def _parse(text: str) -> Correction:
 
 
 def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
-    """Return the sheet with one correction made in all rows."""
-    change = WAYS[correction.quantity].get(correction.way, lambda row, _: row)
+    """Make one correction in all rows of a sheet; ``given`` changes none."""
+    change = WAYS[correction.quantity].get(correction.way)
+    if change is None:
+        return sheet
     return sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))

@@ -17,7 +17,7 @@ from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
 from dogshape.diagnosis.prediction.hypotheses import NONE
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
 APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
 PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at
@@ -44,14 +44,11 @@ class Confusion:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _Placed(Table):
     """Signatures (m, k), and the squared distance that errors of emulation make, (m,)."""
 
     points: Array
     noise: Array
-
-    def rows(self, which: np.ndarray) -> _Placed:
-        return _Placed(self.points[which], self.noise[which])
 
 
 def _placed(predicted: PredictionSummary, metric: Metric, baseline: PredictionSummary) -> _Placed:
@@ -87,7 +84,7 @@ def confusion(
     generator = np.random.default_rng(1)
     every = [_placed(one.rows.predicted, metric, baseline) for one in those]
     drawn = [
-        placed.rows(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
+        placed.only(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
     ]
     apart = np.array(
         [[0.5 * _nearest(mine, theirs).mean() for theirs in every] for mine in drawn]

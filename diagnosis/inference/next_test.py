@@ -354,7 +354,7 @@ def mean_prediction(standing: Standing, hypothesis: Hypothesis) -> MeanPredictio
     whole = found.weights()
     # Values with which nothing engages have no mean; where they matter the cell is left out.
     counting = whole > 1e-6 * whole.max()
-    predicted: PredictionSummary = found.rows.predicted.rows(counting)
+    predicted: PredictionSummary = found.rows.predicted.only(counting)
     weights = whole[counting] / whole[counting].sum()
     mean = weights @ predicted.mean
     # Errors of the simulation are common to all hypotheses and part none of them, but they limit

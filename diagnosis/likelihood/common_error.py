@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.terms import Array, Table
 from dogshape.sim.units import RPM
 
 LENGTH = 1.0  #: of the errors, in units of the natural logarithm of the mismatch
@@ -30,7 +30,7 @@ JITTER = 1e-9
 
 
 @dataclass(frozen=True)
-class Slopes:
+class Slopes(Table):
     """Slopes of cells' log likelihoods (m, cells) over an offset of the prediction.
 
     ``first`` is the derivative, 1/s, ``second`` the curvature downwards, 1/s^2, not negative.
@@ -38,14 +38,6 @@ class Slopes:
 
     first: Array
     second: Array
-
-    def rows(self, which: np.ndarray) -> Slopes:
-        """Return some of the values."""
-        return Slopes(self.first[which], self.second[which])
-
-    def joined(self, other: Slopes) -> Slopes:
-        """Return these values and others below them."""
-        return Slopes(np.vstack([self.first, other.first]), np.vstack([self.second, other.second]))
 
 
 def common_errors(mismatch: Array, baseline: Array, share: float) -> Array:

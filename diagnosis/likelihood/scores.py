@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -37,13 +38,13 @@ from dogshape.diagnosis.likelihood.flight_likelihood import (
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 
 
 @dataclass(frozen=True)
-class PredictionSummary:
+class PredictionSummary(Table):
     """Moments of the predicted times of each cell, each (m, cells); times in s.
 
     ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` leave outliers out.
@@ -64,30 +65,16 @@ class PredictionSummary:
     shape: Array
     flight: Array | None = None
 
-    def rows(self, which: np.ndarray) -> PredictionSummary:
-        """Return some of the values."""
-        parts = {name: part[which] for name, part in self._parts.items()}
-        return replace(self, **parts)
-
-    def joined(self, other: PredictionSummary) -> PredictionSummary:
-        """Return these values and others below them."""
-        both = {name: np.vstack([part, other._parts[name]]) for name, part in self._parts.items()}
-        return replace(self, **both)
-
-    @property
-    def _parts(self) -> dict[str, Array]:
-        """Arrays that are not None, by name."""
-        every = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {name: part for name, part in every.items() if part is not None}
-
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(Table):
     """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells).
 
     ``slopes`` are those of the log likelihood over offsets of cells; ``common`` the errors that
     cells have in common for any value, s, (cells, r), and ``joint`` such for each, s, (m, cells).
     """
+
+    SHARED = ("common",)
 
     shares: Array
     log_likelihood: Array
@@ -108,34 +95,16 @@ class Rows:
         added: Array = self.log_likelihood[:, cells].sum(axis=1)
         return added + log_common(slopes, shared_errors(self.common[cells], self.joint[:, cells]))
 
-    def joined(self, other: Rows) -> Rows:
-        """Return these rows and others below them."""
-        both = Rows(
-            np.vstack([self.shares, other.shares]),
-            np.vstack([self.log_likelihood, other.log_likelihood]),
-            np.vstack([self.as_failed, other.as_failed]),
-            self.predicted.joined(other.predicted),
-            self.slopes.joined(other.slopes),
-            self.common,
-            np.vstack([self.joint, other.joint]),
-        )
+    def joined(self, other: Self) -> Self:
+        """Append other rows."""
         # Each row's sum is its own, and costs more than the rest of joining.
-        return both._summing(np.concatenate([self.whole, other.whole]))
+        return super().joined(other)._summing(np.concatenate([self.whole, other.whole]))
 
-    def only(self, which: np.ndarray) -> Rows:
-        """Return some of the rows."""
-        some = Rows(
-            self.shares[which],
-            self.log_likelihood[which],
-            self.as_failed[which],
-            self.predicted.rows(which),
-            self.slopes.rows(which),
-            self.common,
-            self.joint[which],
-        )
-        return some._summing(self.whole[which])
+    def only(self, which: np.ndarray) -> Self:
+        """Select some of the rows."""
+        return super().only(which)._summing(self.whole[which])
 
-    def _summing(self, whole: Array) -> Rows:
+    def _summing(self, whole: Array) -> Self:
         """Return the same rows, whose log likelihoods of all cells together are known."""
         vars(self)["whole"] = whole
         return self

@@ -1,14 +1,14 @@
 r"""Check of the advised test: does its outcome settle an ambiguous case.
 
-The outcome *y* of the test comes from the case's truth, never from the diagnosis: a direct test
-reads the true parameters as shares of their priors, with an error of a twentieth; more shifts are
-made by the same engine with other draws, and the mean of those that engaged is read. What the
-hypotheses predicted of it, normal densities in the record of the diagnosis, then counts by Bayes:
+The outcome *y* of the test comes from the case's truth, never from the diagnosis. A direct test
+reads the true parameters as shares of their priors, with an error of a twentieth. More shifts are
+made by the same engine with other draws, and their mean is read. The predictions of the hypotheses,
+normal densities in the record of the diagnosis, then count by Bayes:
 
 .. math:: p'(h) \propto p(h) \prod_k N(y_k; \mu_{hk}, \sigma_{hk}).
 
-The case is *settled* where the truth, or what no data of shifts tells from it, then leads with more
-than 0.8, and *wrongly settled* where anything else does. No hypothesis predicts traces: they settle
+The case is *settled* if the truth, or a member of its class, then leads with more than 0.8, and
+*wrongly settled* if any other hypothesis does. No hypothesis predicts traces, so traces settle
 nothing here.
 """
 

@@ -1,14 +1,13 @@
 """Offset of both engines without any effect: a named gap in the error budget of the check.
 
 MuJoCo's dogs pass each other a little sooner than Drake's, alike at all strengths of all effects.
-That is no effect, and a diagnosis that met it unprepared would name one for it. So before the first
-case both engines make the same shifts without any effect, at the even angles of the bank, and
-what MuJoCo's take longer on average, outliers aside, is added to all that the diagnosis predicts
-of that operating point. What is left between the engines where effects act is the common error
-``REST``.
+This offset is no effect, and a diagnosis without it would name one for it. So before the first case
+both engines make the same shifts without any effect, at the even angles of the bank. The mean
+delay of MuJoCo's shifts, outliers aside, is added to all predictions of that operating point. The
+residual offset where effects act is the common error ``REST``.
 
-It needs a stand without effects, which real stands are not: there the common error of
-``diagnosis.likelihood.cell_likelihood.Rules`` stands for all of it.
+The offset can only be measured on a stand without effects, which no real stand is: there the common
+error of ``diagnosis.likelihood.cell_likelihood.Rules`` covers all of it.
 """
 
 from __future__ import annotations

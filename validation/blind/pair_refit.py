@@ -1,14 +1,14 @@
 r"""Visibility of a pair's second effect once the first one is refitted without it.
 
-The partner alone, with other values, may move the means much as both do. What it cannot do is
+The partner alone, with other values, can move the means much as both do. Its residual is
 
 .. math:: r(\theta) = d_e + \bar m(\theta^*) - \bar m(\theta), \qquad
           \Delta\chi^2 = \min_\theta r^T C^{-1} r,
 
-with :math:`d_e` what the effect *e* adds to the partner's means in the engine that made the data,
-at even angles and so without scatter, and :math:`\bar m` the partner's means by the emulator of the
-diagnosis, at its true values :math:`\theta^*` and at others within its prior. What both engines
-differ by at the true values cancels. *C* has all errors of a diagnosis that is told nothing:
+with :math:`d_e` the change of the partner's means by the effect *e* in the engine that made the
+data, at even angles and so without scatter, and :math:`\bar m` the partner's means by the emulator
+of the diagnosis, at its true values :math:`\theta^*` and at others within its prior. The offset of
+both engines at the true values cancels. *C* has all errors of a diagnosis without that offset:
 sampling of the case's number of shifts, emulation and simulation of the pair
 (``diagnosis.likelihood.cell_likelihood.Rules``), and those that operating points have in common.
 

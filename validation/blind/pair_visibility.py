@@ -6,10 +6,10 @@ operating points of
 
 .. math:: z = (\bar t - \bar t_e) / (\sigma_0 / \sqrt n),
 
-:math:`\sigma_0/\sqrt n` the sampling error of the case's means. It says what the effect moves while
-its partner stays as it is, and not what can be found: with other values the partner alone may do
-much the same. What is left after that, in standard errors of all operating points together, is the
-second yardstick (``validation.blind.pair_refit``).
+:math:`\sigma_0/\sqrt n` the sampling error of the case's means. This size holds the
+partner fixed and does not say whether the effect can be found: with other values the partner alone
+can do much the same. The residual after a refit of the partner, in standard errors of all operating
+points together, is the second yardstick (``validation.blind.pair_refit``).
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Score of a diagnosis on sealed cases: opened once, every figure with its interval.
 
 Shares have Wilson's 95 % interval, means a bootstrap's over cases. ``visible`` are the cases whose
-gap is at least two sampling errors of the means (root mean square over the operating points). A
-pair's effect is so beside its partner held as it is; by the other yardstick it has to have two
-standard errors in all after the best fit of its partner alone
+gap is at least two sampling errors of the means (root mean square over the operating points). An
+effect of a pair is visible by the same limit beside its fixed partner; by the other yardstick it
+needs two standard errors in all after the best fit of its partner alone
 (``validation.blind.pair_visibility``).
 """
 
