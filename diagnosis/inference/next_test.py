@@ -279,17 +279,16 @@ def _read(effect: Effect) -> tuple[str, ...]:
     return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
 
 
-def _absent(effect: Effect, setting: Setting) -> list[float]:
-    return [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
-
-
 def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
     """Predict a direct test of some effects, as shares of the priors of their parameters.
 
     An effect without parameters is there (1) or not (0).
     """
     setting = standing.setting
-    absent = np.array([share for effect in effects for share in _absent(effect, setting)])
+    neutral = [
+        [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0] for effect in effects
+    ]
+    absent = np.concatenate(neutral)
     means, variances = [], []
     for hypothesis in standing.plausible:
         mean, variance = absent.copy(), np.full(absent.size, EXACT**2)

@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
-from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space, priors_of
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -101,7 +101,9 @@ def _several(
     apart = [squared(places, nothing)[:, 0]]
     for part in itertools.combinations(whole.hypothesis, len(whole.hypothesis) - 1):
         if part in spaces:
-            alone = _alone(problem, whole.space, spaces[part], drawn.shares)
+            space = spaces[part]
+            columns = [drawn.shares[:, whole.space.columns(e.name)] for e in space.effects]
+            alone = problem.summary(part, space.values(np.hstack(columns)))
             apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
             targets.append(part)
     table = np.stack(apart)
@@ -114,11 +116,6 @@ def _several(
         for place, target in enumerate(targets)
     }
     return {**shares, whole.hypothesis: float(weights[~hidden].sum())}
-
-
-def _alone(problem: Problem, whole: Space, part: Space, shares: Array) -> PredictionSummary:
-    columns = [shares[:, whole.columns(effect.name)] for effect in part.effects]
-    return problem.summary(part.hypothesis, part.values(np.hstack(columns)))
 
 
 def noise(

@@ -42,8 +42,10 @@ def readings(
         found[key] = _read(problem, ranking, changed, free)
     if problem.seen.unknown.any():
         failed = {h: one.read_as_failed() for h, one in ranking.scored.items()}
-        log = ranking.free.log_evidence_as_failed
-        found["unknown_as_failed"] = _read(_as_failed(problem), ranking, failed, log)
+        log, seen = ranking.free.log_evidence_as_failed, problem.seen
+        seen = replace(seen, failed=seen.failed + seen.unknown, unknown=0.0 * seen.unknown)
+        counted = replace(problem, seen=seen)
+        found["unknown_as_failed"] = _read(counted, ranking, failed, log)
     return found
 
 
@@ -64,12 +66,6 @@ def _with_effect(
     spaces = spaces_for(list(names), effects, setting_of(bench))
     found = {space.hypothesis: evidence(problem, space) for space in spaces}
     return {h: (one, names[h]) for h, one in found.items()}
-
-
-def _as_failed(problem: Problem) -> Problem:
-    seen = problem.seen
-    counted = replace(seen, failed=seen.failed + seen.unknown, unknown=0.0 * seen.unknown)
-    return replace(problem, seen=counted)
 
 
 def _read(

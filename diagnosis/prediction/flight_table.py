@@ -160,7 +160,11 @@ class FlightTables:
     def at(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks at values (m, p); KeyError for a profile of no operating point."""
         setting = self.settings[profile]
-        moving = tuple(name for name in hypothesis if self._moves(name, setting))
+        moving = tuple(
+            name
+            for name in hypothesis
+            if any(changes_flight(setting, one) for one in self._tried(name, setting))
+        )
         marks = still = self._still(setting, len(values))
         if moving:
             marks = self._table(moving, profile).at(values[:, self._columns(hypothesis, moving)])
@@ -200,9 +204,6 @@ class FlightTables:
     def _columns(self, hypothesis: Hypothesis, moving: Hypothesis) -> list[int]:
         owners = [name for name in hypothesis for _ in self.effects[name].parameters]
         return [k for k, name in enumerate(owners) if name in moving]
-
-    def _moves(self, name: str, setting: Setting) -> bool:
-        return any(changes_flight(setting, one) for one in self._tried(name, setting))
 
     def _delays(self, hypothesis: Hypothesis, values: Array, setting: Setting) -> Array:
         """Add up the delays of the force by effects, s, (m,)."""

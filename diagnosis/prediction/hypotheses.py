@@ -154,7 +154,10 @@ def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[
     """
     kinds = {h: _kind(h) for h in map(forward, hypotheses)}
     numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
-    three = THREE / max(1, _threes(numbers["single"]))
+    # Triples of effects that hold a common one.
+    triples = math.comb(numbers["single"], 3)
+    triples -= math.comb(max(0, numbers["single"] - len(COMMON)), 3)
+    three = THREE / max(1, triples)
     each = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
     share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
     shares = {h: share if REVERSED in h else 1.0 - share for h in hypotheses} | {UNKNOWN: 1.0}
@@ -167,11 +170,6 @@ def _kind(hypothesis: Hypothesis) -> str:
     if hypothesis == UNKNOWN:
         return "unknown"
     return ("none", "single", "pair", "three")[len(hypothesis)]
-
-
-def _threes(effects: int) -> int:
-    """Count the triples of effects that hold a common one."""
-    return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
 
 
 def with_third(pair: Hypothesis, effects: Iterable[str]) -> tuple[Hypothesis, ...]:

@@ -165,7 +165,8 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
     _, scaled, step, chosen = best
     size = SIZES[chosen]
     inverse = _inverse(size[:, None, None] ** 2 * _kernel(apart, scaled, step) + errors)
-    inflation = _inflation(inverse, means, judged)
+    missed, error = left_out(inverse, means)
+    inflation = max(1.0, float(((missed / error)[:, judged] ** 2).mean()))
     return Curves(sites, scaled, step, size, inverse, inflation)
 
 
@@ -225,9 +226,3 @@ def left_out(inverse: Array, means: Array) -> tuple[Array, Array]:
     solved -= ones * (ones * means).sum(axis=1)[:, None] / total
     own = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) - ones**2 / total, 1e-12)
     return solved / own, own**-0.5
-
-
-def _inflation(inverse: Array, means: Array, judged: slice) -> float:
-    """Return the mean square of residuals left out, over their variances, at least 1."""
-    missed, error = left_out(inverse, means)
-    return max(1.0, float(((missed / error)[:, judged] ** 2).mean()))

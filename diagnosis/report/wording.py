@@ -194,16 +194,11 @@ def _senses(found: Found) -> str:
     """Describe the answer given either sense of rotation, where the sense was not noted."""
     if not found.senses:
         return ""
-    given = [f"{_sense(one)} {_given(found, one)}" for one in found.senses]
+    given = [_given(found, one) for one in found.senses]
     return (
         "Which way the rings turned past each other was not noted, and sizes depend on it: "
         f"{'; '.join(given)}. {found.effects[REVERSED].test.how}"
     )
-
-
-def _sense(one: SenseAnswer) -> str:
-    name = "with the reversed sense" if one.reversed else "with the sense of the table"
-    return f"{name} (probability {chance(one.probability)})"
 
 
 def _given(found: Found, one: SenseAnswer) -> str:
@@ -211,7 +206,11 @@ def _given(found: Found, one: SenseAnswer) -> str:
     best = next(iter(one.posterior))
     sizes = [described(name, size) for name, size in one.sizes(best, found.intervals).items()]
     size = f": {', '.join(sizes)}" if sizes else ""
-    return f"{plain(best, found.effects)} ({chance(one.posterior[best])}){size}"
+    sense = "the reversed sense" if one.reversed else "the sense of the table"
+    return (
+        f"with {sense} (probability {chance(one.probability)}) "
+        f"{plain(best, found.effects)} ({chance(one.posterior[best])}){size}"
+    )
 
 
 def _far(found: Found) -> str:

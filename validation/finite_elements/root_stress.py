@@ -346,7 +346,8 @@ def hexahedra(points: Points, cells: NDArray[np.int64]) -> tuple[Any, Any]:
 
 def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> Matrix:
     """Return the stiffness matrix, unknown ``3 node + direction``, N/m."""
-    lame, shear = _lame()
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
     unknown = (3 * _by_local(cells)[:, :, None] + np.arange(3)).reshape(len(cells), 81)
     total = sp.csr_matrix((3 * nodes, 3 * nodes))
     for some in np.array_split(np.arange(len(cells)), max(1, len(cells) // 1000)):
@@ -363,11 +364,6 @@ def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> M
         columns = np.tile(unknown[some], (1, 81)).ravel()
         total = total + sp.csr_matrix((local.ravel(), (rows, columns)), shape=total.shape)
     return total
-
-
-def _lame() -> tuple[float, float]:
-    shear = YOUNG / (2.0 * (1.0 + POISSON))
-    return YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)), shear
 
 
 def skin_stress(gradient: Points, normal: Points) -> Points:
