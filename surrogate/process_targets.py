@@ -47,9 +47,9 @@ def timed(data: Dataset) -> Mask:
 def known_noise(data: Dataset) -> Array:
     """Return the variance of the logarithm of each mean, (n,).
 
-    A mean that is low by luck has a low standard error too, so that its own would weigh it
-    too much and draw all times down (by a percent, eight angles a row). Rows share the mean of
-    those with the nearest mismatch instead, each for its own number of shifts that engaged.
+    A mean that is low by luck has a low standard error too. Weighted by its own error, such a mean
+    would draw all times down (by a percent, eight angles a row). Rows share the mean of those with
+    the nearest mismatch instead, each for its own number of shifts that engaged.
     """
     count = data.column("engaged")
     one = count * (data.column("standard_error_s") / data.column("mean_s")) ** 2

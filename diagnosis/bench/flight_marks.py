@@ -4,12 +4,12 @@ Until the first touch the motion of the ring depends on no relative angle, so al
 force profile show the same flight. Its marks are the times at which the displacement passes shares
 of the nominal axial gap, and the force shares of its nominal final value.
 
-A mark is the root of a parabola through the samples around it (from a part of the value to somewhat
-above, none from after the gap is closed). With the scatter :math:`\sigma` of the samples, from
-their third differences or from what the parabola leaves, its standard error is
+A mark is the root of a parabola through the samples around it. The samples run from a part of the
+value to somewhat above; none is from after the gap is closed. With the scatter :math:`\sigma` of
+the samples, from their third differences or from what the parabola leaves, its standard error is
 :math:`\sigma_{fit}/|\dot x|`. Values below four scatters have no mark, nor has a force that the
-trace does not pass. Traces whose mark lies far from the others' (a first touch before its time)
-are left out, the rest averaged.
+trace does not pass. Traces whose mark lies far from the others' (a first touch before its time) are
+left out, the rest averaged.
 
 All marks of a profile err together: by the start of each trace within its sampling step, by the
 gain of the sensor (:math:`\delta t = g x/\dot x`), and by what the rigid flight leaves out.

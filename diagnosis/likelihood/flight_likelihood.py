@@ -1,6 +1,6 @@
 r"""Likelihood of the marks of the flight under the prediction of a hypothesis.
 
-The *k* marks of one force profile count once, whatever the number of traces, by a Student
+The *k* marks of one force profile count once, whatever the number of traces. Their law is a Student
 distribution with ``DOF`` degrees of freedom, so that one odd profile decides nothing alone:
 
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad

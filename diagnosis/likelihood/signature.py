@@ -1,10 +1,11 @@
 """Signatures: predictions in units of the errors of the data, as points with a distance.
 
-The signature of a prediction has coordinates for the mean of each cell with times, the logarithm
-of the spread of each cell with single shifts, and each share engaged. Each coordinate is divided by
-its standard error at the data set's number of shifts, errors of the simulation included. Marks of
-the flight add one independent coordinate each. Half the squared distance of two signatures is about
-the expected log Bayes factor between them. A squared distance of 4 is two standard errors in all.
+The signature of a prediction has a coordinate for each mean time and each share engaged. The
+logarithm of the spread is a further one for each cell with single shifts. Each coordinate is
+divided by its standard error at the data set's number of shifts, errors of the simulation included.
+Marks of the flight add one independent coordinate each. Half the squared distance of two signatures
+is about the expected log Bayes factor between them. A squared distance of 4 is two standard errors
+in all.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ says where between (or beyond) both a pair lies:
 .. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2}.
 
 *w* is fitted to a pair's operating points by the errors of the simulated means, with all pairs as a
-prior, and moved at each point as far as its own means allow. The error of *w* at other strengths
+prior. At each point *w* moves as far as its own means allow. The error of *w* at other strengths
 has a part that all operating points share, and one of their own. All times of a spread take the
 same factor on top of their product, and the odds of engaging multiply.
 """

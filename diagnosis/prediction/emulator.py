@@ -1,10 +1,10 @@
 r"""Emulator: from a bank's levels to the distribution of times at any values of a hypothesis.
 
 One effect alone: the mean :math:`M(x)` is that of the baseline with the change along the curve of
-``diagnosis.prediction.level_curves``, :math:`\ln M = \sum_l w_l \ln M_l`, so that an effect of no
-strength is the baseline itself. The shape, times over their mean at equal shares, has the same
-weights. Both leave outliers (``diagnosis.prediction.outliers``) out. The share of outliers has the
-weights of the share engaged, and their delay is that of all levels of the operating point.
+``diagnosis.prediction.level_curves``, :math:`\ln M = \sum_l w_l \ln M_l`. An effect of no strength
+is then the baseline itself. The shape, times over their mean at equal shares, has the same weights.
+Both leave outliers (``diagnosis.prediction.outliers``) out. The share of outliers has the weights
+of the share engaged, and their delay is that of all levels of the operating point.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
 those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. Simulated

@@ -5,9 +5,9 @@ Until dogs touch, ring and actuator move along the shaft alone, with the equatio
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-So a flight costs an integration in one or two degrees of freedom instead of a simulated shift, and
-every effect and pair can be let fly at many values. Simulated shifts in Drake have the same flight
-(``tests/verification/test_flight.py``).
+So a flight costs an integration in one or two degrees of freedom instead of a simulated shift.
+Every effect and pair can therefore fly at many values. Simulated shifts in Drake have the same
+flight (``tests/verification/test_flight.py``).
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Outliers: shifts whose dogs pass slot after slot, a rare tail far behind a narrow bulk.
 
-At 100 1/min and more nearly all shifts of an operating point take within some ms, and a few in a
-hundred take a tenth of a second more, with hardly anything between. Mixed into one mean and one
-standard deviation they would hide the bulk. An outlier lies behind the median of its
-level by more than ``FAR`` times the distance of the 80 % quantile, so that a wait that many shifts
-have makes no outliers.
+At 100 1/min and more nearly all shifts of an operating point take the same time within some ms. A
+few in a hundred take a tenth of a second more, with hardly anything between. Mixed into one mean
+and one standard deviation they would hide the bulk. An outlier lies behind the median of its level
+by more than ``FAR`` times the distance of the 80 % quantile. So a wait that many shifts have makes
+no outliers.
 """
 
 from __future__ import annotations

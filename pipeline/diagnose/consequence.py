@@ -1,9 +1,9 @@
 """So what: whether the best design stays the best once a named effect is in.
 
 Prototype and the leading designs of a study's kept result are simulated without and with the
-effect, at the same relative angles, which the search did not use. What ignoring the effect costs is
-the time of the design that the study chose, which knew of no effect, less that of the one that is
-best with it, both with it. Designs that only a search with the effect would have found are not
+effect, at the same relative angles, which the search did not use. The study chose a design without
+the effect. The cost of ignoring the effect is the time of that design less the time of the best
+design, both with the effect. Designs that only a search with the effect would have found are not
 among them, so the cost may be more; that the best is the best of several estimates makes it seem
 more.
 """

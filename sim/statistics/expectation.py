@@ -1,10 +1,9 @@
 r"""Expected shift time over the random relative angle and the operating points.
 
-The angle is uniform over one pitch. It is sampled at *n* evenly spaced angles
-with a random start, drawn once for each operating point and common to all
-designs, so that designs differ by their shape and not by their luck. The mean is
-unbiased; on the times of the prototype its error is a third of that of as many
-random angles at *n* = 8, and it falls as 1/n instead of its root.
+The angle is uniform over one pitch. It is sampled at *n* evenly spaced angles with a random start.
+The start is drawn once for each operating point and is common to all designs, so that designs
+differ by their shape, not by luck. The mean is unbiased; on the times of the prototype its error is
+a third of that of as many random angles at *n* = 8, and it falls as 1/n instead of its root.
 
 A shift that does not engage is tried again after the time-out and a
 retraction. With *p* the share that engages,

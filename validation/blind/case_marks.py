@@ -1,7 +1,7 @@
 r"""Marks of one case: the truth beside the diagnosis.
 
-The size of a case's gap compares its means with those of the same engine without any effect, in
-sampling errors of the means, less the part of chance:
+The size of a case's gap compares its means with those of the same engine without any effect. It is
+in sampling errors of the means, less the part of chance:
 
 .. math:: g^2 = \max(0, \overline{z^2} - c), \qquad
    z = (\bar t - \bar t_0) / (\sigma_0 / \sqrt n),

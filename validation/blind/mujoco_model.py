@@ -1,9 +1,9 @@
 r"""MuJoCo model of the stand with its truth: a mechanism of MuJoCo for each effect.
 
 One dog of the sliding ring carries the whole ring and meets every dog of the output ring. In
-MuJoCo's direct format of contact parameters spring and damper are for the very mass that a
-contact moves, so one dog with all of it moves as all dogs do (``validation.second_model`` has the
-measurements behind impedance, cone and damping).
+MuJoCo's direct format of contact parameters, spring and damper belong to the mass that a contact
+moves, so one dog with all the mass moves as all dogs do. ``validation.second_model`` has the
+measurements behind impedance, cone and damping.
 
 ======================= =====================================================================
 effect                  mechanism

@@ -18,11 +18,10 @@ Pressure and lever follow from the load vector itself: its sum is the tangential
 its moment the lever, so that they belong to the stress whatever the mesh does to the
 band's ends.
 
-Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's
-face, where gradients are best, from the surface's own stretch in plane stress. Its largest
-value over the whole fillet counts, ends of the dog included: edges there are rectangular
-and free, so that the stress is finite. It is found between the
-inner end, for wide dogs, and the mean radius.
+Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's face,
+where gradients are best. It follows from the surface's own stretch in plane stress. Its largest
+value over the whole fillet counts, ends of the dog included: edges there are rectangular and free,
+so that the stress is finite. It is found between the inner end, for wide dogs, and the mean radius.
 
 The body rests on a hub: its inner face is held radially. Without it a deep body rolls
 outwards, as dogs carry their force on one side and pull the floor behind them, and the
