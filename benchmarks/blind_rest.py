@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
@@ -81,7 +81,7 @@ def _left(
     shares: list[float] = []
     for (mismatch, force, _), times in zip(points, case["times_s"], strict=True):
         near = min(places, key=lambda p: abs(p[0] - mismatch) + abs(p[1] - force))
-        said = Said.of([emulator.at(hypothesis, values, places[near])], Rules())
+        said = CellPredictions.of([emulator.at(hypothesis, values, places[near])], Rules())
         seen = timely(times)
         if seen.size < 3 or not np.isfinite(said.mean[0, 0]):
             continue

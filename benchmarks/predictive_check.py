@@ -20,7 +20,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.predictive_check import p_value
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, late_counts
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, outlier_beta
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.emulator import BankEmulator
@@ -45,15 +45,15 @@ def few(bench: Bench) -> Bench:
 def drawn(bench: Bench, problem: Problem, seed: int, *, declared: bool, single: bool) -> Bench:
     """Return a data set without any effect, with or without the declared errors."""
     generator = np.random.default_rng(seed)
-    said, common = problem.said(NONE, NOTHING), problem.common
+    predicted, common = problem.predictions(NONE, NOTHING), problem.common
     points = [cell.point for cell in bench.cells]
     offsets = np.zeros(len(points))
     if declared:
         together = common @ generator.standard_normal(common.shape[1])
-        offsets = together + said.error[:, 0] * generator.standard_normal(len(points))
+        offsets = together + predicted.error[:, 0] * generator.standard_normal(len(points))
     readings: list[Reading] = []
     for cell, point in enumerate(points):
-        times = _times(said, cell, generator, declared=declared, single=single) + offsets[cell]
+        times = _times(predicted, cell, generator, declared=declared, single=single) + offsets[cell]
         groups = [(1, t) for t in times] if single else [(SHIFTS, times.mean())]
         row = len(readings) + 2
         readings += [Reading(row + k, point, n, float(t), True) for k, (n, t) in enumerate(groups)]
@@ -61,18 +61,23 @@ def drawn(bench: Bench, problem: Problem, seed: int, *, declared: bool, single: 
 
 
 def _times(
-    said: Said, cell: int, generator: np.random.Generator, *, declared: bool, single: bool
+    predicted: CellPredictions,
+    cell: int,
+    generator: np.random.Generator,
+    *,
+    declared: bool,
+    single: bool,
 ) -> Array:
     """Return the times of the shifts of one operating point, but for errors of its mean, s."""
-    mean, times = said.mean[cell, 0], said.times[cell, 0]
-    wrong = said.shape[cell, 0] * generator.standard_normal() if declared and single else 0.0
+    mean, times = predicted.mean[cell, 0], predicted.times[cell, 0]
+    wrong = predicted.shape[cell, 0] * generator.standard_normal() if declared and single else 0.0
     found: Array = mean + np.exp(wrong) * (generator.choice(times, SHIFTS) - mean)
-    rate = said.late[cell, 0]
+    rate = predicted.outlier_share[cell, 0]
     if declared and single:
-        rate = generator.beta(*(part[cell, 0] for part in late_counts(said)))
-    if np.isnan(said.behind[cell, 0]):
+        rate = generator.beta(*(part[cell, 0] for part in outlier_beta(predicted)))
+    if np.isnan(predicted.behind[cell, 0]):
         return found
-    behind = generator.normal(said.behind[cell, 0], said.behind_sd[cell, 0], SHIFTS)
+    behind = generator.normal(predicted.behind[cell, 0], predicted.behind_sd[cell, 0], SHIFTS)
     return np.where(generator.random(SHIFTS) < rate, found + behind, found)
 
 

@@ -1,4 +1,4 @@
-"""The diagnosis of a data set: which effect makes the gap, how sure, and what to test next."""
+"""Diagnosis of a data set: cause of the gap with its probability, and the next test."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.inference.classes import (
     Confusion,
     confusable,
@@ -18,11 +19,11 @@ from dogshape.diagnosis.inference.classes import (
 )
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.next_test import (
-    Foretold,
+    MeanPrediction,
     NextTest,
     Standing,
     choose,
-    foretold,
+    mean_prediction,
     why,
 )
 from dogshape.diagnosis.inference.parameter_intervals import Bound, Interval, bounds, intervals
@@ -34,7 +35,7 @@ from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, decide
 from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
 from dogshape.diagnosis.prediction.prediction import Emulator
@@ -45,16 +46,16 @@ from dogshape.sim.units import RPM
 
 Record = dict[str, Any]
 
-BLIND = 0.999  #: hidden share of a prior from which the data tell nothing of an effect
+BLIND = 0.999  #: hidden share of a prior from which the data hold no information on an effect
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What is found; carries the data set.
+    """Result of a diagnosis; carries the data set.
 
     Parameters
     ----------
-    belief : probability of each hypothesis, the largest first, weak effects counted as none and
+    posterior : probability of each hypothesis, the largest first, weak effects counted as none and
         what cannot have made the data as unknown.
     raw : before that.
     scored : every hypothesis but unknown with its evidence.
@@ -65,14 +66,14 @@ class Diagnosis:
     bounds : what each effect is at most.
     other : probabilities with priors half and twice as wide, and with unknown shifts failed.
     tests : the menu, best first.
-    foretold : what the leading hypothesis says of each operating point.
+    mean_prediction : mean times that the leading hypothesis predicts.
     noise : Monte Carlo standard error of the leading probability.
     senses : the answers given either sense of rotation, none where it is known.
     """
 
     bench: Bench
     verdict: Verdict
-    belief: Probabilities
+    posterior: Probabilities
     raw: Probabilities
     scored: Mapping[Hypothesis, Scored]
     leading: Hypothesis
@@ -84,15 +85,15 @@ class Diagnosis:
     bounds: Mapping[str, Bound]
     other: Mapping[str, Probabilities]
     tests: tuple[NextTest, ...]
-    baseline: Predicted
+    baseline: PredictionSummary
     metric: Metric
     effects: Mapping[str, Effect]
-    foretold: Foretold
+    mean_prediction: MeanPrediction
     noise: float
     senses: tuple[SenseAnswer, ...] = ()
 
     def as_dict(self) -> Record:
-        """Return the record of the contract, with more."""
+        """Write the record of the contract, with more."""
         from_rival = self.rival[1] if self.rival else None
         aliases = {name: effect.aliases for name, effect in self.effects.items()}
         return {
@@ -102,7 +103,7 @@ class Diagnosis:
             "noise": self.noise,
             "headline": headline(self.found),
             "summary": in_words(self.found),
-            "hypotheses": [self._hypothesis(h) for h in self.belief],
+            "hypotheses": [self._hypothesis(h) for h in self.posterior],
             "confusable": confusable(self.confusion, aliases),
             "classes": structured(self.confusion),
             "gap": {
@@ -116,10 +117,18 @@ class Diagnosis:
                 "rival_heldout_rmse_s": from_rival.held_out if from_rival else None,
                 "rival_shrink": from_rival.shrink if from_rival else None,
             },
-            "where": self._where(),
+            "where": [
+                {
+                    "mismatch_rpm": one.cell.point.mismatch / RPM,
+                    "force_N": one.cell.point.profile.force,
+                    "gap_s": one.gap,
+                    "z": one.z,
+                }
+                for one in self.gaps
+            ],
             "next_test": {
                 **self.tests[0].as_dict(),
-                "why": why(self.tests[0], self.belief, self.effects),
+                "why": why(self.tests[0], self.posterior, self.effects),
             },
             "tests": [
                 {
@@ -130,7 +139,7 @@ class Diagnosis:
                 }
                 for t in self.tests[:8]
             ],
-            "inclusion": inclusion(self.belief),
+            "inclusion": inclusion(self.posterior),
             "senses": [one.as_dict(self.intervals) for one in self.senses],
             "credible_set": [list(h) for h in self.verdict.credible],
             "class_probability": self.verdict.group_probability,
@@ -149,27 +158,39 @@ class Diagnosis:
                 for fact in facts_of(self.bench)
             ],
             "sensitivity": {
-                key: [{"effects": list(h), "probability": p} for h, p in list(belief.items())[:5]]
-                for key, belief in self.other.items()
+                key: [
+                    {"effects": list(h), "probability": p} for h, p in list(posterior.items())[:5]
+                ]
+                for key, posterior in self.other.items()
             },
         }
 
     @property
+    def gaps(self) -> tuple[PointGap, ...]:
+        """Gap at each operating point without any effect, with the error of the data."""
+        means = [float(m) if np.isfinite(m) else None for m in self.baseline.mean[0]]
+        errors = self.metric.mean.tolist()
+        cells = zip(self.bench.cells, means, errors, strict=True)
+        return tuple(PointGap(cell, mean, error) for cell, mean, error in cells)
+
+    @property
     def chance(self) -> float | None:
-        """What scatter and errors alone would leave, were the leading hypothesis true, rms, s."""
+        """Gap that scatter and errors alone would leave under the leading hypothesis, rms, s."""
         counts = np.array([cell.n for cell in self.bench.cells], dtype=float)
         having = np.array([cell.time is not None for cell in self.bench.cells])
-        squares = self.foretold.variance + self.foretold.single / np.maximum(1.0, counts)
+        squares = self.mean_prediction.variance + self.mean_prediction.single / np.maximum(
+            1.0, counts
+        )
         those = squares[having & np.isfinite(squares)]
         return float(np.sqrt(those.mean())) if those.size else None
 
     @property
     def found(self) -> Found:
-        """What is put into words."""
+        """Facts for the sentences."""
         gaps, test = self.before_after, self.tests[0]
         return Found(
             self.verdict,
-            self.belief,
+            self.posterior,
             self.intervals,
             gaps,
             test,
@@ -189,7 +210,7 @@ class Diagnosis:
         found = self.scored.get(hypothesis)
         record: Record = {
             "effects": list(hypothesis),
-            "probability": self.belief[hypothesis],
+            "probability": self.posterior[hypothesis],
             "parameters": {},
             "evidence_probability": self.raw[hypothesis],
         }
@@ -202,22 +223,6 @@ class Diagnosis:
             record["predictive_p"] = self.fits[hypothesis]
         return record
 
-    def _where(self) -> list[Record]:
-        found = []
-        for place, cell in enumerate(self.bench.cells):
-            gap = None if cell.time is None else cell.time - float(self.baseline.mean[0, place])
-            gap = gap if gap is None or np.isfinite(gap) else None
-            error = float(self.metric.mean[place])
-            found.append(
-                {
-                    "mismatch_rpm": cell.point.mismatch / RPM,
-                    "force_N": cell.point.profile.force,
-                    "gap_s": gap,
-                    "z": None if gap is None else gap / error,
-                }
-            )
-        return found
-
 
 def diagnose(
     bench: Bench,
@@ -227,7 +232,7 @@ def diagnose(
     pairs: Sequence[Hypothesis] | None = None,
     rules: Rules | None = None,
 ) -> Diagnosis:
-    """Diagnose a data set.
+    """Diagnose a data set by an emulator.
 
     Parameters
     ----------
@@ -237,20 +242,22 @@ def diagnose(
     """
     problem = Problem(observe(bench), emulator, rules or Rules(), bench.mismatch_sense)
     ranking = rank(problem, bench, effects, pairs)
-    belief, scored, metric = ranking.belief, ranking.scored, ranking.metric
+    posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
     plain = scored[NONE].rows.predicted
     parts = confusion(known, metric, ranking.folded, plain)
-    standing = Standing(bench, problem.seen, scored, ranking.free, belief, effects, ranking.leading)
+    standing = Standing(
+        bench, problem.seen, scored, ranking.free, posterior, effects, ranking.leading
+    )
     gaps = _gaps(standing, ranking)
     hidden = invisible(list(scored.values()), metric)
-    verdict = decide(belief, parts, ranking.fits)
+    verdict = decide(posterior, parts, ranking.fits)
     if verdict.kind == "none" and sees_nothing(hidden):
         verdict = replace(verdict, kind="ambiguous")
     return Diagnosis(
         bench=bench,
         verdict=verdict,
-        belief=belief,
+        posterior=posterior,
         raw=ranking.raw,
         scored=scored,
         leading=ranking.leading,
@@ -265,14 +272,14 @@ def diagnose(
         baseline=plain,
         metric=metric,
         effects=effects,
-        foretold=foretold(standing, ranking.leading),
-        noise=noise(next(iter(belief)), ranking.raw, ranking.fold, scored),
+        mean_prediction=mean_prediction(standing, ranking.leading),
+        noise=noise(next(iter(posterior)), ranking.raw, ranking.fold, scored),
         senses=sense_answers(problem, ranking),
     )
 
 
 def sees_nothing(hidden: Mapping[str, float]) -> bool:
-    """Tell whether data can show no effect, not even at the far end of its prior.
+    """Test that data can show no effect, not even at the far end of its prior.
 
     ``hidden`` has the share of each prior that they cannot tell from none. That nothing is
     seen in such data is no evidence that nothing is there.

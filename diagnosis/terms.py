@@ -6,8 +6,49 @@ parameters of these effects, effect by effect, in the units that the parameters'
 
 from __future__ import annotations
 
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Self
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Hypothesis = tuple[str, ...]  #: effects by name, () for none
+
+
+@dataclass(frozen=True)
+class Table:
+    """Base of frozen arrays with a row for each of m values of a hypothesis.
+
+    Fields are arrays (m, ...), tables, or None; those named in ``SHARED`` hold for all rows.
+    """
+
+    SHARED: ClassVar[tuple[str, ...]] = ()
+
+    def only(self, which: np.ndarray) -> Self:
+        """Select some of the rows."""
+        return replace(
+            self,
+            **{
+                name: part.only(which) if isinstance(part, Table) else part[which]
+                for name, part in self._parts.items()
+            },
+        )
+
+    def joined(self, other: Self) -> Self:
+        """Append the rows of another table."""
+        theirs = other._parts
+        return replace(
+            self,
+            **{
+                name: part.joined(theirs[name])
+                if isinstance(part, Table)
+                else np.concatenate([part, theirs[name]])
+                for name, part in self._parts.items()
+            },
+        )
+
+    @property
+    def _parts(self) -> dict[str, Any]:
+        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.SHARED}
+        return {name: part for name, part in every.items() if part is not None}

@@ -62,7 +62,7 @@ class Diagnosis(Result):
         """Probability of each hypothesis, the most probable first; names joined by ``+``."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-        named = {" + ".join(h) or "none": p for h, p in self.inference.belief.items()}
+        named = {" + ".join(h) or "none": p for h, p in self.inference.posterior.items()}
         return pd.Series(named, name="probability").rename_axis("hypothesis")
 
     @property

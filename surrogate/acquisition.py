@@ -1,4 +1,4 @@
-r"""Where to simulate next: the rows that most lower the error of a question.
+r"""Next rows to simulate: those that most lower the error of a question.
 
 A question is the expected time over a mix at some target designs, with weights
 :math:`\omega_t`. A row *q* that is simulated with noise :math:`s_q^2` lowers the summed
@@ -7,8 +7,8 @@ variance of the relative errors by
 .. math:: \sum_t \omega_t \frac{C(t, q)^2}{C(q, q) + s_q^2},
 
 *C* being the covariance given all rows (Cohn 1996, for processes: Seo et al. 2000). Rows
-are chosen one after the other, each given those before: what a row will say is not needed for
-that, only where it is.
+are chosen one after the other, each given those before. The choice needs the place of a row, not
+its result.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Question:
 class Choice:
     """Rows to simulate: places of designs of the question and of points of the mix, (n,).
 
-    ``designs`` and ``points`` count from nought; ``left`` is the question's variance of the
+    ``designs`` and ``points`` count from zero; ``left`` is the question's variance of the
     relative error after each row, over that before the first, when given rows are known.
     """
 
@@ -57,7 +57,7 @@ def choose(
     """Choose ``count`` rows of ``angles`` shifts at the question's designs and the mix's points.
 
     ``given`` are rows that are simulated anyhow, counted point by point through design after
-    design: what they tell is known before the first is chosen. With ``again`` a row may be chosen
+    design: their information counts before the first is chosen. With ``again`` a row may be chosen
     more than once, for other angles; else there are no more than the rows that are left.
     """
     rows = _Rows(over, question, angles)
@@ -97,13 +97,13 @@ class _Rows:
         taken = np.einsum("ij,ij->i", self._known, self._links)
         self._variance = process.covariance.variance(self._inputs) - taken
         self.noise = np.tile(one_shift_noise(surrogate, mix.points) / angles, len(goals))
-        self._told = np.zeros((0, len(self._inputs)))
+        self._taken = np.zeros((0, len(self._inputs)))
         #: the question's variance of the relative error
         self.left = float(question.weights @ over.relative_variance(goals))
 
     @property
     def gains(self) -> Array:
-        """Return what each row would take from the question's variance, (n,)."""
+        """Compute the drop of the question's variance by each row, (n,)."""
         gains: Array = self._weights @ self._shared**2 / (self._variance + self.noise)
         return gains
 
@@ -111,12 +111,12 @@ class _Rows:
         """Count a row as simulated."""
         self.left -= float(self.gains[row])
         column = self._covariance.between(self._inputs, self._inputs[row : row + 1])[:, 0]
-        column = column - self._known @ self._links[row] - self._told.T @ self._told[:, row]
+        column = column - self._known @ self._links[row] - self._taken.T @ self._taken[:, row]
         deviation = float(self._variance[row] + self.noise[row]) ** 0.5
-        told = column / deviation
-        self._told = np.vstack([self._told, told])
-        self._shared = self._shared - np.outer(self._shared[:, row], told) / deviation
-        self._variance = np.maximum(self._variance - told**2, 0.0)
+        scaled = column / deviation
+        self._taken = np.vstack([self._taken, scaled])
+        self._shared = self._shared - np.outer(self._shared[:, row], scaled) / deviation
+        self._variance = np.maximum(self._variance - scaled**2, 0.0)
 
 
 def one_shift_noise(surrogate: Surrogate, points: Array) -> Array:

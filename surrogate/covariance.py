@@ -6,7 +6,7 @@ designs over a length scale for each coordinate and :math:`r_o` that of two oper
 points. Either factor may be left out. In a term that grows, :math:`g = e^{(b u + c u^2)/2}`
 with :math:`u = |o_1| - 1` from the mismatch's coordinate: fast shifts are rougher than slow ones.
 
-A rough term has Wendland's :math:`m(r) = (1 - r)_+^k (k r + 1)` instead, which is nought beyond its
+A rough term has Wendland's :math:`m(r) = (1 - r)_+^k (k r + 1)` instead, which is zero beyond its
 reach: there nearly all pairs of designs are left out. It is positive definite in up to *d*
 coordinates with :math:`k = \lfloor d/2 \rfloor + 3` (Wendland 1995), so *k* is 7 for up to nine and
 grows with more.
@@ -36,10 +36,10 @@ CHUNK = 64  #: rows worked out at a time, so that they stay in the processor's c
 
 @dataclass(frozen=True)
 class Term:
-    """One term: which factors it has, and whether it grows with the mismatch.
+    """One term: its factors, and its growth with the mismatch.
 
     ``scales`` bounds its length scales, ranges of designs being scaled to one; a fit starts from
-    ``first``. Equal bounds fix them as the reach of what is rough: nothing beyond foretells it.
+    ``first``. Equal bounds fix them as the reach of what is rough: nothing beyond predicts it.
     """
 
     design: bool
@@ -50,7 +50,7 @@ class Term:
 
     @property
     def rough(self) -> bool:
-        """Whether the length scales are fixed."""
+        """Fixed length scales."""
         return self.scales[0] == self.scales[1]
 
 
@@ -67,8 +67,7 @@ class Part:
     def amplitude(self, points: Array) -> Array:
         """Return the standard deviation at operating points (n, p), (n,)."""
         size, (steep, bent) = _size(points), self.growth
-        grown: Array = self.variance**0.5 * np.exp(0.5 * (steep * size + bent * size**2))
-        return grown
+        return self.variance**0.5 * np.exp(0.5 * (steep * size + bent * size**2))
 
     def design_factor(self, a: Array, b: Array) -> Array:
         """Return the factor of designs (n, d) and (m, d), (n, m)."""
@@ -184,8 +183,7 @@ class Covariance:
     def variance(self, inputs: Array) -> Array:
         """Return the variance of inputs (n, d + p) before any data, (n,)."""
         points = self.split(inputs)[1]
-        total: Array = np.sum([part.amplitude(points) ** 2 for part in self.parts], axis=0)
-        return total
+        return np.sum([part.amplitude(points) ** 2 for part in self.parts], axis=0)
 
     def slopes(self, inputs: Array) -> tuple[Array, Array]:
         """Return the covariance of inputs (n, d + p), (n, n), and its slopes, (n, n, size)."""
@@ -244,7 +242,7 @@ def distance(a: Array, b: Array) -> Array:
 
 
 def wendland(apart: Array, coordinates: int) -> Array:
-    """Return Wendland's correlation of scaled distances, of their shape; nought from 1 on.
+    """Compute Wendland's correlation of scaled distances, of their shape; zero from 1 on.
 
     Positive definite over that many coordinates.
     """
@@ -257,7 +255,7 @@ def wendland(apart: Array, coordinates: int) -> Array:
 
 
 def _size(points: Array) -> Array:
-    """Return how fast shifts at operating points (n, p) are, nought at coordinate 1, (n,)."""
+    """Compute the mismatch coordinate of operating points (n, p), zero at coordinate 1, (n,)."""
     return np.abs(points[:, 0]) - 1.0 if points.shape[1] else np.zeros(len(points))
 
 

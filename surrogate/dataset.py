@@ -59,21 +59,18 @@ class Dataset:
 
     def column(self, name: str) -> Array:
         """Return one of ``COLUMNS``, (n,)."""
-        column: Array = self.rows[:, len(self.variables) + COLUMNS.index(name)]
-        return column
+        return self.rows[:, len(self.variables) + COLUMNS.index(name)]
 
     @property
     def x(self) -> Array:
         """Designs, (n, d), edge units."""
-        designs: Array = self.rows[:, : len(self.variables)]
-        return designs
+        return self.rows[:, : len(self.variables)]
 
     @property
     def points(self) -> Array:
         """Mismatch in 1/min and force in N, (n, 2)."""
         cut = len(self.variables)
-        points: Array = self.rows[:, cut : cut + 2]
-        return points
+        return self.rows[:, cut : cut + 2]
 
     @cached_property
     def designs(self) -> Array:
@@ -97,8 +94,7 @@ class Dataset:
 
     def scaled(self, x: Array) -> Array:
         """Scale designs (m, d) to the unit cube of the search range."""
-        scaled: Array = (np.atleast_2d(x) - self.low) / (self.high - self.low)
-        return scaled
+        return (np.atleast_2d(x) - self.low) / (self.high - self.low)
 
     def subset(self, rows: Any) -> Dataset:
         """Return the data set with only ``rows``: places or (n,) of bool."""
@@ -143,29 +139,27 @@ class Dataset:
 def once(rows: Array) -> Array:
     """Return each of the rows (n, k) once, in their order."""
     first = np.unique(np.nan_to_num(rows, nan=-1.0), axis=0, return_index=True)[1]
-    kept: Array = rows[np.sort(first)]
-    return kept
+    return rows[np.sort(first)]
 
 
 def among(x: Array, designs: Array) -> Mask:
-    """Tell which rows of x (n, d) are one of the designs (k, d), (n,) of bool."""
-    found: Mask = (x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
-    return found
+    """Mark the rows of x (n, d) that equal one of the designs (k, d), (n,) of bool."""
+    return (x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
 
 
 def differences(mine: Record, theirs: Record) -> str:
-    """Say in which keys two records differ, the first three of them."""
-    keys = [k for k in {**mine, **theirs} if not _same(mine.get(k), theirs.get(k))]
+    """List the first three keys in which two records differ."""
+    keys = [
+        k
+        for k in {**mine, **theirs}
+        if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
+    ]
     parts = [f"{k} is {_said(mine, k)} here and {_said(theirs, k)} there" for k in keys[:3]]
     return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
 
 
 def _said(record: Record, key: str) -> Any:
     return record.get(key, "absent")
-
-
-def _same(mine: Any, theirs: Any) -> bool:
-    return content_key({"v": mine}) == content_key({"v": theirs})
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:

@@ -1,4 +1,4 @@
-r"""Share of shifts that engage: near one, near nought, or in between, never outside.
+r"""Share of shifts that engage: near one, near zero, or in between, never outside.
 
 Engaged and all shifts of the rows are counted with a weight that falls with their
 distance, on top of a prior with the overall share (correlated Beta process, Goetschalckx,
@@ -7,7 +7,7 @@ Poupart and Hoey 2011):
 .. math:: p(z) \sim Beta(s \bar p + \sum_i c_i k_i,\; s (1 - \bar p) + \sum_i c_i (n_i - k_i)),
    \quad c_i = e^{-|z - z_i|^2/2\ell^2}
 
-Length :math:`\ell` and strength *s* of the prior are those that best foretell the counts of
+Length :math:`\ell` and strength *s* of the prior are those that best predict the counts of
 designs left out. A Gaussian process of the logit would pull shares that are nearly always
 one away from it, and each thousandth costs a retry.
 """
@@ -69,12 +69,12 @@ class Share:
         return self._beta(*counts)
 
     def alike(self, inputs: Array) -> Array:
-        """Return how far errors of the share at inputs (m, d + p) go together, (m, m)."""
+        """Compute the correlation of errors of the share at inputs (m, d + p), (m, m)."""
         x, points = inputs[:, : self.designs], inputs[:, self.designs :]
         return self.near(x, x) * self.near(points, points)
 
     def near(self, a: Array, b: Array) -> Array:
-        """Return how near designs, or operating points, (m, c) and (k, c) are, (m, k)."""
+        """Compute the nearness of designs, or operating points, (m, c) and (k, c), (m, k)."""
         return _nearness(a, b, self.length)
 
     def _beta(self, engaged: Array, lost: Array) -> tuple[Array, Array]:
@@ -85,7 +85,7 @@ class Share:
 
 
 def fit_share(designs: int, inputs: Array, counts: tuple[Array, Array], place: Places) -> Share:
-    """Return the length and strength that best foretell each design's counts by the others'.
+    """Fit length and strength: those that best predict the counts of designs left out.
 
     ``counts`` are those of engaged and of all shifts, each (n,); ``place`` the design's of
     each row, (n,).
@@ -110,5 +110,4 @@ def fit_share(designs: int, inputs: Array, counts: tuple[Array, Array], place: P
 def _nearness(a: Array, b: Array, length: float) -> Array:
     if length == inf:
         return np.ones((len(a), len(b)))
-    near: Array = np.exp(-0.5 * (distance(a, b) / length) ** 2)
-    return near
+    return np.exp(-0.5 * (distance(a, b) / length) ** 2)

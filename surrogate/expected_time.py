@@ -1,11 +1,10 @@
 """The surrogate of the expected time over one mix, for many designs at once.
 
-Terms are products, so the operating points are summed once and each design costs its
-covariance with the known designs alone. What the covariance of the points of each design
-would say is taken the same for all: its variances for the mean of the logarithm's exponential,
-and the shares of the points in the expected time for its error. Against
-``Surrogate.expected``, which leaves nothing out, times agree to 0.1 % and errors to a few
-percent.
+Terms are products, so the operating points are summed once, and each design costs its covariance
+with the known designs alone. Two quantities are taken the same for all designs: the variance at
+each point, in the mean of the logarithm's exponential, and the shares of the points in the expected
+time, in its error. Against ``Surrogate.expected``, which leaves nothing out, times agree to 0.1 %
+and errors to a few percent.
 """
 
 from __future__ import annotations
@@ -61,8 +60,7 @@ class Over:
             [np.repeat(halfway, count, axis=0), np.tile(self._nodes, (BETWEEN, 1))], axis=1
         )
         variance = self.surrogate.times.predict(inputs)[1]
-        typical: Array = variance.reshape(BETWEEN, count).mean(axis=0)
-        return typical
+        return variance.reshape(BETWEEN, count).mean(axis=0)
 
     def times(self, x: Array) -> Array:
         """Return the expected time at each point of designs (m, c), (m, q), s."""
@@ -70,8 +68,7 @@ class Over:
 
     def _times(self, features: Array) -> Array:
         centre = self.surrogate.times.centre
-        times: Array = np.exp(centre + features @ self._sums + 0.5 * self._rest)
-        return times
+        return np.exp(centre + features @ self._sums + 0.5 * self._rest)
 
     def predict(self, x: Array, *, alone: bool = True) -> tuple[Array, Array]:
         """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s.
@@ -93,7 +90,7 @@ class Over:
         return engaged + retries, error
 
     def _parts(self, x: Array, features: Array) -> tuple[Array, Array, Array]:
-        """Return what engaging and retries take, each (m,), and errors of retries, (m, q), s."""
+        """Predict times to engage and of retries, each (m,), and errors of retries, (m, q), s."""
         data, mix = self.surrogate.data, self.mix
         share, unsure = self.surrogate.share.over(x, self._nodes, self._known, data.design_of_row)
         retries = (1.0 - share) / share @ mix.weights * mix.retry
@@ -115,8 +112,7 @@ class Over:
     def _shares(self) -> Array:
         """Share of each operating point in the expected time, mean over known designs, (q,)."""
         parts = self.times(self._known).mean(axis=0) * self.mix.weights
-        shares: Array = parts / parts.sum()
-        return shares
+        return parts / parts.sum()
 
     @cached_property
     def _quadratic(self) -> Array:
@@ -130,11 +126,10 @@ class Over:
             block[np.arange(len(place)), place] = summed
             blocks.append(block if part.design is not None else summed[:, None])
         wide = np.concatenate(blocks, axis=1)
-        form: Array = wide.T @ process.inverse @ wide
-        return form
+        return wide.T @ process.inverse @ wide
 
     def _feature(self, part: Part, x: Array) -> Array:
-        """Return a term's factor of designs (m, d) and the known ones; (m, 1) if it has none."""
+        """Compute a term's factor of designs (m, d) and the known designs; (m, 1) without one."""
         if part.design is None:
             return np.ones((len(x), 1))
         return part.design_factor(x, self._known)
@@ -142,14 +137,13 @@ class Over:
     def _by_design(self, part: Part, link: Array) -> Array:
         """Sum what rows (q, n) give, by their design, (k, q), or over all, (1, q)."""
         if part.design is None:
-            whole: Array = link.sum(axis=1)[None, :]
-            return whole
+            return link.sum(axis=1)[None, :]
         summed = np.zeros((len(self._known), len(link)))
         np.add.at(summed, self._place_of_row, link.T)
         return summed
 
     def _features(self, x: Array) -> Array:
-        """Return factors of designs (m, c) and the known ones, term by term, (m, f)."""
+        """Compute factors of designs (m, c) and the known designs, term by term, (m, f)."""
         return np.concatenate([self._feature(part, x) for part in self._terms], axis=1)
 
     @cached_property
@@ -167,19 +161,17 @@ class Over:
         smooth = features[:, kept]
         known = np.einsum("ij,ij->i", smooth @ self._without_rough, smooth)
         known += self._known_of_rough(features)
-        variance: Array = np.maximum(sum(self._alone) - known, 1e-12)
-        return variance
+        return np.maximum(sum(self._alone) - known, 1e-12)
 
     @cached_property
     def _without_rough(self) -> Array:
         """Part of ``_quadratic`` that has no rough feature."""
-        form: Array = self._quadratic[np.ix_(~self._rough, ~self._rough)]
-        return form
+        return self._quadratic[np.ix_(~self._rough, ~self._rough)]
 
     def _known_of_rough(self, features: Array) -> Array:
-        """Return what rough features add to the variance that the rows take away, (m,).
+        """Compute the variance that the rows take away by rough features, (m,).
 
-        Nearly all are nought, so that only the others are summed.
+        Nearly all are zero, so that only the others are summed.
         """
         rough = features[:, self._rough]
         rows, columns = np.nonzero(rough)
@@ -196,11 +188,10 @@ class Over:
     @cached_property
     def _of_rough(self) -> Array:
         """Rows of ``_quadratic`` of rough features; pairs of one with another kind count twice."""
-        rows: Array = self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
-        return rows
+        return self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
 
     def with_rows(self, x: Array, inputs: Array) -> Array:
-        """Return how relative errors of designs (m, c) go with inputs (n, c + 2), (m, n).
+        """Compute the covariance of relative errors of designs (m, c) with inputs, (m, n).
 
         Their covariance before any data.
         """
@@ -224,8 +215,7 @@ class Over:
         counted = np.repeat(taken, self._sizes)
         left = self._features(a) * counted
         right = left if b is a else self._features(b) * counted
-        covariance: Array = total - left @ self._quadratic @ right.T
-        return covariance
+        return total - left @ self._quadratic @ right.T
 
     def sample(self, x: Array, rng: np.random.Generator) -> Array:
         """Draw the smooth part of the expected time of designs (m, d), edge units, (m,), s.
@@ -235,5 +225,4 @@ class Over:
         where = self.surrogate.coordinates(x)
         covariance = self.covariance(where, where)
         root = root_of(covariance)
-        drawn: Array = self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))
-        return drawn
+        return self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))

@@ -23,7 +23,7 @@ from dogshape.surrogate.process import Process
 
 @dataclass(frozen=True)
 class Effort:
-    """How much a fit may cost: rows that parameters are fitted to, drawn by seed, and steps."""
+    """Cost limit of a fit: rows that parameters are fitted to, drawn by seed, and steps."""
 
     rows: int = 600
     steps: int = 60
@@ -66,7 +66,7 @@ class PointKernel(Kernel):  # type: ignore[misc]
         return self.covariance.variance(X)
 
     def is_stationary(self) -> bool:
-        """Tell that the variance grows with the mismatch."""
+        """Report that the kernel is not stationary: it grows with the mismatch."""
         return False
 
 

@@ -1,9 +1,9 @@
-r"""Which form the surrogate should have: the likelihood of designs left out decides.
+r"""Choice of the form of the surrogate: the likelihood of designs left out decides.
 
-Each form is fitted to one half of the designs and foretells the other, and the other way
-round. The score is the mean logarithm of the density that it gave to what came out, the noise
-of the row included (Rasmussen and Williams 2006, ch. 5.4): it punishes intervals that are too
-narrow and such that are too wide.
+Each form is fitted to one half of the designs and predicts the other half, and vice versa. The
+score of a form is the mean log density of the results under its predictions, the noise of the rows
+included (Rasmussen and Williams 2006, ch. 5.4). The score punishes intervals that are too narrow or
+too wide.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def compare(
 
 
 def _left_out(data: Dataset, form: str, first: Mask) -> tuple[Array, Array]:
-    """Return errors of ln t and their foretold standard deviations for all rows, each (n,)."""
+    """Compute errors of ln t and their predicted standard deviations for all rows, each (n,)."""
     errors, deviations = [], []
     for seen in (first, ~first):
         made = ALTERNATIVES[form]

@@ -1,4 +1,4 @@
-r"""What a candidate is expected to add to the front: its hypervolume, by random scales.
+r"""Expected gain of hypervolume by a candidate, by random scales.
 
 For a reference point *r* beyond all designs and a direction :math:`\lambda` of positive
 coordinates, the scale of values *y* (all to be minimised) is
@@ -6,9 +6,8 @@ coordinates, the scale of values *y* (all to be minimised) is
 .. math:: s_\lambda(y) = \min_i \left(\max(0, r_i - y_i) / \lambda_i\right)^k
 
 and the mean over directions of the largest scale among designs is their hypervolume but for a
-constant (Deng and Zhang 2019; Golovin and Zhang 2020). What a candidate adds is the mean of what
-it adds to each largest scale, over joint draws of the values of candidates and designs, so
-that errors which they share cancel.
+constant (Deng and Zhang 2019; Golovin and Zhang 2020). The gain by a candidate is its mean gain in
+the largest scale. Values of candidates and designs are drawn jointly, so that shared errors cancel.
 """
 
 from __future__ import annotations
@@ -36,12 +35,11 @@ def scales(values: Array, reference: Array, ways: Array) -> Array:
     least = np.full((*values.shape[:2], len(ways)), np.inf)
     for k in range(values.shape[2]):
         np.minimum(least, gain[:, :, k, None] / ways[:, k], out=least)
-    power: Array = least ** values.shape[2]
-    return power
+    return least ** values.shape[2]
 
 
 def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
-    """Return what each candidate adds to a front's hypervolume, mean over draws, (m,).
+    """Compute the hypervolume that each candidate adds to a front, mean over draws, (m,).
 
     Parameters
     ----------
@@ -54,8 +52,7 @@ def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Arr
     if front.shape[1]:
         best = scales(front, reference, ways).max(axis=1)
         own = np.maximum(own - best[:, None, :], 0.0)
-    gained: Array = own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
-    return gained
+    return own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
 
 
 def hypervolume(values: Array, reference: Array) -> float:
@@ -85,8 +82,7 @@ def volume_of(objectives: int) -> float:
 
 
 def not_dominated(values: Array) -> Mask:
-    """Tell which rows (..., n, k), all to be minimised, no other row dominates, (..., n)."""
+    """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
     one, other = values[..., :, None, :], values[..., None, :, :]
     better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
-    kept: Mask = np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
-    return kept
+    return np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.engaged_share import Share, fit_share
 from dogshape.surrogate.fitting import WHOLE, Effort, fit_process
@@ -30,10 +29,12 @@ def fit(
     require_enough(data)
     ridge = ALTERNATIVES[form].ridge
     designs = design_coordinates(data, data.x[:1], ridge).shape[1]
-    known = (None, None) if like is None or like.form != form else _thetas(like)
+    first = None if like is None or like.form != form else like
+    theta = None if first is None else first.times.covariance.theta
+    spread_theta = None if first is None else first.spreads.covariance.theta
     terms = ALTERNATIVES[form].terms
-    times = fit_process(terms, designs, time_targets(data, ridge), known[0], effort)
-    spreads = fit_process((SMOOTH,), designs, spread_targets(data, ridge), known[1], effort)
+    times = fit_process(terms, designs, time_targets(data, ridge), theta, effort)
+    spreads = fit_process((SMOOTH,), designs, spread_targets(data, ridge), spread_theta, effort)
     counts = data.column("engaged"), data.column("shifts")
     where = row_inputs(data, ridge)
     if like is not None and effort.steps == 0:
@@ -41,7 +42,3 @@ def fit(
     else:
         share = fit_share(designs, where, counts, data.design_of_row)
     return Surrogate(data, form, times, spreads, share)
-
-
-def _thetas(like: Surrogate) -> tuple[Array, Array]:
-    return like.times.covariance.theta, like.spreads.covariance.theta

@@ -1,14 +1,14 @@
 r"""Main effects as accumulated local effects, with bands.
 
-Designs that pass every check are few and correlated: dogs are high where they are few. What a
-variable does on average over them is therefore asked of neighbours alone (Apley and Zhu 2020):
-the values of a variable are cut at quantiles :math:`z_0 < \dots < z_K`, each design is moved to
-both ends of its own interval, the mean differences are added up,
+Designs that pass every check are few and correlated: dogs are high where they are few. The average
+effect of a variable over such designs comes from neighbours alone (Apley and Zhu 2020). The values
+of the variable are cut at quantiles :math:`z_0 < \dots < z_K`, each design is moved to both ends of
+its own interval, and the mean differences are added up,
 
 .. math:: g(z_k) = \sum_{l \le k} \frac{1}{n_l} \sum_{i \in l}
    \left( E(z_l, x_i) - E(z_{l-1}, x_i) \right) - c,
 
-and *c* makes the mean over the designs nought. This is linear in the expected times of the
+and *c* makes the mean over the designs zero. This is linear in the expected times of the
 moved designs, so the band follows from their joint covariance in closed form; it is what
 endless joint draws of the surrogate would give. Roughness averages out over many designs and is
 left out.
@@ -31,7 +31,7 @@ DRAWS = 4000  #: of the errors of an effect
 
 @dataclass(frozen=True)
 class Effect:
-    """Main effect of a variable on the expected time, s, nought in the mean over the designs.
+    """Main effect of a variable on the expected time, s, with mean zero over the designs.
 
     ``values`` are in edge units, equally many designs between two of them; ``low`` and ``high``
     bound 95 % at each, all (k,). ``chance`` is the span that errors alone reach in one of twenty
@@ -57,13 +57,13 @@ class Effect:
 
     @property
     def clear(self) -> bool:
-        """Whether the effect spans more than errors alone would."""
+        """Test that the effect spans more than errors alone would."""
         return self.span > self.chance
 
 
 @dataclass(frozen=True)
 class Accumulation:
-    """What an effect asks for: ``moved`` designs (2 n, d), and how their times add up.
+    """Request of an effect: ``moved`` designs (2 n, d), and the sum of their times.
 
     ``form`` (k, 2 n) times the expected times of the moved designs is the effect at ``values``.
     """

@@ -4,7 +4,7 @@ Times are modelled by their logarithm :math:`y = \ln t`, which keeps them positi
 errors relative; t is the mean of the shifts that engage. The covariance has a term over
 operating points alone, a smooth one over both, and two that grow with the mismatch: there a
 dog is thrown back once more or once less, and the mean runs in steps, of which short ones are
-rough: no design nearby foretells them. ``ALTERNATIVES`` are what this was chosen
+rough: no design nearby predicts them. ``ALTERNATIVES`` are what this was chosen
 from by the likelihood of designs left out (``surrogate.form_choice``).
 
 Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
@@ -43,7 +43,7 @@ EVEN = Term(design=True, point=True, scales=(0.1, 0.1), first=0.1)
 
 @dataclass(frozen=True)
 class Form:
-    """What a surrogate is made of: terms of its covariance, and whether designs have a ridge."""
+    """Form of a surrogate: terms of its covariance, and the ridge of designs."""
 
     terms: tuple[Term, ...]
     ridge: bool = False
@@ -138,8 +138,7 @@ class Surrogate:
 
     def spread(self, inputs: Array) -> Array:
         """Return the standard deviation of a shift at inputs (m, c + 2), (m,), s."""
-        spread: Array = np.maximum(np.exp(self.spreads.mean(inputs)) - FLOOR, 0.0)
-        return spread
+        return np.maximum(np.exp(self.spreads.mean(inputs)) - FLOOR, 0.0)
 
     @cached_property
     def spacing(self) -> float:
@@ -152,8 +151,7 @@ class Surrogate:
     def distance(self, x: Array) -> Array:
         """Return the distance of designs (m, d) to the next simulated one, in ``spacing``, (m,)."""
         known = self.data.scaled(self.data.designs)
-        apart: Array = distance(self.data.scaled(x), known).min(axis=1) / self.spacing
-        return apart
+        return distance(self.data.scaled(x), known).min(axis=1) / self.spacing
 
 
 def interval(time: Array, error: Array) -> tuple[Array, Array]:
@@ -167,9 +165,9 @@ def interval(time: Array, error: Array) -> tuple[Array, Array]:
 
 def require_enough(data: Dataset) -> None:
     """Raise InputError for fewer than ``MIN_DESIGNS`` designs with a time and its scatter."""
-    told = len(np.unique(data.x[data.column("engaged") > 2], axis=0))
-    if told < MIN_DESIGNS:
+    counted = len(np.unique(data.x[data.column("engaged") > 2], axis=0))
+    if counted < MIN_DESIGNS:
         raise InputError(
-            f"the surrogate has {told} designs with three shifts that engage at an operating "
+            f"the surrogate has {counted} designs with three shifts that engage at an operating "
             f"point, but it needs at least {MIN_DESIGNS}; simulate more"
         )

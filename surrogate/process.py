@@ -27,8 +27,7 @@ def root_of(covariance: Array) -> Array:
     By eigenvalues, so that one that is singular, or not quite positive, has one too.
     """
     values, vectors = np.linalg.eigh(covariance)
-    root: Array = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 @dataclass(frozen=True)
@@ -65,21 +64,18 @@ class Process:
     @cached_property
     def inverse(self) -> Array:
         """Inverse of ``matrix``, (n, n)."""
-        inverse: Array = np.linalg.inv(self.matrix).astype(float)
-        return inverse
+        return np.linalg.inv(self.matrix).astype(float)
 
     @cached_property
     def weights(self) -> Array:
-        """What each row adds to a prediction, (n,)."""
+        """Weight of each row in a prediction, (n,)."""
         if self.known is not None:
             return self.known
-        weights: Array = self.inverse @ (self.targets - self.centre)
-        return weights
+        return self.inverse @ (self.targets - self.centre)
 
     def mean(self, inputs: Array) -> Array:
         """Predict inputs (m, d + p), (m,)."""
-        mean: Array = self.centre + self.covariance.between(inputs, self.inputs) @ self.weights
-        return mean
+        return self.centre + self.covariance.between(inputs, self.inputs) @ self.weights
 
     def predict(self, inputs: Array) -> tuple[Array, Array]:
         """Return mean and variance of inputs (m, d + p), each (m,)."""
@@ -98,8 +94,7 @@ class Process:
     @cached_property
     def _root(self) -> Array:
         """Lower root of ``matrix``, (n, n)."""
-        root: Array = np.linalg.cholesky(self.matrix).astype(float)
-        return root
+        return np.linalg.cholesky(self.matrix).astype(float)
 
     def _whitened(self, columns: Array) -> Array:
         """Return the inverse of the root times columns (n, m), block by block, (n, m)."""

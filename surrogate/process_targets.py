@@ -1,8 +1,8 @@
-r"""What a process is fitted to: coordinates of the rows, logarithms, and their known noise.
+r"""Targets of a process: coordinates of the rows, logarithms, and their known noise.
 
-Where the tangent of a face or flank passes the friction coefficient it turns from holding to
-letting go, and times with it. With a *ridge*, designs have for each angle a coordinate more that
-runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
+A face or flank turns from holding to letting go where the tangent of its angle passes the friction
+coefficient, and times change there. With a *ridge*, designs have a further coordinate for each
+angle, which runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
 """
 
 from __future__ import annotations
@@ -34,23 +34,22 @@ def design_coordinates(data: Dataset, x: Array, ridge: bool) -> Array:
 def point_coordinates(points: Array) -> Array:
     """Return coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
 
-    Logarithmic but for mismatches near nought, which may have either sign.
+    Logarithmic but for mismatches near zero, which may have either sign.
     """
     return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
 
 
 def timed(data: Dataset) -> Mask:
-    """Tell which rows have a time, (n,) of bool: some shift engaged."""
-    known: Mask = np.isfinite(data.column("mean_s"))
-    return known
+    """Mark the rows with a time, (n,) of bool: some shift engaged."""
+    return np.isfinite(data.column("mean_s"))
 
 
 def known_noise(data: Dataset) -> Array:
     """Return the variance of the logarithm of each mean, (n,).
 
-    A mean that is low by luck has a low standard error too, so that its own would weigh it
-    too much and draw all times down (by a percent, eight angles a row). Rows share the mean of
-    those with the nearest mismatch instead, each for its own number of shifts that engaged.
+    A mean that is low by luck has a low standard error too. Weighted by its own error, such a mean
+    would draw all times down (by a percent, eight angles a row). Rows share the mean of those with
+    the nearest mismatch instead, each for its own number of shifts that engaged.
     """
     count = data.column("engaged")
     one = count * (data.column("standard_error_s") / data.column("mean_s")) ** 2
@@ -82,7 +81,7 @@ def time_targets(data: Dataset, ridge: bool) -> Targets:
 
 
 def spread_targets(data: Dataset, ridge: bool) -> Targets:
-    """Return the logarithms of the spreads with the noise of such from so many shifts."""
+    """Compute log standard deviations with the variance of their sampling noise."""
     rows = data.subset(data.column("engaged") > 2)
     noise = 0.5 / (rows.column("engaged") - 1.0) + 0.05
     # The logarithm of a deviation from few shifts lies half its variance low, too.

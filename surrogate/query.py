@@ -1,4 +1,4 @@
-"""Asking the surrogate about one design."""
+"""Predictions of the surrogate for one design."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Answer:
 
     @property
     def in_range(self) -> bool:
-        """Whether design and operating points lie within what was simulated."""
+        """Test that design and operating points lie within the simulated ones."""
         return not self.warnings
 
 
@@ -88,14 +88,13 @@ def _point_warnings(data: Dataset, points: Array) -> list[str]:
 
 
 def _within(values: Array, low: Array | float, high: Array | float) -> Mask:
-    """Tell which values lie in their range or a hundredth of it beside, of their shape."""
+    """Mark values in their range or a hundredth of it beside, of their shape."""
     slack = 0.01 * (high - low)
-    inside: Mask = np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
-    return inside
+    return np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
 
 
 def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
-    """Tell which designs (m, d) lie within the simulated ones and near one, (m,) of bool.
+    """Mark the designs (m, d) that lie within the simulated ones and near one, (m,) of bool.
 
     None do where a mix is given that lies outside the simulated operating points.
     """
@@ -103,8 +102,7 @@ def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
     if mix is not None and _point_warnings(data, mix.points):
         return np.zeros(len(x), dtype=bool)
     inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
-    known: Mask = np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
-    return known
+    return np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
 
 
 def half_difference(

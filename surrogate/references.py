@@ -1,8 +1,8 @@
-"""What the simulation says of an expected time, to hold the surrogate against.
+"""Reference values of expected times from the simulation, to judge the surrogate.
 
-Times are those of shifts that engage. Where one shift in some hundreds hangs crest on crest and
-costs a second, dense simulations of a design hold one or none: their mean would be that draw.
-What engages is compared by its count instead, over all references.
+Times are those of shifts that engage. One shift in some hundreds may hang crest on crest and cost a
+second. Dense simulations of a design hold one such shift or none, and their mean would depend on
+that draw. Shares engaged are compared by their counts instead, over all references.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-r"""How much each input matters: first-order and total Sobol indices.
+r"""Influence of each input: first-order and total Sobol indices.
 
 The first-order index is the share of the variance that an input explains alone, the total one
 what remains when all others are known,
@@ -37,8 +37,7 @@ class Input:
         """Return the values at shares of the way from low to high, (n,)."""
         if self.scale == WHOLE:
             levels = self.high - self.low + 1.0
-            whole: Array = np.minimum(self.low + np.floor(share * levels), self.high)
-            return whole
+            return np.minimum(self.low + np.floor(share * levels), self.high)
         if self.scale == LOG:
             return self.low * (self.high / self.low) ** share
         return self.low + share * (self.high - self.low)
@@ -67,7 +66,7 @@ def indices(
     samples: int = SAMPLES,
     seed: int = 1,
 ) -> Indices:
-    """Return the indices of a function of inputs (n, d), (n,); ``seed`` above nought."""
+    """Compute the indices of a function of inputs (n, d), (n,); ``seed`` above zero."""
     bounds = [[0.0, 1.0]] * len(inputs)
     problem = {"num_vars": len(inputs), "names": [one.name for one in inputs], "bounds": bounds}
     shares = sampling.sample(problem, samples, calc_second_order=False, seed=seed)

@@ -45,12 +45,8 @@ def at_points(surrogate: Surrogate, x: Array, points: Array, retry: float) -> Cu
 def times_at(surrogate: Surrogate, x: Array, points: Array, retry: float) -> Array:
     """Return the times alone of designs (m, d) at operating points (m, 2), (m,), s; faster."""
     inputs = surrogate.inputs(x, points)
-    return np.concatenate(
-        [_times(surrogate, inputs[k : k + CHUNK], retry) for k in range(0, len(x), CHUNK)]
-    )
-
-
-def _times(surrogate: Surrogate, inputs: Array, retry: float) -> Array:
-    share = surrogate.share.at(inputs)[0]
-    times: Array = np.exp(surrogate.times.mean(inputs)) + (1.0 - share) / share * retry
-    return times
+    found = []
+    for some in (inputs[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
+        share = surrogate.share.at(some)[0]
+        found.append(np.exp(surrogate.times.mean(some)) + (1.0 - share) / share * retry)
+    return np.concatenate(found)

@@ -1,7 +1,7 @@
 """Figures of a validation: how good the surrogate is on designs that it has not seen.
 
-Always by design: rows of one design are on the same side of a split, else a design's own shifts
-at other operating points would foretell it.
+Splits are by design: all rows of a design are on the same side, else a design's own shifts at other
+operating points would predict it.
 """
 
 from __future__ import annotations
@@ -60,9 +60,9 @@ class Validation:
 
     @property
     def useful(self) -> bool:
-        """Whether the surrogate explains at least half of the variance.
+        """Test that the surrogate explains at least half of the variance.
 
-        That of expected times, or where few designs tell these, of single operating points.
+        The variance is that of expected times, or with few designs of single operating points.
         """
         return (self.q2 if self.n >= LEAST else self.q2_points) >= 0.5
 
@@ -78,7 +78,7 @@ def validation_of(record: dict[str, Any]) -> Validation:
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the surrogate says of reference designs.
+    """Predictions of the surrogate for reference designs.
 
     ``time`` and ``error`` are of the expected time of shifts that engage, (k,); ``means`` is
     that at each point, ``relative`` the standard deviation of its logarithm, ``spreads`` the
@@ -118,17 +118,17 @@ def _predicted(surrogate: Surrogate, x: Array, mix: Mix) -> tuple[float | Array,
 
 def figures(reference: Reference, prediction: Prediction, source: str, shifts: int) -> Validation:
     """Return the figures of predictions against references."""
-    miss = prediction.time - reference.time
+    residual = prediction.time - reference.time
     within = np.hypot(prediction.error, reference.error)
     points = prediction.means - reference.means
     apart = np.abs(np.log(prediction.means / reference.means))
     noise = np.hypot(prediction.relative, reference.errors / reference.means)
     spread = np.log((prediction.spreads + FLOOR) / (reference.spreads + FLOOR))
     return Validation(
-        q2=_q2(miss, reference.time),
-        coverage_95=float((np.abs(miss) <= 1.96 * within).mean()),
-        rmse_s=_rms(miss),
-        bias_s=float(miss.mean()),
+        q2=_q2(residual, reference.time),
+        coverage_95=float((np.abs(residual) <= 1.96 * within).mean()),
+        rmse_s=_rms(residual),
+        bias_s=float(residual.mean()),
         n=len(reference),
         noise_s=_rms(reference.error),
         q2_points=_q2(points.ravel(), reference.means.ravel()),
@@ -158,9 +158,9 @@ def rank_correlation(one: Array, other: Array) -> float:
     return float(np.corrcoef(ranks, others)[0, 1])
 
 
-def _q2(miss: Array, truth: Array) -> float:
+def _q2(residual: Array, truth: Array) -> float:
     spread = float(((truth - truth.mean()) ** 2).sum())
-    return 1.0 - float((miss**2).sum()) / spread if spread > 0.0 else 0.0
+    return 1.0 - float((residual**2).sum()) / spread if spread > 0.0 else 0.0
 
 
 def _rms(values: Array) -> float:

@@ -15,10 +15,15 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, beta_of, late_counts
+from dogshape.diagnosis.likelihood.cell_likelihood import (
+    CellPredictions,
+    Rules,
+    beta_of,
+    outlier_beta,
+)
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
-from dogshape.diagnosis.prediction.prediction import Array, Hypothesis, Spread
+from dogshape.diagnosis.prediction.prediction import Array, Hypothesis, Prediction
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from tests.toy import CLUTCH, Toy, bench_of
@@ -34,7 +39,7 @@ class Declared(Toy):
     points nobody knows how late a shift can be, and none is.
     """
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Return what a hypothesis says of an operating point."""
         plain = super().at(hypothesis, values, cell)
         one = np.ones(len(values))
@@ -44,7 +49,7 @@ class Declared(Toy):
         if abs(self.points[cell].mismatch) < 99.0 * RPM:
             return said
         share, behind, wide = LATE
-        return replace(said, late=share * one, behind=behind * one, behind_sd=wide * one)
+        return replace(said, outlier_share=share * one, behind=behind * one, behind_sd=wide * one)
 
 
 @dataclass(frozen=True)
@@ -71,7 +76,7 @@ def drawn(
 ) -> Bench:
     """Return a data set of a hypothesis with values (1, p)."""
     problem = problem_of(toy, bench_of({}, generator, points=toy.points, shifts=2))
-    said, common = problem.said(hypothesis, values), problem.common
+    said, common = problem.predictions(hypothesis, values), problem.common
     together = common @ generator.standard_normal(common.shape[1])
     own = said.error[:, 0] * generator.standard_normal(len(toy.points))
     offsets = together + own + change.offset
@@ -86,7 +91,7 @@ def drawn(
 
 
 def _cell(
-    said: Said,
+    said: CellPredictions,
     cell: int,
     generator: np.random.Generator,
     form: tuple[int, bool],
@@ -101,9 +106,9 @@ def _cell(
     wrong = said.shape[cell, 0] * generator.standard_normal() if single else 0.0
     stretch = change.stretch * np.exp(wrong)
     found = mean + stretch * (generator.choice(times, count) - mean)
-    rate = said.late[cell, 0]
+    rate = said.outlier_share[cell, 0]
     if single:
-        rate = generator.beta(*(part[cell, 0] for part in late_counts(said)))
+        rate = generator.beta(*(part[cell, 0] for part in outlier_beta(said)))
     late = generator.random(count) < change.late * rate
     if np.isnan(said.behind[cell, 0]):
         return found

@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.flight_table import FlightTables
-from dogshape.diagnosis.prediction.prediction import Marks, Spread
+from dogshape.diagnosis.prediction.prediction import Marks, Prediction
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
@@ -94,11 +94,11 @@ class FlightOnly:
     def __init__(self) -> None:
         self.tables = FlightTables(EFFECTS, settings())
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Return times that tell nothing."""
         one = np.ones(len(values))
         times = np.linspace(0.05, 0.4, 24) * one[:, None]
-        return Spread.plain(times, 0.95 * one, 0.1 * one, 0.02 * one)
+        return Prediction.plain(times, 0.95 * one, 0.1 * one, 0.02 * one)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks of the flight."""

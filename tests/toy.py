@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
@@ -79,14 +79,14 @@ class Toy:
     quantiles: int = 32
     error: float = 1e-3
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Return what a hypothesis says of an operating point."""
         shares = (np.arange(self.quantiles) + 0.5) / self.quantiles
         named = named_values(hypothesis, values)
         times = times_of(named, self.points[cell], shares)
         times = np.broadcast_to(times, (len(values), self.quantiles)).copy()
         one = np.ones(len(values))
-        return Spread.plain(times, one, self.error * one, 0.02 * one)
+        return Prediction.plain(times, one, self.error * one, 0.02 * one)
 
 
 def named_values(hypothesis: Hypothesis, values: Array) -> dict[str, Array]:

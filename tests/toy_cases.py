@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said
-from dogshape.diagnosis.likelihood.scores import predict
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
+from dogshape.diagnosis.likelihood.scores import summary_of
 from dogshape.diagnosis.likelihood.signature import VISIBLE
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, pairs_of
 from dogshape.diagnosis.terms import Hypothesis
@@ -35,7 +35,7 @@ class Case:
     @property
     def top(self) -> Hypothesis:
         """The most probable hypothesis."""
-        return next(iter(self.found.belief))
+        return next(iter(self.found.posterior))
 
     @property
     def seen(self) -> Hypothesis:
@@ -53,7 +53,7 @@ class Case:
         values = np.array([[self.values[p.name] for p in parameters]])
         toy = Toy(self.points)
         spreads = [toy.at(hypothesis, values, cell) for cell in range(len(toy.points))]
-        return self.found.metric.of(predict(Said.of(spreads, Rules())))[0]
+        return self.found.metric.of(summary_of(CellPredictions.of(spreads, Rules())))[0]
 
     @property
     def right(self) -> bool:
@@ -111,10 +111,10 @@ def figures(cases: Sequence[Case]) -> dict[str, float]:
     """Return how good the diagnoses are."""
     named = [c for c in cases if c.found.verdict.kind == "effect"]
     none = [c for c in cases if c.seen == NONE]
-    tops = np.array([c.found.belief[c.top] for c in cases])
+    tops = np.array([c.found.posterior[c.top] for c in cases])
     right = np.array([c.right for c in cases])
     inside = [c.seen in c.found.verdict.credible for c in cases]
-    truth = np.array([c.found.belief.get(c.seen, 0.0) for c in cases])
+    truth = np.array([c.found.posterior.get(c.seen, 0.0) for c in cases])
     return {
         "cases": len(cases),
         "top_1": float(right.mean()),

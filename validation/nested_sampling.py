@@ -1,4 +1,4 @@
-"""The evidence by nested sampling, a second computation to hold quadrature against.
+"""Evidence by nested sampling, a second computation to hold quadrature against.
 
 It needs the extra ``nested`` (dynesty; Speagle 2020) and asks the emulator for one value at a
 time, so it is for checks and not for every diagnosis.

@@ -9,15 +9,14 @@ The free flight before the crests meet is taken from its closed form. From there
 MuJoCo's semi-implicit Euler steps, all in compiled code, run with speeds half a
 step behind the positions: so started it is the leapfrog rule, of second order.
 
-How far both engines agree, and why not farther, is printed by
-``python -m benchmarks.second_engine``. In short: single shifts agree within a percent
-or two (median) everywhere, and within 0.1 % where rings are so narrow that the radius
-of a contact is known. What remains is contact at edges. Faces and flanks of two rings
-turned against each other are not parallel and touch at their ends; where edges cross,
-MuJoCo pushes along the common normal of the edges, as rigid bodies do, and Drake's
-contact surface along the normal of the rigid side, which makes the entry a
-millisecond slower, and lets no crest stand on a crest. At high speeds the smallest
-difference decides which slot a dog enters, for a tenth of the angles.
+``python -m benchmarks.second_engine`` prints how far both engines agree, and why not farther. In
+short: single shifts agree within a percent or two (median) everywhere, and within 0.1 % where rings
+are so narrow that the radius of a contact is known. What remains is contact at edges. Faces and
+flanks of two rings turned against each other are not parallel and touch at their ends; where edges
+cross, MuJoCo pushes along the common normal of the edges, as rigid bodies do. Drake's contact
+surface pushes along the normal of the rigid side, which makes the entry a millisecond slower, and
+lets no crest stand on a crest. At high speeds the smallest difference decides which slot a dog
+enters, for a tenth of the angles.
 
 MuJoCo is an optional extra, ``pip install -c constraints.txt '.[blind]'``.
 """
@@ -49,7 +48,7 @@ FREE = 0.999  #: part of the axial gap that is flown in closed form
 
 
 def engine_available() -> bool:
-    """Tell whether MuJoCo can be imported."""
+    """Test that MuJoCo can be imported."""
     try:
         _mujoco()
     except InputError:
@@ -152,7 +151,7 @@ class SecondEngine:
 def _start(
     clutch: Clutch, point: OperatingPoint, settings: EngineSettings
 ) -> tuple[float, tuple[float, float]]:
-    """Return when the free flight ends, s, and the contact's ``solref``: for all angles."""
+    """Compute the end of the free flight, s, and the contact's ``solref``: for all angles."""
     start = point.profile.free_flight_time(FREE * clutch.dog.axial_gap, clutch.rings.mass)
     return start, solver_reference(settings, damping_ratio(clutch, point))
 
@@ -181,7 +180,7 @@ class _Watch:
             self.outcome = Outcome.BLOCKED
 
     def _half_up(self, time: float) -> bool:
-        """Tell whether the force was half up: then a ring that nothing holds would move."""
+        """Test that the force was half up: then a ring that nothing holds would move."""
         return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.force)
 
 

@@ -83,7 +83,7 @@ DAMPING_RATIOS = (0.15, 3.0)  #: restitution from 0.65 to 0.02
 
 @dataclass(frozen=True)
 class EngineSettings:
-    """How the second engine steps.
+    """Settings of the steps of the second engine.
 
     ``time_step`` in s; ``damping`` in 1/s is the rate at which a contact takes away a
     normal speed, the inverse of the time that an impact lasts. The default is the

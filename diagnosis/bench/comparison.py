@@ -1,9 +1,8 @@
 """Simulation against a bench data set, operating point by operating point.
 
-Where the data set says its relative angles, the simulation uses the same; then
-``standard_error`` is that of a mean of so many random angles and tells what weight
-a difference deserves. Otherwise the angles are evenly spaced, and the error is that
-of the bench's mean (spread from the simulation) and of the simulated mean.
+If the data set gives its relative angles, the simulation uses the same angles. The standard error
+is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
+error adds that of the bench's mean (with the simulated spread) and that of the simulated mean.
 """
 
 from __future__ import annotations
@@ -22,24 +21,35 @@ ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
 
 
 @dataclass(frozen=True)
-class Difference:
-    """One operating point: bench and simulated mean in s, None where there is none."""
+class PointGap:
+    """Gap of the mean shift time at an operating point, bench less simulation.
+
+    ``mean`` is the simulated one, s, None where no shift engaged; ``standard_error`` that of the
+    gap, s.
+    """
 
     cell: Cell
-    simulated: PointExpectation
+    mean: float | None
     standard_error: float
 
     @property
     def gap(self) -> float | None:
-        """Bench less simulation, s."""
-        if self.cell.time is None or self.simulated.mean_engaged is None:
+        """Bench less simulation, s; None where one of them has no time."""
+        if self.cell.time is None or self.mean is None:
             return None
-        return self.cell.time - self.simulated.mean_engaged
+        return self.cell.time - self.mean
 
     @property
     def z(self) -> float | None:
         """Gap in standard errors."""
         return None if self.gap is None else self.gap / self.standard_error
+
+
+@dataclass(frozen=True)
+class Difference(PointGap):
+    """Gap at an operating point with the expectation that was simulated for it."""
+
+    simulated: PointExpectation
 
 
 @dataclass(frozen=True)
@@ -122,4 +132,4 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
     if even:
         sampled = simulated.sd / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
-    return Difference(cell, simulated, max(error, 1e-6))
+    return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)

@@ -21,13 +21,13 @@ Change = Callable[[Row, Sensor], Row]
 
 @dataclass(frozen=True)
 class Correction:
-    """One quantity and how it is to be taken."""
+    """Correction of one quantity, and its way."""
 
     quantity: str
     way: str
 
     def __str__(self) -> str:
-        """Return it as it is written."""
+        """Write the correction as a user does."""
         return f"{self.quantity}={self.way}"
 
 
@@ -54,14 +54,6 @@ def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Cha
     return change
 
 
-def _swapped(row: Row, _: Sensor) -> Row:
-    return replace(row, mismatch=row.force, force=row.mismatch)
-
-
-def _same(row: Row, _: Sensor) -> Row:
-    return row
-
-
 def _at_sleeve(sensor: Sensor) -> float:
     if sensor.force_factor is None:
         raise _needs("force", "linkage_ratio and linkage_efficiency")
@@ -81,18 +73,17 @@ def _needs(quantity: str, keys: str) -> InputError:
     )
 
 
-def _arm_force(row: Row, sensor: Sensor) -> Row:
-    return replace(row, force=row.force * _at_sleeve(sensor))
-
-
 SPEEDS = ("sliding_speed", "output_speed")
 
 #: What can be taken otherwise, in the order in which it is changed.
 WAYS: dict[str, dict[str, Change]] = {
-    "axes": {"swapped": _swapped},
+    "axes": {"swapped": lambda row, _: replace(row, mismatch=row.force, force=row.mismatch)},
     "time": {"ms": _scaled("time", MS)},
     "rise": {"ms": _scaled("rise", MS)},
-    "force": {"kN": _scaled("force", 1e3), "arm": _arm_force},
+    "force": {
+        "kN": _scaled("force", 1e3),
+        "arm": lambda row, sensor: replace(row, force=row.force * _at_sleeve(sensor)),
+    },
     "mismatch": {"rad_s": _scaled("mismatch", 1.0 / RPM), "reversed": _scaled("mismatch", -1.0)},
     "displacement": {
         "m": _in_trace(("displacement",), lambda _: 1.0 / MM),
@@ -131,6 +122,8 @@ def _parse(text: str) -> Correction:
 
 
 def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
-    """Return the sheet with one correction made in all rows."""
-    change = WAYS[correction.quantity].get(correction.way, _same)
+    """Make one correction in all rows of a sheet; ``given`` changes none."""
+    change = WAYS[correction.quantity].get(correction.way)
+    if change is None:
+        return sheet
     return sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))

@@ -1,4 +1,4 @@
-"""What looks like a slip of units or axes in bench data, in words."""
+"""Findings in words: probable slips of units or axes in bench data."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dogshape.diagnosis.bench.corrections import GIVEN
 
 @dataclass(frozen=True)
 class Finding:
-    """One suspicion.
+    """Probable slip in bench data.
 
     ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
     it. ``way`` is the correction of ``quantity`` that would make it right, None where there is
@@ -31,7 +31,7 @@ class Finding:
 
     @property
     def sentence(self) -> str:
-        """What was found, what it looks like and what to do."""
+        """Finding, probable cause and remedy in a sentence."""
         return f"{self.found}; this looks like {self.looks_like}; {self._remedy}"
 
     @property

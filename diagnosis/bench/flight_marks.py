@@ -4,12 +4,12 @@ Until the first touch the motion of the ring depends on no relative angle, so al
 force profile show the same flight. Its marks are the times at which the displacement passes shares
 of the nominal axial gap, and the force shares of its nominal final value.
 
-A mark is the root of a parabola through the samples around it (from a part of the value to somewhat
-above, none from after the gap is closed). With the scatter :math:`\sigma` of the samples, from
-their third differences or from what the parabola leaves, its standard error is
+A mark is the root of a parabola through the samples around it. The samples run from a part of the
+value to somewhat above; none is from after the gap is closed. With the scatter :math:`\sigma` of
+the samples, from their third differences or from what the parabola leaves, its standard error is
 :math:`\sigma_{fit}/|\dot x|`. Values below four scatters have no mark, nor has a force that the
-trace does not pass. Traces whose mark lies far from the others' (a first touch before its time)
-are left out, the rest averaged.
+trace does not pass. Traces whose mark lies far from the others' (a first touch before its time) are
+left out, the rest averaged.
 
 All marks of a profile err together: by the start of each trace within its sampling step, by the
 gain of the sensor (:math:`\delta t = g x/\dot x`), and by what the rigid flight leaves out.
@@ -51,7 +51,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class SeenFlight:
-    """What a bench shows of the flight under one force profile.
+    """Marks of the flight that a bench shows under one force profile.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class SeenFlight:
 
 
 def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
-    """Return what the traces of a data set show of the flight, one for each force profile."""
+    """Gather the marks of the flight from the traces of a data set, by force profile."""
     found: dict[ForceProfile, list[int]] = {}
     for place, cell in enumerate(bench.cells):
         if cell.traces:
@@ -97,7 +97,7 @@ def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFl
 
 
 def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
-    """Return what flight and sensors err beside scatter, s^2, (k, k)."""
+    """Compute the covariance of flight and sensor errors beside scatter, s^2, (k, k)."""
     way = places < len(WAYS)
     own = np.where(way, FLOOR, FORCE_FLOOR)
     parts = [
@@ -106,8 +106,7 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
         np.where(way, SHARE * times, 0.0),
         np.where(way, FLOOR, 0.0),
     ]
-    whole: Array = np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
-    return whole
+    return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 
 def _joined(marks: Sequence[Mark | None]) -> Mark | None:
@@ -144,8 +143,7 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Ma
 def smoothed(values: Array) -> Array:
     """Return the median of three neighbours, (n,)."""
     padded = np.concatenate([values[:1], values, values[-1:]])
-    smooth: Array = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-    return smooth
+    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:
@@ -169,7 +167,7 @@ def scatter(values: Array) -> float:
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:
-    """Return when rising samples pass a level.
+    """Find the time at which rising samples pass a level.
 
     Parameters
     ----------
@@ -205,7 +203,7 @@ def _window(
 
 
 def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | None:
-    """Return where a parabola through samples passes a level upwards."""
+    """Find the upward crossing of a level by a parabola through samples."""
     degree = 2 if time.size >= 4 else 1
     centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
     matrix = np.vander((time - centre) / scale, degree + 1)
@@ -223,7 +221,7 @@ def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | No
 
 
 def _root(found: Array, level: float, inside: Array) -> float | None:
-    """Return where a polynomial passes a level upwards within samples, None if nowhere."""
+    """Find the upward crossing of a level by a polynomial within samples, None without one."""
     shifted = found.copy()
     shifted[-1] -= level
     slope = np.polyder(found)

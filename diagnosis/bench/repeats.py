@@ -1,4 +1,4 @@
-"""Flaws of a table of shifts that are told and not refused: rows twice, traces that end early."""
+"""Flaws of a table of shifts that are reported, not refused: rows twice, traces that end early."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOOKS = "a table that was copied below itself: copies make the data seem surer t
 
 
 def repeated_rows(_: Stand, sheet: Sheet) -> list[Finding]:
-    """Return rows with a time that repeat earlier ones.
+    """Find rows with a time that repeat earlier rows.
 
     Times of single shifts are rounded and may be equal by chance, so that of these half must be
     repeats; of means and of traces one is enough.
@@ -45,7 +45,7 @@ def _repeats(rows: Sequence[Row]) -> list[tuple[int, int]]:
 
 
 def ends_early(row: Row) -> bool:
-    """Tell whether the trace of a row ends before its shift does."""
+    """Test that the trace of a row ends before its shift does."""
     trace = row.trace
     if trace is None or row.time is None:
         return False

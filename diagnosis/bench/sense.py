@@ -1,12 +1,12 @@
-"""Which way the rings turned past each other: a setting of the stand that nobody may have noted.
+"""Sense of rotation, in which the rings turn past each other: a setting of the stand.
 
-Whoever writes a table of mismatches says by their sign which flanks meet (``docs/mismatch.md``).
-Where ``bench.toml`` calls that sense *known*, only a slip can have reversed it; where it says
-*unknown*, either sense is as probable as the other, and every hypothesis stands for both.
+The sign of a mismatch says which flanks meet (``docs/mismatch.md``). If ``bench.toml`` calls the
+sense *known*, only a slip can have reversed it. If the sense is *unknown*, both senses are equally
+probable, and every hypothesis exists once for each.
 
-With the other sense all effects act otherwise, so nothing that both signs of an effect make is
-combined: a hypothesis with ``reversed_mismatch`` is that of its other effects, foretold by
-simulations at the negated operating points (``diagnosis.prediction.sense_bank``).
+All effects act otherwise with the other sense, so no result of one sense is combined with one of
+the other. A hypothesis with ``reversed_mismatch`` is predicted by simulations at the negated
+operating points (``diagnosis.prediction.sense_bank``).
 """
 
 from __future__ import annotations

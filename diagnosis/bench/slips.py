@@ -1,10 +1,9 @@
 """Slips of units and axes in bench data: recognised and asked about, never silently fitted.
 
-A data set is held against what physics allows: no shift ends before the sliding ring has flown
-its way freely under the force, and none with a time lasts longer than the time-out. And it is
-held against itself: calibration, rise times and traces say the same things again. Where most
-rows cannot be true and one correction makes them so, that is the finding. A correction that
-was asked for is made first, and the rest examined after it.
+Two checks find a slip. Physics: no shift ends before the sliding ring has flown freely under the
+force, and no time exceeds the time-out. Redundancy: calibration, rise times and traces repeat the
+table. A finding is a correction that makes most of the impossible rows possible. Requested
+corrections are made first; the checks see the corrected data.
 """
 
 from __future__ import annotations
@@ -62,7 +61,7 @@ CHECKS: tuple[Check, ...] = (
 
 
 def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
-    """Return what looks like a slip in a sheet whose corrections have been made.
+    """Find probable slips in a sheet whose corrections have been made.
 
     ``asked`` are these corrections; quantities that are to be taken as given, or that have
     been swapped already, are not questioned.

@@ -1,4 +1,4 @@
-"""What ``bench.toml`` says: the clutch as the bench knows it, its sensors and its actuator."""
+"""Content of ``bench.toml``: the clutch as the bench knows it, its sensors and its actuator."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class _BenchFile(Section):
 
 @dataclass(frozen=True)
 class Sensor:
-    """Where the stand measures.
+    """Sensors of the stand and the places where they measure.
 
     ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
     of its force that arrives; None where the data set does not say.

@@ -1,8 +1,7 @@
 """``shifts.csv`` as numbers in the units of its columns, before anything is made of them.
 
-A slip of units can make a number impossible as a force or a time, so that rows stay plain
-until they have been examined (``diagnosis.bench.slips``) and corrected
-(``diagnosis.bench.corrections``).
+A slip of units can make a number impossible as a force or a time. So rows stay plain until they are
+examined (``diagnosis.bench.slips``) and corrected (``diagnosis.bench.corrections``).
 """
 
 from __future__ import annotations

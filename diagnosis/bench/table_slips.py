@@ -29,15 +29,15 @@ def free_flight(stand: Stand, row: Row) -> float:
 
 
 def too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
-    """Tell whether a row's time lies below a share of its free flight."""
+    """Test that a row's time lies below a share of its free flight."""
     return row.time is not None and row.time < share * free_flight(stand, row)
 
 
 def _cannot_be(stand: Stand, row: Row) -> bool:
     if not np.isfinite(free_flight(stand, row)):
         return True
-    late = row.time is not None and not 0.0 < row.time <= stand.clutch.timeout
-    return late or too_early(stand, row)
+    beyond = row.time is not None and not 0.0 < row.time <= stand.clutch.timeout
+    return beyond or too_early(stand, row)
 
 
 def bounds(stand: Stand, sheet: Sheet) -> list[Finding]:
@@ -58,7 +58,7 @@ UNITS = {"time": "ms", "rise": "ms", "force": "kN"}
 
 
 def _looks_scaled(stand: Stand, sheet: Sheet, quantity: str) -> bool:
-    """Tell whether the size of a column speaks for the unit that it may be in."""
+    """Test that the size of a column speaks for the unit that it may be in."""
     known = [value for row in sheet.rows if (value := getattr(row, quantity)) is not None]
     if not known:
         return False

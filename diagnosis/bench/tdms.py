@@ -25,7 +25,7 @@ LEAD = "displacement_mm"  #: the channel that tells the group, and its time
 
 
 def tdms_available() -> bool:
-    """Tell whether npTDMS can be imported."""
+    """Test that npTDMS can be imported."""
     try:
         _nptdms()
     except InputError:

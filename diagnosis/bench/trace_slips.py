@@ -28,7 +28,7 @@ def _ratios(sheet: Sheet, ratio: Callable[[Row, BenchTrace], float | None]) -> R
 
 
 def _all_near(ratios: Ratios, target: float, factor: float = NEAR) -> bool:
-    """Tell whether nine in ten ratios lie within a factor of a target, of its sign."""
+    """Test that nine in ten ratios lie within a factor of a target, of its sign."""
     return _share_near(ratios, target, factor) >= 0.9
 
 
@@ -92,10 +92,10 @@ def speeds(stand: Stand, sheet: Sheet) -> list[Finding]:
 
 def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
     """Return traces whose time runs a hundred times as long as the shift."""
-    late = stand.clutch.timeout
-    ratios = _ratios(sheet, lambda row, t: float(t.time[-1]) / (row.time or late))
+    timeout = stand.clutch.timeout
+    ratios = _ratios(sheet, lambda row, t: float(t.time[-1]) / (row.time or timeout))
     ends = _ratios(sheet, lambda _, t: float(t.time[-1]))
-    if not ratios.size or np.median(ratios) < 100.0 or np.median(ends) < late:
+    if not ratios.size or np.median(ratios) < 100.0 or np.median(ends) < timeout:
         return []
     found = f"t_s of the traces runs to {_middle(ratios)} times the time of the shift"
     looks = "milliseconds"
@@ -119,7 +119,7 @@ def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
 
 
 def _other_displacement(stand: Stand, middle: float) -> tuple[str, str | None, bool]:
-    """Return what a displacement of so many travels looks like, its correction and certainty."""
+    """Name the probable unit of a displacement of so many travels, its correction, certainty."""
     ratio = stand.sensor.linkage_ratio
     if 0.5e-3 < middle < 2e-3:
         return "metres", "m", True
@@ -155,17 +155,15 @@ def trace_force(stand: Stand, sheet: Sheet) -> list[Finding]:
     if factor is not None and factor > 1.5 and _all_near(ratios, factor, 1.2):
         looks = "the force at the robot arm in the table"
         return [Finding("force", found, looks, "arm", certain=True)]
-    settled = _ratios(sheet, lambda row, t: _last_force(row, t) if _is_settled(row, t) else None)
+    settled = _ratios(
+        sheet, lambda row, t: _last_force(row, t) if t.time[-1] > row.rise + SETTLED else None
+    )
     if factor is not None and factor > 1.5 and _all_near(settled, 1.0 / factor, 1.2):
         looks = "the force at the robot arm in the traces"
         return [Finding("trace_force", found, looks, "arm")]
     if settled.size and not 0.5 < np.median(settled) < 1.5:
         return [Finding("trace_force", found, "a sensor with a wrong scale")]
     return []
-
-
-def _is_settled(row: Row, trace: BenchTrace) -> bool:
-    return bool(trace.time[-1] > row.rise + SETTLED)
 
 
 def _last_force(row: Row, trace: BenchTrace) -> float | None:

@@ -1,10 +1,9 @@
-"""Which hypotheses a data set cannot tell apart, and what it cannot see at all.
+"""Classes of hypotheses that a data set cannot tell apart, and effects that it cannot see.
 
-A imitates B as well as its best values do. Where half the squared distance of their signatures
-(``diagnosis.likelihood.signature``) stays below a limit both ways, no data of this kind and number
-would part them, and they are one class. What the error of emulation alone adds to the distance is
-taken off: by it no data part them. A dead time and a shifted time zero of the record are one class
-in any case.
+A hypothesis imitates another one as well as its best values do. Two hypotheses are one class if
+half the squared distance of their signatures (``diagnosis.likelihood.signature``) stays below a
+limit both ways: no data of this kind and number would part them. The distance that errors of
+emulation alone add is subtracted. A dead time and a shifted time zero are always one class.
 """
 
 from __future__ import annotations
@@ -15,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.inference.posterior import Probabilities
-from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
 from dogshape.diagnosis.prediction.hypotheses import NONE
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
 APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
 PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at
@@ -37,7 +36,7 @@ class Confusion:
     classes: tuple[tuple[Hypothesis, ...], ...]
 
     def class_of(self, hypothesis: Hypothesis) -> tuple[Hypothesis, ...]:
-        """Return the hypotheses that cannot be told from one, itself among them."""
+        """Find the class of a hypothesis, itself included."""
         for group in self.classes:
             if hypothesis in group:
                 return group
@@ -45,17 +44,14 @@ class Confusion:
 
 
 @dataclass(frozen=True)
-class _Placed:
+class _Placed(Table):
     """Signatures (m, k), and the squared distance that errors of emulation make, (m,)."""
 
     points: Array
     noise: Array
 
-    def rows(self, which: np.ndarray) -> _Placed:
-        return _Placed(self.points[which], self.noise[which])
 
-
-def _placed(predicted: Predicted, metric: Metric, baseline: Predicted) -> _Placed:
+def _placed(predicted: PredictionSummary, metric: Metric, baseline: PredictionSummary) -> _Placed:
     # What the errors have in common with the baseline's is common to all hypotheses, and the error
     # of the model is none of the emulation's.
     own = _emulated(predicted) - _emulated(baseline)
@@ -63,10 +59,9 @@ def _placed(predicted: Predicted, metric: Metric, baseline: Predicted) -> _Place
     return _Placed(metric.of(predicted), noise)
 
 
-def _emulated(predicted: Predicted) -> Array:
+def _emulated(predicted: PredictionSummary) -> Array:
     """Return the variance of emulated means (m, cells), without that of the model."""
-    variance: Array = predicted.error**2 - predicted.model**2
-    return variance
+    return predicted.error**2 - predicted.model**2
 
 
 def _nearest(mine: _Placed, theirs: _Placed) -> Array:
@@ -81,15 +76,15 @@ def _nearest(mine: _Placed, theirs: _Placed) -> Array:
 def confusion(
     scored: Sequence[Scored],
     metric: Metric,
-    belief: Probabilities,
-    baseline: Predicted,
+    posterior: Probabilities,
+    baseline: PredictionSummary,
 ) -> Confusion:
-    """Return classes among the plausible hypotheses; unknown is in none."""
-    those = [one for one in scored if belief.get(one.hypothesis, 0.0) > PLAUSIBLE]
+    """Group the plausible hypotheses into classes; unknown is in none."""
+    those = [one for one in scored if posterior.get(one.hypothesis, 0.0) > PLAUSIBLE]
     generator = np.random.default_rng(1)
     every = [_placed(one.rows.predicted, metric, baseline) for one in those]
     drawn = [
-        placed.rows(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
+        placed.only(one.draw(DRAWN, generator)) for one, placed in zip(those, every, strict=True)
     ]
     apart = np.array(
         [[0.5 * _nearest(mine, theirs).mean() for theirs in every] for mine in drawn]
@@ -112,7 +107,7 @@ def _groups(names: tuple[Hypothesis, ...], near: np.ndarray) -> tuple[tuple[Hypo
 
 
 def invisible(scored: Sequence[Scored], metric: Metric) -> dict[str, float]:
-    """Return for each effect the share of its prior that the data could not tell from none."""
+    """Compute the share of each effect's prior that the data cannot tell from none."""
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
     nothing = metric.of(baseline)
     found = {}
@@ -134,7 +129,7 @@ def in_short(effects: Sequence[str]) -> str:
 
 
 def confusable(found: Confusion, aliases: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Return classes of more than one as names, and effects with what is never told from them."""
+    """List classes of several hypotheses as names, and effects with their aliases."""
     groups = [[in_short(h) for h in group] for group in structured(found)]
     named = {name for hypothesis in found.hypotheses for name in hypothesis}
     return groups + [[name, *aliases[name]] for name in sorted(named) if aliases.get(name)]

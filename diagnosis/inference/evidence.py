@@ -1,10 +1,10 @@
 r"""Evidence :math:`Z = \int L(\theta) \pi(\theta) d\theta` over the shares of the priors.
 
-One or two parameters: boxes of the unit cube with three Gauss points a side are halved until
-none changes the sum any more; what the last halving changed is the error. More parameters, and
-pairs of effects: importance sampling from a mixture of Student-t round what was found so far and
-the prior itself, all rounds weighted as one mixture, with the effective sample size giving the
-error. ``validation.nested_sampling`` has nested sampling as a second computation.
+One or two parameters of one effect: boxes of the unit cube with three Gauss points a side are
+halved until no halving changes the sum; the change of the last halving is the error. More
+parameters, and pairs of effects: importance sampling from the prior and from Student-t
+distributions round the draws so far. All rounds are weighted as one mixture, and the effective
+sample size gives the error. ``validation.nested_sampling`` is a second computation.
 """
 
 from __future__ import annotations
@@ -89,13 +89,14 @@ def normalised(found: Sum) -> Sum:
 
 
 def hopeless(rows: Rows, best: float, finished: int) -> bool:
-    """Tell whether a hypothesis lies so far below the best that more rounds change nothing."""
+    """Test that a hypothesis lies so far below the best that more rounds change nothing."""
     limit = HOPELESS[min(finished, len(HOPELESS) - 1)]
     return float(rows.whole.max()) < best - limit
 
 
 def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
     """Integrate over the unit cube of ``size`` 1 or 2 by halving boxes."""
+    # scipy's cubature gives the sum, but not the rows behind it, which all that follows weighs.
     boxes = _first_boxes(size)
     rows = at(_points(boxes))
     log = _log_weights(boxes)
@@ -110,14 +111,14 @@ def quadrature(at: Score, size: int, best: float = -np.inf) -> Sum:
         if not split.any() or len(boxes) * each > POINTS[size] or hopeless(rows, best, finished):
             break
         children = _halved(boxes[split])
-        fresh, fresh_log = at(_points(children)), _log_weights(children)
-        sums = _box_sums(fresh, fresh_log, each).reshape(-1, 2**size)
+        new, new_log = at(_points(children)), _log_weights(children)
+        sums = _box_sums(new, new_log, each).reshape(-1, 2**size)
         change = np.abs(np.exp(log_sum(sums, axis=1) - whole) - share[split])
         error = float(change.sum()) / np.sqrt(max(1, split.sum()))
         again = np.repeat(change > TOLERANCE / np.sqrt(split.sum()), 2**size)
         keep = np.repeat(~split, each)
-        rows = rows.only(keep).joined(fresh)
-        log = np.concatenate([log[keep], fresh_log])
+        rows = rows.only(keep).joined(new)
+        log = np.concatenate([log[keep], new_log])
         boxes = np.concatenate([boxes[~split], children])
         live = np.concatenate([live[~split], again])
     return Sum(rows, log, float(log_sum(_box_sums(rows, log, each), axis=0)), error)
@@ -135,28 +136,24 @@ def _halved(boxes: Array) -> Array:
     offsets = np.array(list(itertools.product((0.0, 0.5), repeat=size)))
     corners = boxes[:, None, 0] + offsets * boxes[:, None, 1]
     widths = np.broadcast_to(0.5 * boxes[:, None, 1], corners.shape)
-    children: Array = np.stack([corners, widths], axis=2).reshape(-1, 2, size)
-    return children
+    return np.stack([corners, widths], axis=2).reshape(-1, 2, size)
 
 
 def _points(boxes: Array) -> Array:
     size = boxes.shape[2]
     inside = 0.5 + 0.5 * np.array(list(itertools.product(_GAUSS, repeat=size)))
-    points: Array = (boxes[:, None, 0] + inside * boxes[:, None, 1]).reshape(-1, size)
-    return points
+    return (boxes[:, None, 0] + inside * boxes[:, None, 1]).reshape(-1, size)
 
 
 def _log_weights(boxes: Array) -> Array:
     size = boxes.shape[2]
     product = np.array([np.prod(w) for w in itertools.product(_GAUSS_WEIGHTS / 2.0, repeat=size)])
     volumes = boxes[:, 1].prod(axis=1)
-    logs: Array = np.log(volumes[:, None] * product).ravel()
-    return logs
+    return np.log(volumes[:, None] * product).ravel()
 
 
 def _box_sums(rows: Rows, log: Array, each: int) -> Array:
-    total: Array = log_sum((log + rows.whole).reshape(-1, each), axis=1)
-    return total
+    return log_sum((log + rows.whole).reshape(-1, each), axis=1)
 
 
 def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
@@ -172,12 +169,12 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
         if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
             break
         proposal = _fitted(rows.shares, log, likely)
-        fresh = proposal.draw(DRAWS, generator)
-        fresh = fresh[((fresh > 0.0) & (fresh < 1.0)).all(axis=1)]
+        new = proposal.draw(DRAWS, generator)
+        new = new[((new > 0.0) & (new < 1.0)).all(axis=1)]
         proposals.append(proposal)
         counts.append(DRAWS)
-        if len(fresh):
-            rows = rows.joined(at(fresh))
+        if len(new):
+            rows = rows.joined(at(new))
     likely = rows.whole
     log = -_log_mixture(rows.shares, proposals, counts)
     error = 1.0 / np.sqrt(_effective(log + likely))
@@ -210,8 +207,7 @@ class _Proposal:
         constant = gammaln((DOF + size) / 2.0) - gammaln(DOF / 2.0) - size / 2 * np.log(DOF * np.pi)
         log = constant - np.log(np.diag(self.root)).sum()
         log = log - (DOF + size) / 2.0 * np.log1p((scaled**2).sum(axis=0) / DOF)
-        result: Array = np.logaddexp(np.log(PRIOR_SHARE), np.log1p(-PRIOR_SHARE) + log)
-        return result
+        return np.logaddexp(np.log(PRIOR_SHARE), np.log1p(-PRIOR_SHARE) + log)
 
 
 def _log_mixture(points: Array, proposals: list[_Proposal], counts: list[int]) -> Array:
@@ -219,8 +215,7 @@ def _log_mixture(points: Array, proposals: list[_Proposal], counts: list[int]) -
     logs = [np.full(len(points), np.log(counts[0]))]
     pairs = zip(proposals, counts[1:], strict=True)
     logs += [np.log(count) + one.log_density(points) for one, count in pairs]
-    result: Array = log_sum(np.stack(logs), axis=0)
-    return result
+    return log_sum(np.stack(logs), axis=0)
 
 
 def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
@@ -242,8 +237,7 @@ def outside(size: int) -> Array:
         return np.array([[0.0], [1.0]])
     wide = 2.0 * qmc.Halton(size, seed=1).random(8 * OUTSIDE) - 0.5
     beyond = wide[((wide < 0.0) | (wide > 1.0)).any(axis=1)][:OUTSIDE]
-    ends: Array = np.clip(beyond, 0.0, 1.0)
-    return ends
+    return np.clip(beyond, 0.0, 1.0)
 
 
 def with_width(found: Scored, factor: float) -> Scored:

@@ -1,7 +1,7 @@
-"""Gaps before and after on operating points that a fit never saw.
+"""Gaps before and after at operating points that the fit did not use.
 
-Each force, then each speed, is left out; the hypothesis is refitted to the other cells (its rows
-weighted anew) and predicts those left out. So every cell is predicted twice.
+Each force, then each speed, is left out. The hypothesis is refitted to the other cells by new
+weights of its rows, and predicts the cells left out. So every cell is predicted twice.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.likelihood.signature import Metric, known
 from dogshape.diagnosis.terms import Array
 
@@ -45,7 +45,7 @@ class HeldOut:
 
 
 def folds(bench: Bench) -> list[np.ndarray]:
-    """Return which cells to leave out, one force, then one speed at a time."""
+    """List the cells to leave out, one force, then one speed at a time."""
     forces = np.array([cell.point.profile.force for cell in bench.cells])
     speeds = np.array([cell.point.mismatch for cell in bench.cells])
     found = [column == value for column in (forces, speeds) for value in np.unique(column)]
@@ -53,7 +53,7 @@ def folds(bench: Bench) -> list[np.ndarray]:
 
 
 def by_effects(found: Scored) -> Predict:
-    """Return what a hypothesis predicts after a refit; NaN where none of its values engages."""
+    """Make the predictor of a hypothesis after a refit; NaN where none of its values engages."""
     means = found.rows.predicted.mean
     there = np.isfinite(means)
 
@@ -62,16 +62,15 @@ def by_effects(found: Scored) -> Predict:
         weights = found.weights(cells)[:, None] * there
         whole = weights.sum(axis=0)
         summed = (weights * np.where(there, means, 0.0)).sum(axis=0)
-        predicted: Array = np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
-        return predicted
+        return np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
 
     return predict
 
 
 def held_out(
-    bench: Bench, seen: Observed, baseline: Predicted, metric: Metric, predict: Predict
+    bench: Bench, seen: Observed, baseline: PredictionSummary, metric: Metric, predict: Predict
 ) -> HeldOut:
-    """Return gaps before and after; predictions from refits without each cell."""
+    """Compute gaps before and after; predictions come from refits without each cell."""
     times = seen.time
     having = known(times) & known(baseline.mean[0])
     if not having.any():

@@ -1,26 +1,27 @@
-r"""The next bench test: which would tell most about the cause for what it costs.
+"""Next bench test: the one with the most information about the cause for its cost.
 
-A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. What it
-is expected to tell is the mutual information of cause and outcome,
+A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. Its
+expected information is the mutual information of cause and outcome,
 
 .. math:: I = H(p) - E_y H(p | y),
 
-with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture; where the data
-allow no parting of hypotheses, a direct test still does. What counts where nothing has 0.8 is the
-chance that the true hypothesis has it afterwards, less a little for each hour of work: by nats an
-hour a cheap test that settles nothing would lead. Direct tests come from the effects:
-their outcome is the effects' parameters, as shares of the priors, to a twentieth; effects that
-share a test (a slow push shows friction and detent) share its outcome. Generic tests are more
-shifts at an operating point. One is chosen even where a hypothesis has 0.8: the one with the most
-nats an hour, and where nothing is to be learnt the direct test of what was named. Where no known
-effect fits, nobody can say what a test would tell; then it is traces at the operating point that
-misses most.
+with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture.
+
+If no hypothesis has more than 0.8, tests are ranked by the chance that the true one has it
+afterwards, minus 4 % per hour of work: a cheap test that settles nothing would lead by nats an
+hour. Otherwise tests are ranked by nats an hour; if nothing is left to learn, the direct test of
+the named cause leads. If no known effect fits, no outcome can be predicted: the test is then
+traces at the operating point with the largest residual.
+
+Direct tests come from the effects. Their outcome is the effects' parameters, as shares of the
+priors, to a twentieth. Effects that share a test share its outcome: a slow push shows friction and
+detent. Generic tests are more shifts at an operating point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +33,7 @@ from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.inference.unknown import Unknown
 from dogshape.diagnosis.inference.verdict import NAMED
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted, Scored
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
@@ -71,7 +72,7 @@ MORE = (10, 40)  #: shifts that may be added at an operating point
 
 @dataclass(frozen=True)
 class Outcome:
-    """What hypotheses say of a test: mean and variance of each outcome, (hypotheses, d)."""
+    """Predicted outcome of a test: mean and variance, (hypotheses, d)."""
 
     mean: Array
     variance: Array
@@ -79,12 +80,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Asked:
-    """What a test measures.
+    """Quantity that a test measures.
 
     Parameters
     ----------
     kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
-        ``traces`` where nobody can say what comes out.
+        ``traces`` where no hypothesis predicts the outcome.
     parameters : that a direct test measures, in the order of its outcome.
     point : mismatch in rad/s and force in N of shifts or traces.
     shifts : that are made.
@@ -96,7 +97,7 @@ class Asked:
     shifts: int = 0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what it has, in the edge's units."""
+        """Write the record in the edge's units."""
         record: dict[str, Any] = {"kind": self.kind}
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)
@@ -108,10 +109,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class NextTest:
-    """A test with what it is expected to tell, nats, and its cost in hours.
+    """Test with its expected information, nats, and its cost in hours.
 
     ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
-    where nobody can foretell it, and so is ``outcome``; else that has a row for each of
+    where no hypothesis predicts it, as is ``outcome``; else ``outcome`` has a row for each of
     ``hypotheses``: shares of the priors for a direct test, s for more shifts.
     """
 
@@ -136,7 +137,7 @@ class NextTest:
         return (self.information or 0.0) / self.hours
 
     def as_dict(self) -> dict[str, Any]:
-        """Return what it measures and what each hypothesis foretells of it."""
+        """Write the measured quantity and the prediction of each hypothesis."""
         record = {"name": self.name, **self.asked.as_dict()}
         if self.outcome is not None:
             rows = zip(self.hypotheses, self.outcome.mean, self.outcome.variance, strict=True)
@@ -152,8 +153,10 @@ def _short(values: Array) -> list[float]:
     return [float(f"{value:.6g}") for value in values]
 
 
-def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, float]:
-    """Return the mutual information of hypothesis and outcome, nats, and the chance to settle."""
+def expected_information(
+    probabilities: Array, outcome: Outcome, seed: int = 1
+) -> tuple[float, float]:
+    """Compute the mutual information of hypothesis and outcome, nats, and the chance to settle."""
     generator = np.random.default_rng(seed)
     width = np.sqrt(outcome.variance)
     # As many draws of each hypothesis as its probability: less noise than drawing which.
@@ -175,20 +178,20 @@ def told(probabilities: Array, outcome: Outcome, seed: int = 1) -> tuple[float, 
 
 @dataclass(frozen=True)
 class Standing:
-    """What is known when the next test is chosen."""
+    """State of the diagnosis at the choice of the next test."""
 
     bench: Bench
     seen: Observed
     scored: Mapping[Hypothesis, Scored]
     unknown: Unknown
-    belief: Probabilities
+    posterior: Probabilities
     effects: Mapping[str, Effect]
     leading: Hypothesis
 
     @property
     def plausible(self) -> tuple[Hypothesis, ...]:
         """Hypotheses that take part."""
-        return tuple(h for h, p in self.belief.items() if p > LEAST)
+        return tuple(h for h, p in self.posterior.items() if p > LEAST)
 
     @property
     def setting(self) -> Setting:
@@ -197,17 +200,14 @@ class Standing:
 
 
 def choose(standing: Standing) -> tuple[NextTest, ...]:
-    """Return the tests, the best first."""
+    """Rank the tests, the best first."""
     names = standing.plausible
-    shares = np.array([standing.belief[h] for h in names])
+    shares = np.array([standing.posterior[h] for h in names])
     shares = shares / shares.sum()
-    tests = []
-    for name, how, hours, asked, shows, said in [*_direct(standing), *_more(standing)]:
-        nats, settles = told(shares, said)
-        tests.append(NextTest(name, how, nats, hours, asked, shows, names, said, settles))
+    tests = [_judged(shares, test) for test in (*_direct(standing), *_more(standing))]
     # Where nothing is in doubt the test that shows the cause directly confirms it.
     named = set(names[int(np.argmax(shares))])
-    # So does the one that shows the sense, on which all sizes rest where nobody noted it.
+    # So does the one that shows the sense, on which all sizes rest where it was not noted.
     named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
     if shares.max() <= NAMED:
@@ -216,11 +216,20 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     return (*first, *tests)
 
 
+def _judged(shares: Array, test: NextTest) -> NextTest:
+    """Add the expected information of a test and its chance to settle the cause."""
+    assert test.outcome is not None
+    nats, settles = expected_information(shares, test.outcome)
+    return replace(test, information=nats, settles=settles)
+
+
 def _look(standing: Standing) -> list[NextTest]:
     """Return the test that shows where along the shift an unknown gap arises, if there is any."""
-    said, seen = foretold(standing, standing.leading), standing.seen
-    left = seen.time - said.mean
-    score = abs(left) / np.sqrt(said.variance + said.single / np.maximum(1.0, seen.shifts))
+    predicted, seen = mean_prediction(standing, standing.leading), standing.seen
+    residual = seen.time - predicted.mean
+    score = abs(residual) / np.sqrt(
+        predicted.variance + predicted.single / np.maximum(1.0, seen.shifts)
+    )
     if not np.isfinite(score).any():
         return []
     place = int(np.nanargmax(score))
@@ -229,7 +238,7 @@ def _look(standing: Standing) -> list[NextTest]:
     name = f"traces of {TRACED}{before} shifts at {where}"
     how = (
         f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
-        f"{where}, where the nearest hypothesis misses the mean by {1e3 * left[place]:+.0f} ms."
+        f"{where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} ms."
     )
     asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
     return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED, asked)]
@@ -245,20 +254,20 @@ def _where(bench: Bench, place: int) -> str:
     return f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-Offer = tuple[str, str, float, Asked, tuple[str, ...], Outcome]
-
-
-def _direct(standing: Standing) -> list[Offer]:
+def _direct(standing: Standing) -> list[NextTest]:
+    """List the direct tests of the effects."""
     grouped: dict[str, list[Effect]] = {}
     for effect in standing.effects.values():
         grouped.setdefault(effect.test.name, []).append(effect)
     return [
-        (
+        NextTest(
             name,
             those[0].test.how,
+            None,
             HOURS.get(name, DIRECT),
             Asked("direct", tuple(name for effect in those for name in _read(effect))),
             tuple(effect.name for effect in those),
+            standing.plausible,
             _parameters(standing, those),
         )
         for name, those in grouped.items()
@@ -266,21 +275,20 @@ def _direct(standing: Standing) -> list[Offer]:
 
 
 def _read(effect: Effect) -> tuple[str, ...]:
-    """Return what a direct test reads of an effect: its parameters, or whether it is there."""
+    """List the parameters that a direct test reads of an effect, or the effect's name."""
     return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
 
 
-def _absent(effect: Effect, setting: Setting) -> list[float]:
-    return [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0]
-
-
 def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
-    """Return what hypotheses say of the parameters of some effects, as shares of their priors.
+    """Predict a direct test of some effects, as shares of the priors of their parameters.
 
     An effect without parameters is there (1) or not (0).
     """
     setting = standing.setting
-    absent = np.array([share for effect in effects for share in _absent(effect, setting)])
+    neutral = [
+        [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0] for effect in effects
+    ]
+    absent = np.concatenate(neutral)
     means, variances = [], []
     for hypothesis in standing.plausible:
         mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
@@ -301,27 +309,31 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
     return Outcome(np.array(means), np.array(variances))
 
 
-def _more(standing: Standing) -> list[Offer]:
-    """Return more shifts at each operating point of the data set."""
-    found: list[Offer] = []
-    said = [foretold(standing, hypothesis) for hypothesis in standing.plausible]
+def _more(standing: Standing) -> list[NextTest]:
+    """List more shifts at each operating point of the data set as tests."""
+    found = []
+    predicted = [mean_prediction(standing, hypothesis) for hypothesis in standing.plausible]
     for place in range(len(standing.bench.cells)):
         where = _where(standing.bench, place)
         for count in MORE:
-            mean = np.array([[one.mean[place]] for one in said])
-            variance = np.array([[one.variance[place] + one.single[place] / count] for one in said])
+            mean = np.array([[one.mean[place]] for one in predicted])
+            variance = np.array(
+                [[one.variance[place] + one.single[place] / count] for one in predicted]
+            )
             name = f"{count} more shifts at {where}"
             how = f"Record {count} more shifts at {where}, each with its own time."
             if np.isfinite(mean).all() and np.isfinite(variance).all():
                 asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
                 outcome = Outcome(mean, variance)
-                found.append((name, how, SETUP + SHIFT * count, asked, (), outcome))
+                hours = SETUP + SHIFT * count
+                test = NextTest(name, how, None, hours, asked, (), standing.plausible, outcome)
+                found.append(test)
     return found
 
 
 @dataclass(frozen=True)
-class Foretold:
-    """What a hypothesis says of the data set's cells given all data, (cells,) each; s, s^2.
+class MeanPrediction:
+    """Mean times of the cells that a hypothesis predicts given all data, (cells,); s, s^2.
 
     ``variance`` is that of the mean (parameters, simulation), ``single`` that of single shifts.
     """
@@ -331,28 +343,28 @@ class Foretold:
     single: Array
 
 
-def foretold(standing: Standing, hypothesis: Hypothesis) -> Foretold:
-    """Return what a hypothesis says of each cell."""
+def mean_prediction(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:
+    """Predict the mean time of each cell by a hypothesis."""
     if hypothesis == UNKNOWN:
         baseline = standing.scored[()].rows.predicted
         mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
-        return Foretold(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
+        return MeanPrediction(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
     found = standing.scored[hypothesis]
     whole = found.weights()
     # Values with which nothing engages have no mean; where they matter the cell is left out.
     counting = whole > 1e-6 * whole.max()
-    predicted: Predicted = found.rows.predicted.rows(counting)
+    predicted: PredictionSummary = found.rows.predicted.only(counting)
     weights = whole[counting] / whole[counting].sum()
     mean = weights @ predicted.mean
     # Errors of the simulation are common to all hypotheses and part none of them, but they limit
     # what any outcome can say.
     variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
-    return Foretold(mean, variance, weights @ predicted.sd**2)
+    return MeanPrediction(mean, variance, weights @ predicted.sd**2)
 
 
-def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) -> str:
-    """Return in a sentence or two why a test is the next."""
-    open_to = [h for h, p in belief.items() if p > 0.05][:4]
+def why(test: NextTest, posterior: Probabilities, effects: Mapping[str, Effect]) -> str:
+    """Explain the choice of a test in a sentence or two."""
+    open_to = [h for h, p in posterior.items() if p > 0.05][:4]
     common = in_common(open_to)
     doubt = [plain(without(h, common), effects) for h in open_to]
     cost = f"about {number(test.hours)} h of work"
@@ -361,7 +373,7 @@ def why(test: NextTest, belief: Probabilities, effects: Mapping[str, Effect]) ->
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    if max(belief.values()) > NAMED:
+    if max(posterior.values()) > NAMED:
         return f"{test.how} It tells most for its cost, open are {those} ({cost})."
     return (
         f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "

@@ -30,7 +30,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Bound:
-    """Which values of an effect's first parameter the data leave, with 95 %.
+    """Values of an effect's first parameter that the data leave, with 95 %.
 
     ``informed`` is False where the data see nothing of the effect: then the range is the prior's.
     """
@@ -48,6 +48,7 @@ class Bound:
 
 def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> list[float]:
     """Return weighted quantiles of values (m,)."""
+    # numpy's weighted quantiles do not interpolate: an end would jump from row to row.
     order = np.argsort(values)
     below = np.cumsum(weights[order]) - 0.5 * weights[order]
     return [float(np.interp(share, below, values[order])) for share in shares]

@@ -1,8 +1,8 @@
 """Probabilities of hypotheses, where an effect too weak to be seen counts as none.
 
-An effect whose strength the data cannot show predicts what none predicts, and a pair with one
-such partner what the other predicts. That share of a hypothesis' posterior goes to the simpler
-one, so that effects which the data cannot see neither gain nor lose.
+An effect whose strength the data cannot show predicts the same as no effect. A pair with such a
+partner predicts the same as its other effect. That share of the posterior moves to the simpler
+hypothesis, so that invisible effects neither gain nor lose.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
-from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Scored
+from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space, priors_of
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -46,12 +46,12 @@ def probabilities(
 
 @dataclass(frozen=True)
 class Folding:
-    """For each hypothesis, the shares of its posterior that belong to simpler ones, and itself."""
+    """Shares of each hypothesis' posterior that belong to simpler ones, and to itself."""
 
     shares: Mapping[Hypothesis, Mapping[Hypothesis, float]]
 
     def fold(self, raw: Probabilities) -> Probabilities:
-        """Return probabilities in which what cannot be seen counts as absent."""
+        """Move the probability of effects that cannot be seen to simpler hypotheses."""
         folded = dict.fromkeys(raw, 0.0)
         for hypothesis, probability in raw.items():
             for target, share in self.shares.get(hypothesis, {hypothesis: 1.0}).items():
@@ -66,7 +66,7 @@ def folding(
     raw: Probabilities,
     before: Folding | None = None,
 ) -> Folding:
-    """Return which share of each hypothesis the data cannot tell from a simpler one.
+    """Compute the share of each hypothesis that the data cannot tell from a simpler one.
 
     The shares depend on no probability; ``before`` has those of the same scores that are known.
     """
@@ -101,7 +101,9 @@ def _several(
     apart = [squared(places, nothing)[:, 0]]
     for part in itertools.combinations(whole.hypothesis, len(whole.hypothesis) - 1):
         if part in spaces:
-            alone = _alone(problem, whole.space, spaces[part], drawn.shares)
+            space = spaces[part]
+            columns = [drawn.shares[:, whole.space.columns(e.name)] for e in space.effects]
+            alone = problem.summary(part, space.values(np.hstack(columns)))
             apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
             targets.append(part)
     table = np.stack(apart)
@@ -114,11 +116,6 @@ def _several(
         for place, target in enumerate(targets)
     }
     return {**shares, whole.hypothesis: float(weights[~hidden].sum())}
-
-
-def _alone(problem: Problem, whole: Space, part: Space, shares: Array) -> Predicted:
-    columns = [shares[:, whole.columns(effect.name)] for effect in part.effects]
-    return problem.predicted(part.hypothesis, part.values(np.hstack(columns)))
 
 
 def noise(
@@ -148,7 +145,7 @@ def noise(
 
 
 def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabilities:
-    """Return probabilities in which what cannot have made the data counts as unknown.
+    """Move the probability of hypotheses that fail the predictive check to `unknown`.
 
     Evidence only ranks what was thought of; the best of them may still miss the data. A hypothesis
     keeps the share that its predictive p-value has of the limit below which it fails.
@@ -159,7 +156,7 @@ def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabili
 
 
 def inclusion(folded: Probabilities) -> dict[str, float]:
-    """Return for each effect the probability that it is part of the cause."""
+    """Compute for each effect the probability that it is part of the cause."""
     found: dict[str, float] = {}
     for hypothesis, probability in folded.items():
         for name in () if hypothesis == UNKNOWN else hypothesis:

@@ -1,11 +1,10 @@
-"""Whether a hypothesis can have made the data at all: its posterior predictive p-value.
+"""Posterior predictive p-value of a hypothesis: can it have made the data at all.
 
-Of values drawn from the posterior, each cell gives normal scores for its mean, for the spread of
-its single shifts, for the number of late ones and for its share engaged, and each force profile
-one for the marks of its flight. Their squares are added up, and the p-value is the posterior mean
-of the probability of a larger sum (Gelman, Meng and Stern 1996, realised discrepancies). Means,
-spreads and marks give chi-square; what counts give is few numbers, so that replicates of the counts
-say how large their part is where the hypothesis holds.
+For values drawn from the posterior, each cell gives normal scores: of its mean, of the spread of
+its single shifts, of its number of outliers and of its share engaged. Each force profile gives one
+for the marks of its flight. The p-value is the posterior mean of the probability of a larger sum
+of squares (Gelman, Meng and Stern 1996, realised discrepancies). Squares of means, spreads and
+marks are chi-square. Counts take few values, so replicated counts give the distribution of theirs.
 """
 
 from __future__ import annotations
@@ -17,9 +16,9 @@ from scipy.special import ndtri
 from scipy.stats import betabinom, chi2
 
 from dogshape.diagnosis.likelihood.cell_likelihood import (
-    Said,
+    CellPredictions,
     beta_of,
-    late_counts,
+    outlier_beta,
     spread_score,
     time_score,
 )
@@ -41,29 +40,33 @@ def p_value(problem: Problem, found: Scored) -> float:
     generator = np.random.default_rng(1)
     rows, weights = np.unique(found.draw(DRAWN, generator), return_counts=True)
     values = found.space.values(found.rows.shares[rows])
-    said = problem.said(found.hypothesis, values)
+    predicted = problem.predictions(found.hypothesis, values)
     seen = problem.seen
-    late = np.array([times.size for times in seen.late], dtype=float)
+    outliers = np.array([times.size for times in seen.outlier_times], dtype=float)
     few = seen.tried <= FEW
-    telling = (seen.tried > 0) & ((seen.failed > 0) | (said.engaged.min(axis=1) < 0.98))
-    timely = time_score(seen, said)[seen.shifts > 0]
+    telling = (seen.tried > 0) & ((seen.failed > 0) | (predicted.engaged.min(axis=1) < 0.98))
+    timely = time_score(seen, predicted)[seen.shifts > 0]
     scores = np.vstack(
         [
             timely,
-            spread_score(seen, said)[seen.freedom > 0],
-            _count_score(*(a[telling & ~few] for a in (seen.tried, seen.engaged, *beta_of(said)))),
-            _count_score(*(a[seen.single > FEW] for a in (seen.single, late, *late_counts(said)))),
+            spread_score(seen, predicted)[seen.freedom > 0],
+            _count_score(
+                *(a[telling & ~few] for a in (seen.tried, seen.engaged, *beta_of(predicted)))
+            ),
+            _count_score(
+                *(a[seen.single > FEW] for a in (seen.single, outliers, *outlier_beta(predicted)))
+            ),
             flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
         ]
     )
     alone = (seen.single > 0) & (seen.single <= FEW)
     counts = [
-        _counted(*(a[telling & few] for a in (seen.tried, seen.engaged, *beta_of(said)))),
-        _counted(*(a[alone] for a in (seen.single, late, *late_counts(said)))),
+        _counted(*(a[telling & few] for a in (seen.tried, seen.engaged, *beta_of(predicted)))),
+        _counted(*(a[alone] for a in (seen.single, outliers, *outlier_beta(predicted)))),
     ]
     if not len(scores) and not any(len(one.seen) for one in counts):
         return 1.0
-    taken = explained(*_in_common(seen, said, timely, problem.common))
+    taken = explained(*_in_common(seen, predicted, timely, problem.common))
     squares = (scores**2).sum(axis=0) - taken
     left: Array = np.reshape(squares, (-1, 1))
     for one in counts:
@@ -96,8 +99,7 @@ def _count_score(tried: Array, seen: Array, a: Array, b: Array) -> Array:
     """Score counts (cells,) at the middle of their probability, (cells, m)."""
     law = betabinom(tried[:, None], a, b)
     middle = law.cdf(seen[:, None]) - 0.5 * law.pmf(seen[:, None])
-    scores: Array = ndtri(np.clip(middle, MOST, 1.0 - MOST))
-    return scores
+    return ndtri(np.clip(middle, MOST, 1.0 - MOST))
 
 
 def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:
@@ -111,11 +113,13 @@ def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:
     return _Counted(np.take_along_axis(every, place, axis=2)[..., 0], every, chances)
 
 
-def _in_common(seen: Observed, said: Said, scores: Array, common: Array) -> tuple[Slopes, Array]:
-    """Return what scores of cells with times (cells, m) are as slopes, and errors in common."""
+def _in_common(
+    seen: Observed, predicted: CellPredictions, scores: Array, common: Array
+) -> tuple[Slopes, Array]:
+    """Arrange scores of cells with times (cells, m) as slopes, beside common errors."""
     having = seen.shifts > 0
-    squares = said.sd[having] ** 2 / seen.shifts[having, None] + said.error[having] ** 2
+    squares = predicted.sd[having] ** 2 / seen.shifts[having, None] + predicted.error[having] ** 2
     # What says nothing of a cell's times errs there with nothing in common.
     precision = np.nan_to_num(1.0 / squares.T)
     slopes = Slopes(scores.T * np.sqrt(precision), precision)
-    return slopes, shared_errors(common[having], np.nan_to_num(said.common[having].T))
+    return slopes, shared_errors(common[having], np.nan_to_num(predicted.common[having].T))

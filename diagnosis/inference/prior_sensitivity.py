@@ -1,7 +1,7 @@
-"""The answer under other readings: given what is known at rest, other priors, other counts.
+"""Sensitivity of the answer: with facts from static readings, other priors, other counts.
 
-Where a reading at rest shows an effect, it is there whatever else is: the plausible hypotheses are
-then tried with it too, as probable before the data as they are without.
+An effect that a static reading shows is there under every hypothesis. So the plausible hypotheses
+are also scored with that effect, with the prior probability that they have without it.
 """
 
 from __future__ import annotations
@@ -42,8 +42,10 @@ def readings(
         found[key] = _read(problem, ranking, changed, free)
     if problem.seen.unknown.any():
         failed = {h: one.read_as_failed() for h, one in ranking.scored.items()}
-        log = ranking.free.log_evidence_as_failed
-        found["unknown_as_failed"] = _read(_as_failed(problem), ranking, failed, log)
+        log, seen = ranking.free.log_evidence_as_failed, problem.seen
+        seen = replace(seen, failed=seen.failed + seen.unknown, unknown=0.0 * seen.unknown)
+        counted = replace(problem, seen=seen)
+        found["unknown_as_failed"] = _read(counted, ranking, failed, log)
     return found
 
 
@@ -64,12 +66,6 @@ def _with_effect(
     spaces = spaces_for(list(names), effects, setting_of(bench))
     found = {space.hypothesis: evidence(problem, space) for space in spaces}
     return {h: (one, names[h]) for h, one in found.items()}
-
-
-def _as_failed(problem: Problem) -> Problem:
-    seen = problem.seen
-    counted = replace(seen, failed=seen.failed + seen.unknown, unknown=0.0 * seen.unknown)
-    return replace(problem, seen=counted)
 
 
 def _read(

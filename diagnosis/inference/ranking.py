@@ -1,8 +1,8 @@
-"""Hypotheses ranked by a data set: evidence, what cannot be seen, and what fits at all.
+"""Hypotheses ranked by a data set: evidence, visibility, and the predictive check.
 
-None, each effect and the plausible pairs are scored. Where none of them can have made the data and
-a pair leads, that pair and its nearest rivals are tried with each further effect. Where the sense
-of rotation is unknown, this goes for each sense by itself.
+None, each effect and the plausible pairs are scored. If none of them can have made the data and a
+pair leads, that pair and its nearest rivals are tried with each further effect. If the sense of
+rotation is unknown, each sense is treated by itself.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ MOST = 5  #: such pairs
 
 @dataclass(frozen=True)
 class Ranking:
-    """What the data say of each hypothesis.
+    """Hypotheses with their scores and probabilities.
 
     Parameters
     ----------
@@ -65,18 +65,18 @@ class Ranking:
     fits: Mapping[Hypothesis, float]
 
     @property
-    def belief(self) -> Probabilities:
-        """Probabilities in which what cannot have made the data counts as unknown."""
+    def posterior(self) -> Probabilities:
+        """Probabilities after the predictive check."""
         return judged(self.folded, self.fits)
 
     @property
     def leading(self) -> Hypothesis:
-        """The most probable hypothesis of those that say what is different."""
+        """Most probable hypothesis of known effects."""
         return next(h for h in self.folded if h != UNKNOWN)
 
     @property
     def fails(self) -> bool:
-        """Whether nothing that is plausible can have made the data."""
+        """Test that no plausible hypothesis can have made the data."""
         return not any(p >= ADEQUATE for p in self.fits.values())
 
 
@@ -164,7 +164,7 @@ def plausible_fits(
 
 
 def _alike(one: Scored, other: Scored) -> bool:
-    """Tell whether two scores have the same rows and weights, whatever the evidence."""
+    """Test that two scores have the same rows and weights, whatever the evidence."""
     return one.rows is other.rows and one.log_prior is other.log_prior
 
 

@@ -1,8 +1,8 @@
-"""The answer given either sense of rotation, where nobody noted which it was.
+"""Answer given either sense of rotation, where the sense was not noted.
 
-How large an effect is depends on the sense, so what is said of it is said for each: the hypotheses
-of one sense alone, weighed, folded and judged among themselves. The probability of a sense is that
-of its hypotheses by evidence, before effects that cannot be seen are counted as none.
+The size of an effect depends on the sense, so each sense has its own answer: only its hypotheses
+are weighed, folded and judged. The probability of a sense is that of its hypotheses by evidence,
+before invisible effects count as none.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ Intervals = Mapping[Hypothesis, Mapping[str, Interval]]
 
 @dataclass(frozen=True)
 class SenseAnswer:
-    """What is found given one sense of rotation.
+    """Answer given one sense of rotation.
 
     Parameters
     ----------
     reversed : whether the sense is the other one than that of the table.
     probability : of the sense.
-    belief : probabilities of effects given the sense, which is no part of their names.
+    posterior : probabilities of effects given the sense, which is no part of their names.
     """
 
     reversed: bool
     probability: float
-    belief: Probabilities
+    posterior: Probabilities
 
     def sizes(self, effects: Hypothesis, intervals: Intervals) -> Mapping[str, Interval]:
         """Return the parameters of effects with this sense."""
@@ -46,11 +46,11 @@ class SenseAnswer:
         return intervals.get(mine, intervals.get(effects, {}))
 
     def as_dict(self, intervals: Intervals) -> dict[str, Any]:
-        """Return what the record has of it."""
+        """Write the entry of the record."""
         return {
             "reversed": self.reversed,
             "probability": self.probability,
-            "inclusion": inclusion(self.belief),
+            "inclusion": inclusion(self.posterior),
             "hypotheses": [
                 {
                     "effects": list(h),
@@ -59,7 +59,7 @@ class SenseAnswer:
                         name: size.as_dict() for name, size in self.sizes(h, intervals).items()
                     },
                 }
-                for h, p in list(self.belief.items())[:SHOWN]
+                for h, p in list(self.posterior.items())[:SHOWN]
             ],
         }
 
@@ -70,15 +70,15 @@ def sense_answers(problem: Problem, ranking: Ranking) -> tuple[SenseAnswer, ...]
         return ()
     chances = sense_chances(ranking.raw)
     return tuple(
-        SenseAnswer(other, chances[other], _merged(within_sense(problem, ranking, other).belief))
+        SenseAnswer(other, chances[other], _merged(within_sense(problem, ranking, other).posterior))
         for other in (False, True)
     )
 
 
-def _merged(belief: Probabilities) -> Probabilities:
+def _merged(posterior: Probabilities) -> Probabilities:
     """Return probabilities of effects, whichever sense they are named with."""
     found: Probabilities = {}
-    for hypothesis, probability in belief.items():
+    for hypothesis, probability in posterior.items():
         name = forward(hypothesis)
         found[name] = found.get(name, 0.0) + probability
     return dict(sorted(found.items(), key=lambda item: -item[1]))

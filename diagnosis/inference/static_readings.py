@@ -1,4 +1,4 @@
-r"""What is known of an effect besides the shifts: readings of the stand at rest.
+r"""Static readings of the stand: facts about an effect beside the shifts.
 
 Static readings of the actuator after engagement, displacement *x* over force *F* at the arm, lie on
 a line :math:`x = x_0 + F/k` where the linkage is elastic. With the linkage's ratio *i* and
@@ -53,12 +53,11 @@ class Fact:
     def log_density(self, values: Array) -> Array:
         """Return the logarithm of the density of the reading at values (m,) of the parameter."""
         score = (values - self.value) / self.error
-        result: Array = -0.5 * score**2 - np.log(self.error)
-        return result
+        return -0.5 * score**2 - np.log(self.error)
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
-    """Return what the static readings of a data set tell."""
+    """Derive the facts from the static readings of a data set."""
     ratio, efficiency = bench.sensor.linkage_ratio, bench.sensor.linkage_efficiency
     pairs = [(c.arm_force, c.arm_displacement) for c in bench.calibration]
     known = [(f, x) for f, x in pairs if f is not None and x is not None]
@@ -120,7 +119,7 @@ def log_neutral(fact: Fact) -> float:
 
 
 def against(fact: Fact, scored: Mapping[Hypothesis, Scored]) -> str:
-    """Return in words whether what the effect alone would need agrees with a fact."""
+    """Describe the agreement of a fact with the values that the effect alone would need."""
     alone = scored.get((fact.effect,))
     if alone is None:
         return fact.sentence

@@ -1,4 +1,4 @@
-r"""The hypothesis *unknown*: a structured gap that no known effect explains.
+r"""Hypothesis *unknown*: a structured gap that no known effect explains.
 
 Every cell's times are those of the baseline, moved by an offset :math:`b_c` of their own and
 stretched by a common factor, or in each cell by another. The offsets are a Gaussian process over
@@ -22,7 +22,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.likelihood.cell_likelihood import Said, log_engaged, log_sum, log_times
+from dogshape.diagnosis.likelihood.cell_likelihood import (
+    CellPredictions,
+    log_engaged,
+    log_sum,
+    log_times,
+)
 from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import Problem
@@ -49,7 +54,7 @@ class Offset:
 
 @dataclass(frozen=True)
 class Model:
-    """One member of the grid: what its offsets and its cells say.
+    """Member of the grid: prior of the offsets, and the cells' likelihoods over them.
 
     ``kernel`` is (cells, cells), s^2; ``mean`` and ``variance`` those of the cells' likelihoods.
     """
@@ -90,7 +95,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Unknown:
-    """The hypothesis with its evidence.
+    """Hypothesis *unknown* with its evidence.
 
     ``engaged`` and ``as_failed`` are the logarithms of what is said of the shares, (cells,), the
     latter with the unknown shifts read as failed; ``flight`` that of the marks of flights.
@@ -134,17 +139,17 @@ class Unknown:
 
 
 def unknown(problem: Problem, bench: Bench) -> Unknown:
-    """Return the hypothesis for a data set."""
-    seen, said = problem.seen, problem.said((), np.zeros((1, 0)))
-    means = said.whole[0][:, 0]
+    """Fit the hypothesis *unknown* to a data set."""
+    seen, predicted = problem.seen, problem.predictions((), np.zeros((1, 0)))
+    means = predicted.whole[0][:, 0]
     places = np.array(
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )
     models = []
     for (stretch, shape), weight in STRETCHES.items():
-        offsets = _offsets(seen, _stretched(said, stretch, shape))
+        offsets = _offsets(seen, _stretched(predicted, stretch, shape))
         models += _grid(places, means, offsets, np.log(weight), problem.common)
-    plain, failed = (_free_share(seen, said, extra) for extra in (0.0, 1.0))
+    plain, failed = (_free_share(seen, predicted, extra) for extra in (0.0, 1.0))
     flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
     return Unknown(tuple(models), means, plain, failed, flight)
 
@@ -169,16 +174,16 @@ def _grid(
     return found
 
 
-def _stretched(said: Said, factor: float, shape: float | None) -> Said:
-    times = said.mean[..., None] + factor * (said.times - said.mean[..., None])
-    error = said.shape if shape is None else np.full_like(said.shape, shape)
-    return replace(said, times=times, sd=factor * said.sd, shape=error)
+def _stretched(predicted: CellPredictions, factor: float, shape: float | None) -> CellPredictions:
+    times = predicted.mean[..., None] + factor * (predicted.times - predicted.mean[..., None])
+    error = predicted.shape if shape is None else np.full_like(predicted.shape, shape)
+    return replace(predicted, times=times, sd=factor * predicted.sd, shape=error)
 
 
-def _offsets(seen: Observed, said: Said) -> tuple[Offset | None, ...]:
+def _offsets(seen: Observed, predicted: CellPredictions) -> tuple[Offset | None, ...]:
     """Return each cell's likelihood over its offset in the form of a normal density."""
     # A cell's own offset is no jump that the emulator missed.
-    plain = replace(said, missed=np.zeros_like(said.missed))
+    plain = replace(predicted, missed=np.zeros_like(predicted.missed))
     step = np.hypot(plain.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), plain.error[:, 0])
     offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
     log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
@@ -197,12 +202,11 @@ def _offset(offsets: Array, log: Array) -> Offset:
     return Offset(float(log.max() + np.log(whole)), mean, max(variance, 1e-10))
 
 
-def _free_share(seen: Observed, said: Said, extra: float) -> Array:
+def _free_share(seen: Observed, predicted: CellPredictions, extra: float) -> Array:
     """Return the log probability of numbers engaged by the baseline's share, or by any, (cells,).
 
     ``extra`` is the share of unknown shifts that count as failed.
     """
     failed = seen.failed + extra * seen.unknown
-    by_baseline = log_engaged(seen, said, failed)[:, 0]
-    log: Array = np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)
-    return log
+    by_baseline = log_engaged(seen, predicted, failed)[:, 0]
+    return np.logaddexp(by_baseline, -np.log(seen.engaged + failed + 1.0)) - np.log(2.0)

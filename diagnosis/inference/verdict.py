@@ -1,14 +1,14 @@
-"""The decision: a named effect, none, unknown, or ambiguous with what is left.
+"""Verdict: a named effect, none, unknown, or ambiguous.
 
-- *effect*: one hypothesis of one or two effects has more than 0.8 and can have made the data, and
-  each of its effects is part of the cause with more than 0.95, whatever else is; the sense of
-  rotation (``diagnosis.bench.sense``) is a setting beside these effects, and has to be as sure;
-- *none*: effects that the data could show have less than 0.2 together, and none can have made
-  the data; what each effect is at most stands beside it;
-- *unknown*: a gap of no known effect has more than 0.8; it has also what plausible hypotheses lose
-  that can hardly have made the data (``diagnosis.inference.posterior.judged``);
-- *ambiguous* otherwise, also where a class has more than 0.8 but none of its members: data of
-  this kind cannot part them. What is part of the cause in any case is still named.
+- *effect*: one hypothesis of one or two effects has more than 0.8 and passes the predictive check.
+  Each of its effects is part of the cause with more than 0.95, under any hypothesis. An unknown
+  sense of rotation (``diagnosis.bench.sense``) has to be as sure;
+- *none*: visible effects have less than 0.2 together, and no effect passes the predictive check;
+  each effect has a bound;
+- *unknown*: a gap of no known effect has more than 0.8, with the probability of plausible
+  hypotheses that fail the predictive check (``diagnosis.inference.posterior.judged``);
+- *ambiguous* otherwise, also if a class has more than 0.8 but no member has: data of this kind
+  cannot part its members. Effects that are part of the cause in any case are still named.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Kind = Literal["effect", "none", "unknown", "ambiguous"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is decided.
+    """Decision of the diagnosis.
 
     Parameters
     ----------
@@ -52,29 +52,29 @@ class Verdict:
 
 
 def decide(
-    belief: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
+    posterior: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
 ) -> Verdict:
-    """Return the verdict from probabilities, classes and predictive p-values.
+    """Decide on a verdict from probabilities, classes and predictive p-values.
 
     ``fits`` has the plausible hypotheses, unknown left out.
     """
-    ordered = sorted(belief, key=lambda h: -belief[h])
+    ordered = sorted(posterior, key=lambda h: -posterior[h])
     top = ordered[0]
     group = confusion.class_of(top)
-    kind = _kind(belief, top, fits)
+    kind = _kind(posterior, top, fits)
     causes: tuple[str, ...] = top if kind == "effect" else ()
     if kind == "ambiguous":
-        causes = tuple(name for name, p in inclusion(belief).items() if p > PART)
-    return Verdict(kind, causes, _credible(belief), group, sum(belief[h] for h in group))
+        causes = tuple(name for name, p in inclusion(posterior).items() if p > PART)
+    return Verdict(kind, causes, _credible(posterior), group, sum(posterior[h] for h in group))
 
 
-def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
-    if belief.get(UNKNOWN, 0.0) > NAMED:
+def _kind(posterior: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
+    if posterior.get(UNKNOWN, 0.0) > NAMED:
         return "unknown"
-    if belief[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
+    if posterior[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
         return "ambiguous"
     # Another hypothesis may share no cause with the most probable one: then that is not certain.
-    part = inclusion(belief)
+    part = inclusion(posterior)
     if any(part[name] <= PART for name in top):
         return "ambiguous"
     if top == NONE:
@@ -84,13 +84,13 @@ def _kind(belief: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, floa
     return "ambiguous" if doubted else "effect"
 
 
-def _credible(belief: Probabilities) -> tuple[Hypothesis, ...]:
+def _credible(posterior: Probabilities) -> tuple[Hypothesis, ...]:
     """Return the most probable hypotheses that have 0.9 together."""
     found: list[Hypothesis] = []
     whole = 0.0
-    for hypothesis in sorted(belief, key=lambda h: -belief[h]):
+    for hypothesis in sorted(posterior, key=lambda h: -posterior[h]):
         if whole >= CREDIBLE:
             break
         found.append(hypothesis)
-        whole += belief[hypothesis]
+        whole += posterior[hypothesis]
     return tuple(found)

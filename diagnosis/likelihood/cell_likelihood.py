@@ -1,31 +1,31 @@
-r"""How likely a cell of bench data is under what a hypothesis says of it.
+r"""Likelihood of a cell of bench data under the prediction of a hypothesis.
 
-A mean of *n* shifts, *j* of which may be late (``diagnosis.prediction.outliers``) by :math:`\tau`
-with the deviation *w*, with the share :math:`\lambda`, has the density
+A mean of *n* shifts, *j* of which are outliers (``diagnosis.prediction.outliers``) of the share
+:math:`\lambda` with the delay :math:`\tau` and its deviation *w*, has the density
 
 .. math:: f(\bar t) = (1 - \epsilon) \sum_j B(j; n, \lambda) N(\bar t; \mu + j\tau/n,
           \sigma^2/n + j w^2/n^2 + e^2) + \epsilon N(\bar t; \mu, \sigma^2/n + e^2 + m^2).
 
-:math:`\mu, \sigma` are mean and spread of simulated shifts that are not late. The error *e* of the
+:math:`\mu, \sigma` are mean and spread of simulated shifts without outliers. The error *e* of the
 emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
 (:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of an
-effect's levels; how often that is, levels that are left out say
-(``diagnosis.prediction.level_curves``). Of single shifts that are not late mean and standard
+effect's levels; levels that are left out show how often
+(``diagnosis.prediction.level_curves``). Of single shifts without outliers mean and standard
 deviation *s* count,
 
 .. math:: \ln s \sim N(\ln\sigma + \tfrac12(\psi(\tfrac\nu2) - \ln\tfrac\nu2),
           \tfrac14\psi'(\tfrac\nu2) + \kappa^2),
 
 with :math:`\nu` degrees of freedom, those with which :math:`s^2` has its variance at the simulated
-kurtosis: a few shifts far off, which a sample may miss, tell little of *s*. The error of the
+kurtosis: a few shifts far off, which a sample may miss, hardly constrain *s*. The error of the
 simulated spread :math:`\kappa` is large where a jump was missed; finer shapes are those of few
-simulated angles. Given *s*, the spread in the density of their mean is the one that both tell.
-Their number of late ones is beta-binomial, and each of these has a heavy tail,
+simulated angles. Given *s*, the spread in the density of their mean is the one of both together.
+Their number of outliers is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
-What cells err in common (``diagnosis.likelihood.common_error``) needs slope and curvature of all
-this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Shifts
-of which nobody knows are left out, or counted as failed where one asks.
+Errors that cells share (``diagnosis.likelihood.common_error``) need slope and curvature of all
+this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Unknown
+shifts are left out, or counted as failed on request.
 """
 
 from __future__ import annotations
@@ -40,25 +40,25 @@ from scipy.stats import binom
 from dogshape.diagnosis.likelihood.common_error import Slopes
 from dogshape.diagnosis.likelihood.observations import LEAST, Observed
 from dogshape.diagnosis.prediction.outliers import added
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array
 
-TAIL = 0.02  #: least share of late shifts where nobody knows how late they are
-ANYTHING = 0.002  #: share of late shifts that may take any time until the time-out
-LEAST_LATE = 0.003  #: least share of late shifts
-LATE_KNOWN = 24.0  #: shifts that the simulated share of late ones counts as
-FEW_LATE = 0.5  #: error of the logarithm of a spread with late shifts in it
+TAIL = 0.02  #: least share of outliers where no simulation shows their delay
+ANYTHING = 0.002  #: share of outliers that may take any time until the time-out
+LEAST_OUTLIERS = 0.003  #: least share of outliers
+OUTLIERS_KNOWN = 24.0  #: shifts that the simulated share of outliers counts as
+OUTLIER_SPREAD = 0.5  #: error of the logarithm of a spread with outliers in it
 MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
 LEAST_FREEDOM = 0.5  #: degrees of freedom
-HIDDEN = 3  #: late ones that may hide among single shifts
-RARE = 1e-6  #: probability of more late shifts than a mean's density counts
-CROWD = 12.0  #: expected late shifts of a mean from which their number counts as normal
+HIDDEN = 3  #: outliers that can hide among single shifts
+RARE = 1e-6  #: probability of more outliers than a mean's density counts
+CROWD = 12.0  #: expected outliers of a mean from which their number counts as normal
 ROOT = float(np.sqrt(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What the likelihood takes for granted.
+    """Errors that the likelihood assumes of any simulation.
 
     Parameters
     ----------
@@ -78,59 +78,43 @@ class Rules:
 
 
 @dataclass(frozen=True)
-class Said:
-    """What a hypothesis says of all cells: the fields of a spread, (cells, m) and (cells, m, q).
+class CellPredictions(Prediction):
+    """Prediction of all cells, (cells, m), with the error that any simulation has.
 
-    ``sd`` and ``mean`` are of shifts that are not late, ``common`` the error of that mean that all
-    cells have alike; ``late`` the share of late ones and ``behind``, ``behind_sd`` by how much they
-    are; all in s. ``model`` is the part of ``error`` that any simulation has, ``shape`` the error
-    of the logarithm of ``sd``, and ``kurtosis`` that of the times. In the share ``missed`` of cells
-    the mean is off by ``jump``, s.
+    Parameters
+    ----------
+    mean, sd : of shifts that are no outliers, s.
+    model : part of ``error`` that any simulation has, s.
+    shape : error of the logarithm of ``sd``.
+    kurtosis : of ``times``.
     """
 
-    times: Array
-    engaged: Array
-    error: Array
-    engaged_error: Array
     mean: Array
     sd: Array
-    common: Array
-    late: Array
-    behind: Array
-    behind_sd: Array
     model: Array
-    missed: Array
-    jump: Array
     shape: Array
     kurtosis: Array
 
     @classmethod
-    def of(cls, spreads: list[Spread], rules: Rules) -> Self:
-        """Gather spreads, one a cell; the model's own error joins the emulator's."""
-        times = np.stack([s.times for s in spreads])
+    def of(cls, cells: list[Prediction], rules: Rules) -> Self:
+        """Gather predictions, one a cell; the model's own error joins the emulator's."""
+        every = {f.name: np.stack([getattr(c, f.name) for c in cells]) for f in fields(Prediction)}
+        times = every["times"]
         mean = times.mean(axis=2)
         sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
-        simulated = mean - np.stack([s.delay for s in spreads])
+        simulated = mean - every["delay"]
         model = np.hypot(rules.model_error * simulated, rules.least_error)
-        error = np.hypot(np.stack([s.error for s in spreads]), model)
-        engaged, engaged_error = (
-            np.stack([getattr(s, name) for s in spreads]) for name in ("engaged", "engaged_error")
-        )
-        common, late, behind, wide, missed, jump = (
-            np.stack([getattr(s, name) for s in spreads])
-            for name in ("common", "late", "behind", "behind_sd", "missed", "jump")
-        )
-        late = np.maximum(late, max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(behind))
-        late = np.clip(late, LEAST_LATE, 1.0 - LEAST_LATE)
-        errors = np.maximum(error, 1e-5), engaged_error
+        every["error"] = np.maximum(np.hypot(every["error"], model), 1e-5)
+        least = max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(every["behind"])
+        share = np.maximum(every["outlier_share"], least)
+        every["outlier_share"] = np.clip(share, LEAST_OUTLIERS, 1.0 - LEAST_OUTLIERS)
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
-        apart = times - mean[..., None]
-        kurtosis = (apart**4).mean(axis=2) / np.maximum((apart**2).mean(axis=2), 1e-12) ** 2
-        parts = mean, sd, common, late, behind, wide, model, missed, jump, shape, kurtosis
-        return cls(times, engaged, *errors, *parts)
+        deviation = times - mean[..., None]
+        kurtosis = (deviation**4).mean(axis=2) / np.maximum((deviation**2).mean(axis=2), 1e-12) ** 2
+        return cls(**every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis)
 
-    def moved(self, offsets: Array) -> Said:
-        """Return what one value says (cells, 1), moved by offsets, s, (cells, m)."""
+    def moved(self, offsets: Array) -> CellPredictions:
+        """Move the prediction of one value (cells, 1) by offsets, s, (cells, m)."""
         one = np.ones_like(offsets[:1])
         every = {f.name: getattr(self, f.name) for f in fields(self)}
         wide = {n: part * (one if part.ndim == 2 else one[..., None]) for n, part in every.items()}
@@ -139,24 +123,23 @@ class Said:
 
     @property
     def whole(self) -> tuple[Array, Array]:
-        """Mean and standard deviation with late shifts, s."""
-        mean, variance = added(self.late, self.behind, self.behind_sd)
+        """Mean and standard deviation with outliers, s."""
+        mean, variance = added(self.outlier_share, self.behind, self.behind_sd)
         return self.mean + mean, np.sqrt(self.sd**2 + variance)
 
 
 def log_sum(logs: Array, axis: int) -> Array:
     """Return the logarithm of a sum of exponentials, quicker than scipy's for small arrays."""
     top = np.max(logs, axis=axis, keepdims=True)
-    whole: Array = np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
-    return whole
+    return np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
 
 
-def log_as_failed(seen: Observed, said: Said) -> Array:
-    """Return what reading the unknown shifts as failed adds to it, (cells, m)."""
+def log_as_failed(seen: Observed, predicted: CellPredictions) -> Array:
+    """Compute the change of the log probability if unknown shifts are failures, (cells, m)."""
     if not seen.unknown.any():
-        return np.zeros_like(said.engaged)
-    whole = log_engaged(seen, said, seen.failed + seen.unknown)
-    return whole - log_engaged(seen, said, seen.failed)
+        return np.zeros_like(predicted.engaged)
+    whole = log_engaged(seen, predicted, seen.failed + seen.unknown)
+    return whole - log_engaged(seen, predicted, seen.failed)
 
 
 @dataclass(frozen=True)
@@ -173,21 +156,21 @@ class Timed:
         return Slopes(self.first.T.copy(), self.second.T.copy())
 
 
-def timed(seen: Observed, said: Said) -> Timed:
+def timed(seen: Observed, predicted: CellPredictions) -> Timed:
     """Return the logarithm of the density of each cell's times, with its slopes."""
     having = (seen.n > 0)[:, None]
-    log, first, second = (np.where(having, part, 0.0) for part in _timed_mean(seen, said))
-    log = log + _log_late(seen, said)
+    log, first, second = (np.where(having, part, 0.0) for part in _timed_mean(seen, predicted))
+    log = log + _log_outliers(seen, predicted)
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
     anyhow = seen.shifts[:, None] * np.log(ANYTHING / seen.timeout)
-    known = np.isfinite(said.mean)
+    known = np.isfinite(predicted.mean)
     first, second = (np.where(known, np.nan_to_num(part), 0.0) for part in (first, second))
     return Timed(np.where(known, log, anyhow), first, second)
 
 
-def log_times(seen: Observed, said: Said) -> Array:
+def log_times(seen: Observed, predicted: CellPredictions) -> Array:
     """Return the logarithm of the density of each cell's times, (cells, m)."""
-    return timed(seen, said).log
+    return timed(seen, predicted).log
 
 
 def sample_spread(freedom: Array) -> tuple[Array, Array]:
@@ -208,78 +191,79 @@ def freedom_of(freedom: Array, kurtosis: Array) -> Array:
     return np.where(freedom > 0, np.clip(whole, LEAST_FREEDOM, 2.0 * freedom), 0.0)
 
 
-def _sampled(seen: Observed, said: Said) -> tuple[Array, Array]:
+def _sampled(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array]:
     """Return bias and variance of the logarithm of the cells' spreads, (cells, m) or (cells, 1)."""
     freedom = seen.freedom[:, None]
-    return sample_spread(freedom_of(freedom, said.kurtosis) if freedom.any() else freedom)
+    return sample_spread(freedom_of(freedom, predicted.kurtosis) if freedom.any() else freedom)
 
 
-def _spread_parts(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Array, Array]:
-    r"""Return scores and variances of the logarithm of the spread, (cells, m, parts) each.
+def _spread_parts(
+    seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]
+) -> tuple[Array, Array]:
+    r"""Score the logarithm of the spread, with variances, (cells, m, parts) each.
 
-    Parts are those of the density of the mean: *j* late shifts among *n* that are not found late
+    Parts are those of the density of the mean: *j* outliers among *n* that are not found as such
     add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
     """
     bias, own = sampled
-    n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _late_numbers(seen, said)
-    behind, _ = _behind(seen, said)
+    n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _outlier_numbers(seen, predicted)
+    behind, _ = _behind(seen, predicted)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
-    spread = 0.5 * np.log(said.sd[..., None] ** 2 + among * behind[..., None] ** 2)
-    shape = np.where(waits > 0, FEW_LATE, said.shape[..., None])
-    if said.missed.any():
+    spread = 0.5 * np.log(predicted.sd[..., None] ** 2 + among * behind[..., None] ** 2)
+    shape = np.where(waits > 0, OUTLIER_SPREAD, predicted.shape[..., None])
+    if predicted.missed.any():
         last = np.ones_like(spread[..., :1])
-        spread = np.concatenate([spread, np.log(said.sd)[..., None]], axis=2)
+        spread = np.concatenate([spread, np.log(predicted.sd)[..., None]], axis=2)
         shape = np.concatenate([shape, MISSHAPEN * last], axis=2)
     variance = own[..., None] + shape**2
-    apart = (seen.log_sd[:, None] - bias)[..., None] - spread
-    return apart / np.sqrt(np.maximum(variance, 1e-12)), variance
+    residual = (seen.log_sd[:, None] - bias)[..., None] - spread
+    return residual / np.sqrt(np.maximum(variance, 1e-12)), variance
 
 
-def _log_spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
+def _log_spread(seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]) -> Array:
     """Return log densities of the logarithm of single shifts' spread, (cells, m, parts)."""
-    score, variance = _spread_parts(seen, said, sampled)
+    score, variance = _spread_parts(seen, predicted, sampled)
     log: Array = -0.5 * score**2 - 0.5 * np.log(np.maximum(variance, 1e-12)) - np.log(ROOT)
     return np.where(seen.freedom[:, None, None] > 0, log, 0.0)
 
 
-def _spread(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> Array:
-    """Return the spread that the simulation and the sample tell together, s, (cells, m)."""
+def _spread(seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]) -> Array:
+    """Combine the spreads of the simulation and of the sample, s, (cells, m)."""
     bias, own = sampled
-    share = said.shape**2 / np.maximum(said.shape**2 + own, 1e-12)
+    share = predicted.shape**2 / np.maximum(predicted.shape**2 + own, 1e-12)
     share = np.where(seen.freedom[:, None] > 0, share, 0.0)
-    told: Array = (1.0 - share) * np.log(said.sd) + share * (seen.log_sd[:, None] - bias)
-    return np.exp(told)
+    log: Array = (1.0 - share) * np.log(predicted.sd) + share * (seen.log_sd[:, None] - bias)
+    return np.exp(log)
 
 
-def _log_late(seen: Observed, said: Said) -> Array:
-    """Return the log density of number and times of the late single shifts, (cells, m)."""
-    late = np.array([times.size for times in seen.late], dtype=float)[:, None]
-    soon = seen.single[:, None] - late
-    a, b = late_counts(said)
-    log: Array = betaln(a + late, b + soon) - betaln(a, b)
-    for place in np.flatnonzero(late[:, 0]):
-        log[place] += _log_tail(seen, said, int(place))
+def _log_outliers(seen: Observed, predicted: CellPredictions) -> Array:
+    """Compute the log density of number and times of single outliers, (cells, m)."""
+    outliers = np.array([times.size for times in seen.outlier_times], dtype=float)[:, None]
+    core = seen.single[:, None] - outliers
+    a, b = outlier_beta(predicted)
+    log: Array = betaln(a + outliers, b + core) - betaln(a, b)
+    for place in np.flatnonzero(outliers[:, 0]):
+        log[place] += _log_tail(seen, predicted, int(place))
     return log
 
 
-def _log_tail(seen: Observed, said: Said, place: int) -> Array:
-    """Return the log density of the late shifts of a cell, (m,)."""
-    first, last = said.times[place, :, :1], said.times[place, :, -1:]
-    behind = np.nan_to_num(said.behind[place], nan=seen.wait[place])[:, None]
+def _log_tail(seen: Observed, predicted: CellPredictions, place: int) -> Array:
+    """Compute the log density of the outlier times of a cell, (m,)."""
+    first, last = predicted.times[place, :, :1], predicted.times[place, :, -1:]
+    behind = np.nan_to_num(predicted.behind[place], nan=seen.wait[place])[:, None]
     scale = np.maximum(behind, last - first)
-    after = np.maximum(0.0, seen.late[place] - first)
+    after = np.maximum(0.0, seen.outlier_times[place] - first)
     tail = (1.0 + after / scale) ** -2 / scale
-    log: Array = np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
-    return log
+    return np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
 
 
-def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
+def _timed_mean(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array, Array]:
     """Return the log density of means with slope and curvature, (cells, m) each."""
-    sampled = _sampled(seen, said)
-    share, score, width = _waits(seen, said, sampled)
+    sampled = _sampled(seen, predicted)
+    share, score, width = _waits(seen, predicted, sampled)
     parts = share - 0.5 * score**2 - np.log(width * ROOT)
     if seen.freedom.any():
-        parts += _log_spread(seen, said, sampled)
+        parts += _log_spread(seen, predicted, sampled)
     log = log_sum(parts, axis=2)
     weight, steep = np.exp(parts - log[..., None]), score / width
     first = (weight * steep).sum(axis=2)
@@ -287,111 +271,113 @@ def _timed_mean(seen: Observed, said: Said) -> tuple[Array, Array, Array]:
     # Between two modes the curve bends upwards; a parabola must not rise above the modes.
     most = parts[..., 0] - share[..., 0] + 0.5 * score[..., 0] ** 2
     below = np.maximum(most - log, 0.5)
-    # The number of late ones that are found says already that there are no more.
-    missed = np.log1p(-np.clip(said.missed, 1e-12, 0.5)) if said.missed.any() else 0.0
+    # The number of outliers that are found already implies that there are no more.
+    missed = np.log1p(-np.clip(predicted.missed, 1e-12, 0.5)) if predicted.missed.any() else 0.0
     found = ((seen.freedom > 0) & (seen.in_means == 0))[:, None]
     log = log - np.where(found, share[..., 0] - missed, 0.0)
     return log, first, np.maximum(second, 0.5 * first**2 / below)
 
 
-def _waits(seen: Observed, said: Said, sampled: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-    """Return the parts of a mean's density: log share, score, width, (cells, m, parts).
+def _waits(
+    seen: Observed, predicted: CellPredictions, sampled: tuple[Array, Array]
+) -> tuple[Array, Array, Array]:
+    """Compute the parts of a mean's density: log share, score, width, (cells, m, parts).
 
-    They are 0, 1, ... late shifts within it, and last a jump that the emulator missed.
+    They are 0, 1, ... outliers within it, and last a jump that the emulator missed.
     """
-    n, share = np.maximum(1.0, seen.n)[:, None], said.late[..., None]
+    n, share = np.maximum(1.0, seen.n)[:, None], predicted.outlier_share[..., None]
     hidden = np.maximum(0.0, seen.n)[:, None, None]
-    waits = _late_numbers(seen, said)
+    waits = _outlier_numbers(seen, predicted)
     ways = gammaln(hidden + 1) - gammaln(waits + 1) - gammaln(np.maximum(hidden - waits, 0.0) + 1)
     log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
     log_share = np.where((waits <= hidden) & seen.hides(waits), log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
-    behind, wide = _behind(seen, said)
-    whole = _spread(seen, said, sampled) ** 2 / n + said.error**2
-    # Of very many late shifts the number is normal: one part with its mean and variance.
-    expected = seen.in_means[:, None] * said.late
+    behind, wide = _behind(seen, predicted)
+    whole = _spread(seen, predicted, sampled) ** 2 / n + predicted.error**2
+    # Of very many outliers the number is normal: one part with its mean and variance.
+    expected = seen.in_means[:, None] * predicted.outlier_share
     crowded = (expected > CROWD)[..., None]
     number = np.where(crowded, expected[..., None], waits)
-    varied = np.where(crowded, (expected * (1.0 - said.late))[..., None], 0.0)
+    varied = np.where(crowded, (expected * (1.0 - predicted.outlier_share))[..., None], 0.0)
     log_share = np.where(crowded, np.where(waits == 0.0, 0.0, -1e9), log_share)
-    late = number * (wide[..., None] ** 2) + varied * behind[..., None] ** 2
-    width = np.sqrt(whole[..., None] + late / (n**2)[..., None])
-    centre = said.mean[..., None] + number * (behind / n)[..., None]
-    if said.missed.any():
-        missed = np.clip(said.missed, 1e-12, 0.5)[..., None]
+    outliers = number * (wide[..., None] ** 2) + varied * behind[..., None] ** 2
+    width = np.sqrt(whole[..., None] + outliers / (n**2)[..., None])
+    centre = predicted.mean[..., None] + number * (behind / n)[..., None]
+    if predicted.missed.any():
+        missed = np.clip(predicted.missed, 1e-12, 0.5)[..., None]
         log_share = np.concatenate([log_share + np.log1p(-missed), np.log(missed)], axis=2)
-        width = np.concatenate([width, np.sqrt(whole + said.jump**2)[..., None]], axis=2)
-        centre = np.concatenate([centre, said.mean[..., None]], axis=2)
+        width = np.concatenate([width, np.sqrt(whole + predicted.jump**2)[..., None]], axis=2)
+        centre = np.concatenate([centre, predicted.mean[..., None]], axis=2)
     return log_share, (seen.mean[:, None, None] - centre) / width, width
 
 
-def _late_numbers(seen: Observed, said: Said) -> Array:
-    """List the numbers of late shifts that the density of a mean counts, 0, 1, ..., (parts,).
+def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:
+    """List the numbers of outliers that the density of a mean counts, 0, 1, ..., (parts,).
 
-    Of single shifts the late ones are found, but for few.
+    Outliers among single shifts are found, but for few.
     """
     number = seen.in_means[:, None]
-    share = np.where(number * said.late > CROWD, 0.0, said.late)
+    share = np.where(number * predicted.outlier_share > CROWD, 0.0, predicted.outlier_share)
     most = binom.isf(RARE, number, share).max(initial=0.0)
     return np.arange(max(float(HIDDEN), most) + 1.0)
 
 
-def _behind(seen: Observed, said: Said) -> tuple[Array, Array]:
-    """Return by how much late shifts are later, and the deviation, s, (cells, m).
+def _behind(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array]:
+    """Compute mean and deviation of the delay of outliers, s, (cells, m).
 
-    Where nobody knows, the wait for the next slot as far as it exceeds what was simulated.
+    Without simulated outliers, the wait for the next slot beyond the simulated range.
     """
-    seen_range = said.times[..., -1] - said.times[..., 0]
-    wait = np.maximum(0.0, np.minimum(seen.wait[:, None], said.mean) - seen_range)
-    known = np.isfinite(said.behind)
-    return np.where(known, said.behind, wait), np.where(known, said.behind_sd, wait)
+    seen_range = predicted.times[..., -1] - predicted.times[..., 0]
+    wait = np.maximum(0.0, np.minimum(seen.wait[:, None], predicted.mean) - seen_range)
+    known = np.isfinite(predicted.behind)
+    return np.where(known, predicted.behind, wait), np.where(known, predicted.behind_sd, wait)
 
 
-def spread_score(seen: Observed, said: Said) -> Array:
-    """Score how far the spreads of single shifts lie from what is said of them, (cells, m)."""
-    sampled = _sampled(seen, said)
-    share, _, _ = _waits(seen, said, sampled)
-    return _normal(share, _spread_parts(seen, said, sampled)[0])
+def spread_score(seen: Observed, predicted: CellPredictions) -> Array:
+    """Score the residuals of the spreads of single shifts, (cells, m)."""
+    sampled = _sampled(seen, predicted)
+    share, _, _ = _waits(seen, predicted, sampled)
+    return _normal(share, _spread_parts(seen, predicted, sampled)[0])
 
 
-def late_counts(said: Said) -> tuple[Array, Array]:
-    """Return the parameters of the Beta of the shares of late single shifts, (cells, m) each."""
-    return LATE_KNOWN * said.late, LATE_KNOWN * (1.0 - said.late)
+def outlier_beta(predicted: CellPredictions) -> tuple[Array, Array]:
+    """Compute the Beta parameters of the share of single outliers, (cells, m) each."""
+    return OUTLIERS_KNOWN * predicted.outlier_share, OUTLIERS_KNOWN * (
+        1.0 - predicted.outlier_share
+    )
 
 
-def log_engaged(seen: Observed, said: Said, failed: Array) -> Array:
+def log_engaged(seen: Observed, predicted: CellPredictions, failed: Array) -> Array:
     """Return the log probability of the numbers engaged, (cells, m), beta-binomial."""
-    a, b = beta_of(said)
+    a, b = beta_of(predicted)
     engaged, missed = seen.engaged[:, None], failed[:, None]
     tried = engaged + missed
     ways = gammaln(tried + 1) - gammaln(engaged + 1) - gammaln(missed + 1)
-    result: Array = ways + betaln(a + engaged, b + missed) - betaln(a, b)
-    return result
+    return ways + betaln(a + engaged, b + missed) - betaln(a, b)
 
 
-def beta_of(said: Said) -> tuple[Array, Array]:
+def beta_of(predicted: CellPredictions) -> tuple[Array, Array]:
     """Return the parameters of the Beta with the emulated share and its error, (cells, m) each."""
     # A share of exactly one with no error would make one failure impossible.
-    share = np.clip(said.engaged, 2e-3, 1.0 - 2e-3)
+    share = np.clip(predicted.engaged, 2e-3, 1.0 - 2e-3)
     most = share * (1.0 - share)
-    size = most / np.clip(said.engaged_error**2, 1e-6, 0.9 * most) - 1.0
+    size = most / np.clip(predicted.engaged_error**2, 1e-6, 0.9 * most) - 1.0
     return share * size, (1.0 - share) * size
 
 
-def time_score(seen: Observed, said: Said) -> Array:
-    """Return how far the means lie from what is said of them, normal scores, (cells, m).
+def time_score(seen: Observed, predicted: CellPredictions) -> Array:
+    """Score the residuals of the means as normal deviates, (cells, m).
 
     Zero without times.
     """
-    share, apart, _ = _waits(seen, said, _sampled(seen, said))
-    scores = np.where((seen.n > 0)[:, None], _normal(share, apart), 0.0)
+    share, residual, _ = _waits(seen, predicted, _sampled(seen, predicted))
+    scores = np.where((seen.n > 0)[:, None], _normal(share, residual), 0.0)
     return np.nan_to_num(scores, nan=20.0)
 
 
-def _normal(share: Array, apart: Array) -> Array:
+def _normal(share: Array, residual: Array) -> Array:
     """Return the normal scores of a mixture's parts, (cells, m, parts) to (cells, m)."""
-    below, above = (log_sum(share + log_ndtr(sign * apart), axis=2) for sign in (1.0, -1.0))
+    below, above = (log_sum(share + log_ndtr(sign * residual), axis=2) for sign in (1.0, -1.0))
     # The smaller tail keeps its digits far out.
     low = np.maximum(np.minimum(below, above), -700.0)
-    scores: Array = np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))
-    return scores
+    return np.where(below < above, 1.0, -1.0) * ndtri(np.exp(low))

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.terms import Array, Table
 from dogshape.sim.units import RPM
 
 LENGTH = 1.0  #: of the errors, in units of the natural logarithm of the mismatch
@@ -30,22 +30,14 @@ JITTER = 1e-9
 
 
 @dataclass(frozen=True)
-class Slopes:
-    """How cells' log likelihoods (m, cells) change with an offset of what is foretold.
+class Slopes(Table):
+    """Slopes of cells' log likelihoods (m, cells) over an offset of the prediction.
 
     ``first`` is the derivative, 1/s, ``second`` the curvature downwards, 1/s^2, not negative.
     """
 
     first: Array
     second: Array
-
-    def rows(self, which: np.ndarray) -> Slopes:
-        """Return some of the values."""
-        return Slopes(self.first[which], self.second[which])
-
-    def joined(self, other: Slopes) -> Slopes:
-        """Return these values and others below them."""
-        return Slopes(np.vstack([self.first, other.first]), np.vstack([self.second, other.second]))
 
 
 def common_errors(mismatch: Array, baseline: Array, share: float) -> Array:
@@ -61,8 +53,7 @@ def common_errors(mismatch: Array, baseline: Array, share: float) -> Array:
     levels, place = np.unique(slips, return_inverse=True)
     apart = (levels[:, None] - levels[None]) / LENGTH
     root = np.linalg.cholesky(np.exp(-0.5 * apart**2) + JITTER * np.eye(levels.size))
-    found: Array = share * np.nan_to_num(baseline)[:, None] * root[place]
-    return found
+    return share * np.nan_to_num(baseline)[:, None] * root[place]
 
 
 def shared_errors(common: Array, joint: Array) -> Array:
@@ -77,7 +68,7 @@ def shared_errors(common: Array, joint: Array) -> Array:
 
 
 def log_common(slopes: Slopes, common: Array) -> Array:
-    """Return what common errors (m or 1, cells, r) add to the log likelihood of cells, (m,)."""
+    """Compute the change of the log likelihood by common errors (m or 1, cells, r), (m,)."""
     if not common.any():
         return np.zeros(len(slopes.first))
     squares, spread = _solved(slopes, common)
@@ -85,7 +76,7 @@ def log_common(slopes: Slopes, common: Array) -> Array:
 
 
 def explained(slopes: Slopes, common: Array) -> Array:
-    """Return what common errors (m or 1, cells, r) take off the sum of squared scores, (m,).
+    """Compute the squared scores that common errors (m or 1, cells, r) explain, (m,).
 
     A score is the slope over the root of the curvature.
     """

@@ -1,6 +1,6 @@
-r"""How likely the marks of the flight are under what a hypothesis says of them.
+r"""Likelihood of the marks of the flight under the prediction of a hypothesis.
 
-The *k* marks of one force profile count once, whatever the number of traces, by a Student
+The *k* marks of one force profile count once, whatever the number of traces. Their law is a Student
 distribution with ``DOF`` degrees of freedom, so that one odd profile decides nothing alone:
 
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad
@@ -11,7 +11,7 @@ distribution with ``DOF`` degrees of freedom, so that one odd profile decides no
 friction holds.
 
 The force of a trace may be the one that acts, with its delay, lag and scale, or the nominal one
-that was asked for. Nobody says which, so both are tried, for all profiles alike, half and half.
+that was asked for. The source does not say which, so each is tried for all profiles, half and half.
 
 Operating points of a profile that have traces share its term in equal parts: left out together, as
 when a force is held out, they take all of it along.
@@ -43,8 +43,8 @@ SHARES = np.array([*WAYS, *FORCES])
 
 
 @dataclass(frozen=True)
-class SaidFlight:
-    """What a hypothesis says of the marks that one profile has, (m, k), and (m, k, k).
+class FlightPrediction:
+    """Prediction of the marks that one profile has, (m, k), and its covariance, (m, k, k).
 
     ``nominal`` are the marks where the force of the traces is the nominal one.
     """
@@ -54,46 +54,46 @@ class SaidFlight:
     covariance: Array
 
 
-def said_flight(seen: SeenFlight, said: Marks, baseline: Marks) -> SaidFlight:
-    """Return what is said of the marks that a profile has."""
+def flight_prediction(seen: SeenFlight, predicted: Marks, baseline: Marks) -> FlightPrediction:
+    """Select the predicted marks that a profile has."""
     places = seen.places
-    times, error, creep = (part[:, places] for part in (said.times, said.error, said.creep))
+    times, error, creep = (
+        part[:, places] for part in (predicted.times, predicted.error, predicted.creep)
+    )
     nominal = np.where(places < len(WAYS), times, baseline.times[:, places])
     own = np.eye(places.size) * (error**2)[:, None, :]
     common = creep[:, :, None] * creep[:, None, :]
-    return SaidFlight(times, nominal, seen.covariance + own + common)
+    return FlightPrediction(times, nominal, seen.covariance + own + common)
 
 
-def log_flights(seen: Sequence[SeenFlight], said: Sequence[SaidFlight]) -> Array:
+def log_flights(seen: Sequence[SeenFlight], predicted: Sequence[FlightPrediction]) -> Array:
     """Return the logarithm of the density of each profile's marks, (profiles, m).
 
     Their sum is that of both readings of the force; a profile has its part of it.
     """
-    pairs = list(zip(seen, said, strict=True))
+    pairs = list(zip(seen, predicted, strict=True))
     acting = np.array([_student(one.times, it.times, it.covariance) for one, it in pairs])
     nominal = np.array([_student(one.times, it.nominal, it.covariance) for one, it in pairs])
     apart = acting.sum(axis=0) - nominal.sum(axis=0)
     first = expit(apart)
     # ln(e^A + e^B) = r A + (1 - r) B + H(r), r the probability of the first.
     entropy = np.logaddexp(0.0, -apart) + (1.0 - first) * apart
-    whole: Array = first * acting + (1.0 - first) * nominal + (entropy - np.log(2.0)) / len(seen)
-    return whole
+    return first * acting + (1.0 - first) * nominal + (entropy - np.log(2.0)) / len(seen)
 
 
-def _squared(seen: Array, said: Array, covariance: Array) -> tuple[Array, Array]:
+def _squared(seen: Array, predicted: Array, covariance: Array) -> tuple[Array, Array]:
     """Return squared distances (m,) and logarithms of determinants (m,)."""
     root = np.linalg.cholesky(covariance)
-    scaled = np.linalg.solve(root, (seen - said)[..., None])[..., 0]
+    scaled = np.linalg.solve(root, (seen - predicted)[..., None])[..., 0]
     spread = 2.0 * np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
     return (scaled**2).sum(axis=1), spread
 
 
-def _student(seen: Array, said: Array, covariance: Array) -> Array:
-    distance, spread = _squared(seen, said, covariance)
+def _student(seen: Array, predicted: Array, covariance: Array) -> Array:
+    distance, spread = _squared(seen, predicted, covariance)
     size = seen.size
     constant = gammaln((DOF + size) / 2.0) - gammaln(DOF / 2.0) - 0.5 * size * np.log(DOF * np.pi)
-    log: Array = constant - 0.5 * spread - 0.5 * (DOF + size) * np.log1p(distance / DOF)
-    return log
+    return constant - 0.5 * spread - 0.5 * (DOF + size) * np.log1p(distance / DOF)
 
 
 def to_cells(seen: Sequence[SeenFlight], logs: Array, cells: int) -> Array:
@@ -104,18 +104,20 @@ def to_cells(seen: Sequence[SeenFlight], logs: Array, cells: int) -> Array:
     return table
 
 
-def flight_scores(seen: Sequence[SeenFlight], said: Sequence[SaidFlight], values: int) -> Array:
-    """Return how far the marks lie from what is said of them, normal scores, (profiles, values)."""
+def flight_scores(
+    seen: Sequence[SeenFlight], predicted: Sequence[FlightPrediction], values: int
+) -> Array:
+    """Score the residuals of the marks as normal deviates, (profiles, values)."""
     scores = []
-    for one, it in zip(seen, said, strict=True):
+    for one, it in zip(seen, predicted, strict=True):
         both = [_squared(one.times, times, it.covariance)[0] for times in (it.times, it.nominal)]
         tail = f_distribution.sf(np.minimum(*both) / one.times.size, one.times.size, DOF)
         scores.append(norm.isf(0.5 * np.maximum(tail, 1e-300)))
     return np.array(scores) if scores else np.zeros((0, values))
 
 
-def log_unknown(seen: Sequence[SeenFlight], baseline: Sequence[SaidFlight]) -> float:
-    """Return the logarithm of the density of all marks where nobody knows what moved them."""
+def log_unknown(seen: Sequence[SeenFlight], baseline: Sequence[FlightPrediction]) -> float:
+    """Compute the log density of all marks if no known effect moved them."""
     if not seen:
         return 0.0
     still = float(log_flights(seen, baseline).sum())
@@ -150,7 +152,7 @@ def _normal(gaps: Array, covariance: Array) -> float:
 
 
 def whitening(seen: Sequence[SeenFlight]) -> Array | None:
-    """Return what makes all marks, profile after profile, of standard error 1, (K, K)."""
+    """Compute the matrix that scales all marks to standard error 1, (K, K)."""
     if not seen:
         return None
     roots = [np.linalg.inv(np.linalg.cholesky(one.covariance)) for one in seen]

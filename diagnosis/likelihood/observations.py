@@ -1,4 +1,4 @@
-"""What a bench shows at its operating points, as the likelihood reads it."""
+"""Observations of a bench at its operating points, as the likelihood reads them."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ LEAST = 0.5e-3  #: s, the least spread of single shifts
 
 @dataclass(frozen=True)
 class Observed:
-    """What a bench has at its operating points, each (cells,); times in s.
+    """Observations at the operating points of a bench, each (cells,); times in s.
 
     Parameters
     ----------
     singles : times of single shifts, cell by cell, (k,) each.
-    late : those of them that are late (``diagnosis.prediction.outliers``), likewise.
+    outlier_times : outliers among them (``diagnosis.prediction.outliers``), likewise.
     mean, n : grand mean of all other shifts with a time, alone or within means, and their number;
-        late ones may hide within means and among few single shifts.
-    log_sd, freedom : logarithm of the standard deviation of the single shifts that are not late,
+        outliers can hide within means and among few single shifts.
+    log_sd, freedom : logarithm of the standard deviation of the single shifts without outliers,
         and its degrees of freedom; 0 for both where there are fewer than two.
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
@@ -36,7 +36,7 @@ class Observed:
     """
 
     singles: tuple[Array, ...]
-    late: tuple[Array, ...]
+    outlier_times: tuple[Array, ...]
     mean: Array
     n: Array
     log_sd: Array
@@ -62,8 +62,7 @@ class Observed:
     @property
     def shifts(self) -> Array:
         """Number of shifts with a time, alone or within a mean, (cells,)."""
-        whole: Array = self.n + np.array([times.size for times in self.late])
-        return whole
+        return self.n + np.array([times.size for times in self.outlier_times])
 
     @property
     def tried(self) -> Array:
@@ -77,33 +76,32 @@ class Observed:
         return np.maximum(0.0, self.n - own)
 
     def hides(self, waits: Array) -> np.ndarray:
-        """Tell which further numbers of late shifts may go unseen, (cells, 1, parts).
+        """Mark the further numbers of outliers that can go unseen, (cells, 1, parts).
 
         Any may within means. Of single shifts those behind a quantile of theirs are found, unless
-        so many are late that it lies among them (``diagnosis.prediction.outliers``).
+        so many are outliers that it lies among them (``diagnosis.prediction.outliers``).
         """
-        found = np.array([times.size for times in self.late])[:, None, None]
+        found = np.array([times.size for times in self.outlier_times])[:, None, None]
         many = waits + found > (1.0 - MOST) * (self.shifts[:, None, None] - 1.0)
-        hidden: np.ndarray = (waits == 0.0) | many | (self.in_means > 0)[:, None, None]
-        return hidden
+        return (waits == 0.0) | many | (self.in_means > 0)[:, None, None]
 
     @property
     def time(self) -> Array:
         """Mean time of all shifts that have one, s, (cells,); NaN for none."""
-        whole = np.array([times.sum() for times in self.late]) + self.n * self.mean
+        whole = np.array([times.sum() for times in self.outlier_times]) + self.n * self.mean
         return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
 
 
 def observe(bench: Bench) -> Observed:
-    """Return what a data set has."""
-    told = [_told(cell) for cell in bench.cells]
+    """Gather the observations of a data set."""
+    split = [_split(cell) for cell in bench.cells]
     waits = [_wait(cell, bench.clutch) for cell in bench.cells]
     counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    mean, n, log_sd, freedom = np.array([one for _, one in told]).reshape(-1, 4).T
+    mean, n, log_sd, freedom = np.array([one for _, one in split]).reshape(-1, 4).T
     engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
     return Observed(
         singles=tuple(cell.times for cell in bench.cells),
-        late=tuple(late for late, _ in told),
+        outlier_times=tuple(times for times, _ in split),
         mean=mean,
         n=n,
         log_sd=log_sd,
@@ -118,18 +116,18 @@ def observe(bench: Bench) -> Observed:
     )
 
 
-def _told(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
-    """Return late shifts of a cell, and mean, number, log sd and freedom of the others."""
+def _split(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
+    """Split the outliers of a cell from mean, number, log sd and freedom of the other shifts."""
     means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
     hidden = sum(n for _, n in means)
     times = cell.times
-    soon = bulk(times) if times.size else times
-    timely = times[np.isfinite(soon)]
+    core = bulk(times) if times.size else times
+    timely = times[np.isfinite(core)]
     n = hidden + timely.size
     mean = (sum(t * k for t, k in means) + float(timely.sum())) / max(1, n)
     freedom = max(0, timely.size - 1)
     spread = max(LEAST, float(timely.std(ddof=1))) if freedom else 1.0
-    return times[np.isnan(soon)], (mean, n, float(np.log(spread)), freedom)
+    return times[np.isnan(core)], (mean, n, float(np.log(spread)), freedom)
 
 
 def _wait(cell: Cell, clutch: Clutch) -> float:

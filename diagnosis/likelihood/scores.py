@@ -1,7 +1,7 @@
 """Scores of one hypothesis at many values of its parameters, cell by cell.
 
-Everything that follows (evidence, refits on some of the cells, other priors, what a test would
-show) is a weighted sum over these rows, so the emulator is asked once for each value.
+Evidence, refits on some cells, other priors and outcomes of tests are weighted sums over these
+rows, so the emulator is asked once for each value.
 """
 
 from __future__ import annotations
@@ -9,14 +9,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
 from dogshape.diagnosis.bench.flight_marks import SeenFlight
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.likelihood.cell_likelihood import (
+    CellPredictions,
     Rules,
-    Said,
     log_as_failed,
     log_engaged,
     log_sum,
@@ -29,24 +30,24 @@ from dogshape.diagnosis.likelihood.common_error import (
     shared_errors,
 )
 from dogshape.diagnosis.likelihood.flight_likelihood import (
-    SaidFlight,
+    FlightPrediction,
+    flight_prediction,
     log_flights,
-    said_flight,
     to_cells,
 )
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
 
 
 @dataclass(frozen=True)
-class Predicted:
-    """What is said of each cell, each (m, cells); times in s.
+class PredictionSummary(Table):
+    """Moments of the predicted times of each cell, each (m, cells); times in s.
 
-    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` without late ones.
+    ``mean`` and ``sd`` are of all shifts that engage, ``core`` and ``core_sd`` leave outliers out.
     ``log_sd`` is the logarithm of ``core_sd`` and ``shape`` its error, ``error`` the standard error
     of the mean, of which ``model`` is that of any simulation.
     ``flight`` are the marks of all force profiles, (m, K), None without traces.
@@ -64,35 +65,21 @@ class Predicted:
     shape: Array
     flight: Array | None = None
 
-    def rows(self, which: np.ndarray) -> Predicted:
-        """Return some of the values."""
-        parts = {name: part[which] for name, part in self._parts.items()}
-        return replace(self, **parts)
-
-    def joined(self, other: Predicted) -> Predicted:
-        """Return these values and others below them."""
-        both = {name: np.vstack([part, other._parts[name]]) for name, part in self._parts.items()}
-        return replace(self, **both)
-
-    @property
-    def _parts(self) -> dict[str, Array]:
-        """What there is, by name."""
-        every = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {name: part for name, part in every.items() if part is not None}
-
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(Table):
     """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells).
 
     ``slopes`` are those of the log likelihood over offsets of cells; ``common`` the errors that
     cells have in common for any value, s, (cells, r), and ``joint`` such for each, s, (m, cells).
     """
 
+    SHARED = ("common",)
+
     shares: Array
     log_likelihood: Array
     as_failed: Array
-    predicted: Predicted
+    predicted: PredictionSummary
     slopes: Slopes
     common: Array
     joint: Array
@@ -108,34 +95,16 @@ class Rows:
         added: Array = self.log_likelihood[:, cells].sum(axis=1)
         return added + log_common(slopes, shared_errors(self.common[cells], self.joint[:, cells]))
 
-    def joined(self, other: Rows) -> Rows:
-        """Return these rows and others below them."""
-        both = Rows(
-            np.vstack([self.shares, other.shares]),
-            np.vstack([self.log_likelihood, other.log_likelihood]),
-            np.vstack([self.as_failed, other.as_failed]),
-            self.predicted.joined(other.predicted),
-            self.slopes.joined(other.slopes),
-            self.common,
-            np.vstack([self.joint, other.joint]),
-        )
+    def joined(self, other: Self) -> Self:
+        """Append other rows."""
         # Each row's sum is its own, and costs more than the rest of joining.
-        return both._summing(np.concatenate([self.whole, other.whole]))
+        return super().joined(other)._summing(np.concatenate([self.whole, other.whole]))
 
-    def only(self, which: np.ndarray) -> Rows:
-        """Return some of the rows."""
-        some = Rows(
-            self.shares[which],
-            self.log_likelihood[which],
-            self.as_failed[which],
-            self.predicted.rows(which),
-            self.slopes.rows(which),
-            self.common,
-            self.joint[which],
-        )
-        return some._summing(self.whole[which])
+    def only(self, which: np.ndarray) -> Self:
+        """Select some of the rows."""
+        return super().only(which)._summing(self.whole[which])
 
-    def _summing(self, whole: Array) -> Rows:
+    def _summing(self, whole: Array) -> Self:
         """Return the same rows, whose log likelihoods of all cells together are known."""
         vars(self)["whole"] = whole
         return self
@@ -143,7 +112,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Problem:
-    """What the bench shows and what says how hypotheses would have it.
+    """Inference problem: observations, and the emulator that predicts them per hypothesis.
 
     ``sense`` says whether the sign of the mismatch is known.
     """
@@ -156,23 +125,25 @@ class Problem:
     @cached_property
     def common(self) -> Array:
         """Errors that cells have in common, s, (cells, r)."""
-        said = self.said(NONE, np.zeros((1, 0)))
-        return common_errors(self.seen.mismatch, said.mean[:, 0], self.rules.common_error)
+        predicted = self.predictions(NONE, np.zeros((1, 0)))
+        return common_errors(self.seen.mismatch, predicted.mean[:, 0], self.rules.common_error)
 
-    def said(self, hypothesis: Hypothesis, values: Array) -> Said:
-        """Return what a hypothesis with values (m, p) says of all cells."""
+    def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
+        """Predict the times of all cells for values (m, p) of a hypothesis."""
         cells = range(self.seen.cells)
-        return Said.of([self.emulator.at(hypothesis, values, k) for k in cells], self.rules)
+        return CellPredictions.of(
+            [self.emulator.at(hypothesis, values, k) for k in cells], self.rules
+        )
 
     @cached_property
     def flights(self) -> tuple[SeenFlight, ...]:
         """Marks of traces, none where the emulator knows no flight."""
         return self.seen.flights if isinstance(self.emulator, FlightEmulator) else ()
 
-    def flown(self, hypothesis: Hypothesis, values: Array) -> list[SaidFlight]:
-        """Return what a hypothesis with values (m, p) says of the marks of each profile."""
+    def flown(self, hypothesis: Hypothesis, values: Array) -> list[FlightPrediction]:
+        """Predict the marks of each profile for values (m, p) of a hypothesis."""
         return [
-            said_flight(seen, self._marks(hypothesis, values, seen), plain)
+            flight_prediction(seen, self._marks(hypothesis, values, seen), plain)
             for seen, plain in zip(self.flights, self._plain, strict=True)
         ]
 
@@ -184,39 +155,41 @@ class Problem:
         assert isinstance(self.emulator, FlightEmulator)
         return self.emulator.flight(hypothesis, values, seen.profile)
 
-    def predicted(self, hypothesis: Hypothesis, values: Array) -> Predicted:
-        """Return what a hypothesis with values (m, p) says in short."""
-        return predict(self.said(hypothesis, values), self.flown(hypothesis, values))
+    def summary(self, hypothesis: Hypothesis, values: Array) -> PredictionSummary:
+        """Predict the moments of all cells for values (m, p) of a hypothesis."""
+        return summary_of(self.predictions(hypothesis, values), self.flown(hypothesis, values))
 
 
 def score(problem: Problem, space: Space, shares: Array) -> Rows:
     """Score a hypothesis at shares (m, p) of its priors."""
     values = space.values(shares)
-    said = problem.said(space.hypothesis, values)
+    predicted = problem.predictions(space.hypothesis, values)
     flown = problem.flown(space.hypothesis, values)
-    times = timed(problem.seen, said)
-    table = (times.log + log_engaged(problem.seen, said, problem.seen.failed)).T.copy()
+    times = timed(problem.seen, predicted)
+    table = (times.log + log_engaged(problem.seen, predicted, problem.seen.failed)).T.copy()
     if flown:
         logs = log_flights(problem.flights, flown)
         table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
-    as_failed = log_as_failed(problem.seen, said).T
-    errors = times.slopes, problem.common, np.nan_to_num(said.common.T)
-    return Rows(shares, table, as_failed, predict(said, flown), *errors)
+    as_failed = log_as_failed(problem.seen, predicted).T
+    errors = times.slopes, problem.common, np.nan_to_num(predicted.common.T)
+    return Rows(shares, table, as_failed, summary_of(predicted, flown), *errors)
 
 
-def predict(said: Said, flown: Sequence[SaidFlight] = ()) -> Predicted:
-    """Return what is said of all cells and of the marks of flights in short."""
+def summary_of(
+    predicted: CellPredictions, flown: Sequence[FlightPrediction] = ()
+) -> PredictionSummary:
+    """Summarise predictions of all cells and of the marks of flights."""
     flight = np.hstack([one.times for one in flown]) if flown else None
-    mean, sd = said.whole
-    whole = mean.T, sd.T, said.error.T, np.log(said.sd).T
-    core = said.mean.T, said.sd.T, said.model.T, said.shape.T
-    return Predicted(*whole, said.engaged.T, said.engaged_error.T, *core, flight)
+    mean, sd = predicted.whole
+    whole = mean.T, sd.T, predicted.error.T, np.log(predicted.sd).T
+    core = predicted.mean.T, predicted.sd.T, predicted.model.T, predicted.shape.T
+    return PredictionSummary(*whole, predicted.engaged.T, predicted.engaged_error.T, *core, flight)
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A hypothesis with its evidence.
+    """Hypothesis with its evidence.
 
     Parameters
     ----------
@@ -240,8 +213,7 @@ class Scored:
     def weights(self, cells: np.ndarray | None = None) -> Array:
         """Return posterior weights of the rows, (m,), given the data of some cells, or all."""
         log = self.log_prior + self.log_table(cells)
-        result: Array = np.exp(log - log_sum(log, axis=0))
-        return result
+        return np.exp(log - log_sum(log, axis=0))
 
     def log_table(self, cells: np.ndarray | None = None) -> Array:
         """Return the log likelihood of some cells, or all, (m,)."""

@@ -1,10 +1,10 @@
-"""What hypotheses predict in units of what the data can tell: points whose distance counts.
+"""Signatures: predictions in units of the errors of the data, as points with a distance.
 
-The signature of a prediction has a coordinate for each cell with times (the mean), each cell with
-single shifts (the logarithm of their spread) and each cell with shares engaged, each over its
-standard error at the data set's number of shifts, errors of the simulation among them; and one for
-each mark of the flight, made independent. Half the squared distance of two signatures is about the
-expected logarithm of the Bayes factor between them, and a squared distance of 4 two standard errors
+The signature of a prediction has a coordinate for each mean time and each share engaged. The
+logarithm of the spread is a further one for each cell with single shifts. Each coordinate is
+divided by its standard error at the data set's number of shifts, errors of the simulation included.
+Marks of the flight add one independent coordinate each. Half the squared distance of two signatures
+is about the expected log Bayes factor between them. A squared distance of 4 is two standard errors
 in all.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import Predicted
+from dogshape.diagnosis.likelihood.scores import PredictionSummary
 from dogshape.diagnosis.terms import Array
 
 VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
@@ -25,9 +25,9 @@ VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
 
 @dataclass(frozen=True)
 class Metric:
-    """Standard errors of what a data set tells, (cells,) each; infinite where it tells nothing.
+    """Standard errors of a data set, (cells,) each; infinite where no data are.
 
-    ``core`` is that of the mean of shifts that are not late, ``mean`` that of all. ``flight``
+    ``core`` is that of the mean without outliers, ``mean`` that of all shifts. ``flight``
     (K, K) makes the marks of the flight independent, of standard error 1.
     """
 
@@ -37,7 +37,7 @@ class Metric:
     core: Array
     flight: Array | None = None
 
-    def of(self, predicted: Predicted) -> Array:
+    def of(self, predicted: PredictionSummary) -> Array:
         """Return signatures, (m, coordinates)."""
         parts = zip(
             (predicted.core, predicted.log_sd, predicted.engaged),
@@ -51,11 +51,11 @@ class Metric:
 
 
 def known(errors: Array) -> np.ndarray:
-    """Tell which errors are those of something."""
+    """Mark the finite errors."""
     return np.isfinite(errors)
 
 
-def metric_of(seen: Observed, baseline: Predicted) -> Metric:
+def metric_of(seen: Observed, baseline: PredictionSummary) -> Metric:
     """Return the standard errors, spreads and errors from the baseline (1, cells)."""
     shifts, tried = seen.shifts, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)
@@ -75,5 +75,4 @@ def metric_of(seen: Observed, baseline: Predicted) -> Metric:
 def squared(one: Array, other: Array) -> Array:
     """Return squared distances between signatures (m, k) and (n, k), (m, n)."""
     cross = (one**2).sum(axis=1)[:, None] + (other**2).sum(axis=1) - 2.0 * one @ other.T
-    whole: Array = np.maximum(cross, 0.0)
-    return whole
+    return np.maximum(cross, 0.0)

@@ -37,12 +37,11 @@ def engaged_mean(times: Array) -> Array:
     ended = np.isfinite(times)
     count = ended.sum(axis=-1)
     total = np.where(ended, times, 0.0).sum(axis=-1)
-    mean: Array = np.where(count > 0, total / np.maximum(count, 1), np.nan)
-    return mean
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def residuals(times: Array) -> Array:
-    """Return what each angle adds to the relative error of the mean, (..., n)."""
+    """Compute the share of each angle in the relative error of the mean, (..., n)."""
     mean = engaged_mean(times)[..., None]
     ended = np.isfinite(times)
     share = ended.mean(axis=-1, keepdims=True)
@@ -55,8 +54,7 @@ def even_variance(series: Array) -> Array:
     n = series.shape[-1]
     steps = np.roll(series, -1, axis=-1) - series
     scatter = np.maximum(0.0, -(steps * np.roll(steps, -1, axis=-1)).mean(axis=-1))
-    variance: Array = (steps**2).sum(axis=-1) / (12.0 * n * n) + 5.0 * scatter / (6.0 * n)
-    return variance
+    return (steps**2).sum(axis=-1) / (12.0 * n * n) + 5.0 * scatter / (6.0 * n)
 
 
 def mean_covariance(times: Array, speeds: Array) -> Array:
@@ -119,15 +117,13 @@ def binned(times: Array, count: int, weights: Array | None = None) -> Array:
     edges = np.linspace(0.0, 1.0, count + 1)
     sums = _from_zero(mass * times[ended])
     found = [np.interp(edges, *both) for both in zip(_from_zero(mass), sums, strict=True)]
-    bins: Array = np.diff(np.array(found), axis=1) * count
-    return bins
+    return np.diff(np.array(found), axis=1) * count
 
 
 def engaged_count(times: Array) -> tuple[Array, Array]:
-    """Return how many shifts of times (..., n) engaged, and of how many, without failed ones."""
+    """Count the engaged and all finished shifts of times (..., n)."""
     return np.isfinite(times).sum(axis=-1).astype(float), (~np.isnan(times)).sum(axis=-1) * 1.0
 
 
 def _from_zero(values: Array) -> Array:
-    total: Array = np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)
-    return total
+    return np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)

@@ -1,17 +1,17 @@
-"""The bank: shifts of one clutch with each effect at a few levels, at the bench's operating points.
+"""Bank: shifts of one clutch with each effect at a few levels, at the bench's operating points.
 
-A plan says which levels. All of them are simulated at the same even relative angles of each
-operating point, so that levels differ by their physics; the baseline besides at some between, since
-every hypothesis rests on it. Effects that only change how a shift is read need no shift. Pairs of
-effects are foretold from both alone (``diagnosis.prediction.emulator``); a few are simulated to see
-how far off that is.
+A plan lists the levels. All levels have the same even relative angles at an operating point, so
+that levels differ by their physics. The baseline has further angles between, since every hypothesis
+rests on it. Effects that only change the reading of a shift need no shift. Pairs of effects are
+predicted from both alone (``diagnosis.prediction.emulator``); a few are simulated to measure the
+error of that.
 
-With 28 operating points and the effects that come with the project the default plan has about
-62 000 shifts. One takes about 0.1 s of processor time, so two cores need 52 minutes; fewer angles
-or levels take less in proportion (``Plan.shifts``, ``Plan.hours``).
+With 28 operating points and the effects of the project the default plan has about 62 000 shifts.
+One shift takes about 0.1 s of processor time, so two cores need 52 minutes. Fewer angles or levels
+take less in proportion (``Plan.shifts``, ``Plan.hours``).
 
 A mean of 16 angles errs by milliseconds, so both coefficients of friction are integrated with
-``ACCURACY`` instead of the ten times smaller one of single shifts: that moves a mean by less than a
+``ACCURACY`` instead of the ten times smaller one of single shifts. That moves a mean by less than a
 millisecond at a third of the cost, and is part of the numerical error that a bank measures.
 """
 
@@ -58,7 +58,7 @@ CHECKS: tuple[Hypothesis, ...] = (
 
 @dataclass(frozen=True)
 class Plan:
-    """What a bank holds.
+    """Settings of a bank.
 
     Parameters
     ----------
@@ -108,12 +108,12 @@ class Plan:
         return (*(level for levels in own.values() for level in levels), *dict.fromkeys(pairs))
 
     def shifts(self, bench: Bench) -> int:
-        """Return how many shifts the bank of a bench takes, without those for the numerics."""
+        """Count the shifts of the bank of a bench, without those for the numerics."""
         each = self.dense + len(self.levels_for(bench))
         return len(bench.cells) * self.angles * each
 
     def hours(self, bench: Bench, cores: int = 2, shift: float = SHIFT) -> float:
-        """Return how long they take at so many s of processor time each."""
+        """Estimate the hours of the bank at ``shift`` s of processor time a shift."""
         return self.shifts(bench) * shift / cores / 3600.0
 
 
@@ -235,8 +235,7 @@ def collect(
 
 def _common(angles: Array, fewer: Array) -> NDArray[np.int64]:
     """Return the places of fewer angles (C, n) among angles (C, dense n)."""
-    places: NDArray[np.int64] = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
-    return places
+    return np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
 
 
 def _numerics(
@@ -248,7 +247,7 @@ def _numerics(
 
 
 def times_of(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Return what a bench reads of shifts, s, (n,)."""
+    """Read the times of shifts as a bench does, s, (n,)."""
     return np.array([_time(setting, row) for row in rows])
 
 

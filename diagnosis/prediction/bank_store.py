@@ -1,9 +1,9 @@
-"""The times of a bank's shifts as one small file, kept by what was simulated.
+"""The times of a bank's shifts as one small file, kept by the inputs of the simulation.
 
 A journal holds every shift of a bank that is under way. The file holds the times alone, series by
-series (a bench at one operating point and its angles), each under a key of all inputs of its first
-shift and of the programs' versions. So a bank of some of the operating points, of more effects, or
-of a bench that reads elsewhere takes what is there and simulates the rest.
+series (a bench at one operating point and its angles). The key of a series has all inputs of its
+first shift and the programs' versions. So another bank takes the series that it shares and
+simulates the others.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-r"""Effects together, from what each of them makes alone.
+r"""Combination of effects from the emulation of each effect alone.
 
 With :math:`r_e = T_e/T_0` the ratio of mean times with an effect and without any, two effects that
-act one after the other add their changes, :math:`r = r_1 + r_2 - 1`, and two of which one stretches
-what the other makes multiply them, :math:`r = r_1 r_2`. Pairs that were simulated say where between
-(or beyond) both they lie:
+act one after the other add their changes, :math:`r = r_1 + r_2 - 1`. If one effect stretches the
+time that the other makes, they multiply, :math:`r = r_1 r_2`. A weight *w* from simulated pairs
+says where between (or beyond) both a pair lies:
 
-.. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2},
+.. math:: \ln r = \ln r_1 r_2 + w\,d, \qquad d = \ln\frac{r_1 + r_2 - 1}{r_1 r_2}.
 
-*w* being fitted to a pair's operating points by the errors of the simulated means, with all pairs
-as a prior, and moved at each of them as far as its own means say. What is unknown of *w* at other
-strengths is an error that all operating points have in common, and one of their own. All times of
-a spread take the same factor on top of their product, and the odds of engaging multiply.
+*w* is fitted to a pair's operating points by the errors of the simulated means, with all pairs as a
+prior. At each point *w* moves as far as its own means allow. The error of *w* at other strengths
+has a part that all operating points share, and one of their own. All times of a spread take the
+same factor on top of their product, and the odds of engaging multiply.
 """
 
 from __future__ import annotations
@@ -39,58 +39,54 @@ FEW = 0.25  #: of the smaller change, what two effects miss where no pair was si
 
 
 @dataclass(frozen=True)
-class Reach:
-    """What is emulated at m values: times (m, q), share engaged and both variances, (m,).
+class Emulated:
+    """Emulated times at m values, (m, q), with share engaged and both variances, (m,).
 
-    Of C operating points all have a first axis more, (C, m, q) and (C, m). ``times`` are those that
-    are not late, ``variance`` that of the logarithm of their mean; ``late`` is the share of late
-    ones, (m,).
+    Of C operating points all have a first axis more, (C, m, q) and (C, m). ``times`` leave outliers
+    out, ``variance`` is that of the logarithm of their mean; ``outlier_share`` is (m,).
     """
 
     times: Array
     engaged: Array
     variance: Array
     engaged_variance: Array
-    late: Array
+    outlier_share: Array
 
 
-def log_mean(reach: Reach) -> Array:
+def log_mean(emulated: Emulated) -> Array:
     """Return the logarithm of the mean time, (..., m)."""
-    mean: Array = np.log(reach.times.mean(axis=-1))
-    return mean
+    return np.log(emulated.times.mean(axis=-1))
 
 
-def together(base: Reach, reaches: list[Reach], variances: list[Array]) -> Reach:
+def together(base: Emulated, emulated_alone: list[Emulated], variances: list[Array]) -> Emulated:
     """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    start = np.log(base.times), _logit(base.engaged), _logit(base.late)
-    times, odds, late = start
+    start = np.log(base.times), _logit(base.engaged), _logit(base.outlier_share)
+    times, odds, outlier_share = start
     doubt, variance = base.engaged_variance, base.variance
-    for one, own in zip(reaches, variances, strict=True):
+    for one, own in zip(emulated_alone, variances, strict=True):
         times = times + np.log(one.times) - start[0]
         odds = odds + _logit(one.engaged) - start[1]
-        late = late + _logit(one.late) - start[2]
+        outlier_share = outlier_share + _logit(one.outlier_share) - start[2]
         doubt, variance = doubt + one.engaged_variance, variance + own
     found = np.sort(np.exp(times), axis=-1)
-    return Reach(found, expit(odds), variance, doubt, expit(late))
+    return Emulated(found, expit(odds), variance, doubt, expit(outlier_share))
 
 
 def _logit(share: Array) -> Array:
     inside = np.clip(share, 1e-3, 1.0 - 1e-3)
-    odds: Array = np.log(inside / (1.0 - inside))
-    return odds
+    return np.log(inside / (1.0 - inside))
 
 
 def basis(first: Array, second: Array) -> Array:
     """Return *d* from changes of the logarithms of two means."""
     one, two = np.exp(first), np.exp(second)
     added = np.maximum(one + two - 1.0, LEAST_SUM * np.minimum(one, two))
-    found: Array = np.log(added) - first - second
-    return found
+    return np.log(added) - first - second
 
 
 @dataclass(frozen=True)
 class Blend:
-    """How a pair combines.
+    """Law by which a pair combines.
 
     Parameters
     ----------
@@ -107,7 +103,7 @@ class Blend:
 
 @dataclass(frozen=True)
 class Missed:
-    """What combining adds to the logarithm of the mean, (m,): correction and standard errors.
+    """Correction of the logarithm of the mean of combined effects, (m,), with standard errors.
 
     ``common`` is that of *w*, of one sign at operating points whose *d* is, ``own`` the rest.
     """
@@ -119,14 +115,14 @@ class Missed:
 
 @dataclass(frozen=True)
 class Interactions:
-    """How effects combine, by pair; ``any`` of those that were not simulated."""
+    """Laws of combination by pair; ``any`` is that of pairs that were not simulated."""
 
     pairs: Mapping[Hypothesis, Blend]
     any: Blend
 
     @classmethod
     def of(cls, bank: Bank) -> Interactions:
-        """Return what the pairs of a bank show."""
+        """Fit the laws to the pairs of a bank."""
         those = dict.fromkeys(k.hypothesis for k in bank.levels if len(k.hypothesis) == 2)
         shown = {pair: _shown(bank, pair) for pair in those}
         if not shown:
@@ -139,13 +135,15 @@ class Interactions:
         own = float(np.sqrt(np.mean([one.own**2 for one in pairs.values()])))
         return cls(pairs, Blend(np.array([centre]), spread, own, FEW))
 
-    def missed(self, base: Reach, reaches: Mapping[str, Reach], cell: int | None = None) -> Missed:
-        """Return what the product of effects, each alone by name, leaves out.
+    def missed(
+        self, base: Emulated, emulated_alone: Mapping[str, Emulated], cell: int | None = None
+    ) -> Missed:
+        """Compute the correction of the product of effects, each alone by name.
 
         That is at one operating point, or at all where ``cell`` is None.
         """
         start = log_mean(base)
-        changes = {name: log_mean(one) - start for name, one in reaches.items()}
+        changes = {name: log_mean(one) - start for name, one in emulated_alone.items()}
         moved, common, own = np.zeros((3, 1))
         for one, two in combinations(sorted(changes), 2):
             blend = self.pairs.get((one, two), self.any)
@@ -160,56 +158,57 @@ class Interactions:
 
 @dataclass(frozen=True)
 class _Shown:
-    """What a simulated pair leaves beside the product, (levels, C) each; NaN if not known."""
+    """Residual of a simulated pair beside the product, (levels, C) each; NaN if not known."""
 
-    left: Array
+    residual: Array
     noise: Array
     basis: Array
 
     @property
     def _known(self) -> np.ndarray:
-        found: np.ndarray = np.isfinite(self.left + self.noise + self.basis)
-        return found
+        return np.isfinite(self.residual + self.noise + self.basis)
 
     def mean(self, centre: float, spread: float) -> float:
         """Return *w* of all operating points, ``centre`` give or take ``spread`` before."""
         return self._fitted(centre, spread)[0]
 
     def _fitted(self, centre: float, spread: float) -> tuple[float, float]:
-        left, noise, basis = (part[self._known] for part in (self.left, self.noise, self.basis))
+        residual, noise, basis = (
+            part[self._known] for part in (self.residual, self.noise, self.basis)
+        )
         weight = basis / noise**2
         precision = float((weight * basis).sum()) + spread**-2
-        share = (float((weight * left).sum()) + centre * spread**-2) / precision
+        share = (float((weight * residual).sum()) + centre * spread**-2) / precision
         return float(np.clip(share, *BEYOND)), precision**-0.5
 
     def blend(self, centre: float, spread: float) -> Blend:
-        """Return how the pair combines."""
+        """Fit the law of the pair."""
         share, error = self._fitted(centre, spread)
-        left, basis = (
+        residual, basis = (
             np.where(self._known, part, 0.0)
-            for part in (self.left - share * self.basis, self.basis)
+            for part in (self.residual - share * self.basis, self.basis)
         )
         noise = np.where(self._known, self.noise, 1.0)
         whole = float((basis**2).sum())
-        squares = max(0.0, float(((left**2 - noise**2) * self._known).sum()))
+        squares = max(0.0, float(((residual**2 - noise**2) * self._known).sum()))
         scatter = max(1e-6, squares / whole if whole > 0.0 else 0.0)
         precision = (basis**2 / noise**2).sum(axis=0) + 1.0 / scatter
-        each = share + (left * basis / noise**2).sum(axis=0) / precision
+        each = share + (residual * basis / noise**2).sum(axis=0) / precision
         own = float(np.hypot(OWN, KEPT * np.sqrt(scatter)))
         return Blend(np.clip(each, *BEYOND), float(np.hypot(error, UNSEEN)), own)
 
 
 def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
-    """Return what the levels of a pair show."""
+    """Compare the levels of a pair with the product."""
     rows = []
     for k in bank.of(pair):
         alone = [_same(bank, bank.levels[k], place) for place in range(2)]
         four = bulk(np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)]))
         mean, series = np.log(engaged_mean(four)), residuals(four)
         changes = mean[2:] - mean[0]
-        left = mean[1] - mean[0] - changes.sum(axis=0)
+        residual = mean[1] - mean[0] - changes.sum(axis=0)
         noise = even_variance(series[1] - series[0] - (series[2:] - series[0]).sum(axis=0))
-        rows.append((left, np.sqrt(noise) + LEAST, basis(*changes)))
+        rows.append((residual, np.sqrt(noise) + LEAST, basis(*changes)))
     return _Shown(*np.array(rows).transpose(1, 0, 2))
 
 

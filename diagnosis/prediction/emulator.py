@@ -1,16 +1,15 @@
-r"""The emulator: from a bank's levels to the spread of times at any values of a hypothesis.
+r"""Emulator: from a bank's levels to the distribution of times at any values of a hypothesis.
 
-One effect alone: the mean :math:`M(x)` is that of the baseline with the change that the curve of
-``diagnosis.prediction.level_curves`` makes from there, :math:`\ln M = \sum_l w_l \ln M_l`, so that
-an effect of no strength is the baseline itself; and the shape, times over their mean at equal
-shares, by the same weights. Late shifts (``diagnosis.prediction.outliers``) are no part of either:
-their share has the weights of the share engaged, which are its own since its errors are binomial,
-and how late they are is that of all levels of the operating point.
+One effect alone: the mean :math:`M(x)` is that of the baseline with the change along the curve of
+``diagnosis.prediction.level_curves``, :math:`\ln M = \sum_l w_l \ln M_l`. An effect of no strength
+is then the baseline itself. The shape, times over their mean at equal shares, has the same weights.
+Both leave outliers (``diagnosis.prediction.outliers``) out. The share of outliers has the weights
+of the share engaged, and their delay is that of all levels of the operating point.
 
 Effects together: with :math:`T_e` the times at a share of an effect's own spread and :math:`T_0`
-those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise; times are
-then corrected by what simulated pairs show (``diagnosis.prediction.combination``). Delays add to
-all times, exactly. Angles that are not uniform are weights on the baseline's angles.
+those of the baseline, :math:`T = T_0 \prod_e T_e/T_0`, and the odds of engaging likewise. Simulated
+pairs correct these times (``diagnosis.prediction.combination``). Delays add to all times, exactly.
+Angles that are not uniform are weights on the baseline's angles.
 
 The error of a mean has three parts: the curve's own (angles and interpolation), numerics, and the
 combination.
@@ -34,13 +33,19 @@ from dogshape.diagnosis.prediction.angle_means import (
     with_dense,
 )
 from dogshape.diagnosis.prediction.bank import Bank
-from dogshape.diagnosis.prediction.combination import Interactions, Reach, together
+from dogshape.diagnosis.prediction.combination import Emulated, Interactions, together
 from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.diagnosis.prediction.flight_table import FlightTables
 from dogshape.diagnosis.prediction.level_curves import Curves, fit_curves, jumps_of
 from dogshape.diagnosis.prediction.levels import Axes, Level
-from dogshape.diagnosis.prediction.outliers import PRIOR, Lateness, bulk, late_shares, lateness
-from dogshape.diagnosis.prediction.prediction import Marks, Spread
+from dogshape.diagnosis.prediction.outliers import (
+    PRIOR,
+    Outliers,
+    bulk,
+    outlier_shares,
+    outlier_statistics,
+)
+from dogshape.diagnosis.prediction.prediction import Marks, Prediction
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, did_you_mean
@@ -53,7 +58,7 @@ SHARES = 24  #: at which times are given
 LEAST = 0.02  #: relative to its mean, the least time of a shape
 SUDDEN = 0.3  #: length at most of curves of the share engaged
 ANGLES = "angles"  #: stands for effects that only weight the baseline's angles
-NONE = 10.0  #: relative error of a mean that no shift tells
+NONE = 10.0  #: relative error of a mean without a single shift
 
 
 @dataclass(frozen=True)
@@ -62,8 +67,8 @@ class Fit:
 
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
-    ``least`` (C,): equal angles at all levels tell less than as many different ones. ``late``
-    (C, N) are shares of late shifts, which means and shapes leave out. ``missed`` is the share of
+    ``least`` (C,): equal angles at all levels count less than as many different angles.
+    ``outlier_shares`` are (C, N); means and shapes leave outliers out. ``missed`` is the share of
     levels that, left out, lie behind a jump, and ``jump`` its size in the logarithm.
     """
 
@@ -75,12 +80,12 @@ class Fit:
     shapes: Array
     shares: Array
     least: Array
-    late: Array
+    outlier_shares: Array
     missed: float
     jump: float
 
-    def at(self, values: Array) -> tuple[Reach, Array]:
-        """Return what this effect alone makes at values (m, p), and of how large a change.
+    def at(self, values: Array) -> tuple[Emulated, Array]:
+        """Emulate this effect alone at values (m, p), with the variance of the change.
 
         The latter is the variance of the change of the mean's logarithm from the baseline, (C, m).
         """
@@ -93,9 +98,9 @@ class Fit:
         part, uncertain = self.share_curves.from_first(self.share_curves.covariance(places))
         engaged = np.clip(_weighed(part, self.shares), 0.0, 1.0)
         uncertain = np.maximum(uncertain, self.least[:, None]) + self._step(part, engaged)
-        late = np.clip(_weighed(part, self.late), 1e-3, 1.0 - 1e-3)
+        outlying = np.clip(_weighed(part, self.outlier_shares), 1e-3, 1.0 - 1e-3)
         change = self.curves.change_variance(known, places, neutral)
-        return Reach(shape, engaged, variance, uncertain, late), change
+        return Emulated(shape, engaged, variance, uncertain, outlying), change
 
     def _places(self, values: Array) -> tuple[Array, Array]:
         """Return coordinates of values (m, p) and of the neutral ones, (C, m, d) and (C, d).
@@ -107,18 +112,17 @@ class Fit:
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether all operating points have the same coordinates."""
+        """Test that all operating points have the same coordinates."""
         return all(axes.same(self.axes[0]) for axes in self.axes)
 
     def _step(self, weights: Array, engaged: Array) -> Array:
         """Return the variance of a share that may fall anywhere between levels that differ."""
         part = abs(weights)
         part /= part.sum(axis=-1, keepdims=True)
-        variance: Array = (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
-        return variance
+        return (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
 
 
-def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
+def fit_effect(bank: Bank, effect: Effect, dense: Array, outliers: Outliers) -> Fit:
     """Fit what an effect alone does at all operating points; ``dense`` is the baseline's bulk."""
     places = bank.of((effect.name,))
     axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
@@ -131,8 +135,8 @@ def fit_effect(bank: Bank, effect: Effect, dense: Array, late: Lateness) -> Fit:
     shapes = np.array([[_shape(t) for t in mine] for mine in _with_first(dense, soon)])
     shares, doubts = _shares(_with_first(bank.baseline, times))
     likely = _share_curves(curves, shares, doubts)
-    first = late_shares(bank.baseline[:, None], dense[:, None], late.share)
-    rare = np.concatenate([first, late_shares(times, soon, late.share)], axis=1)
+    first = outlier_shares(bank.baseline[:, None], dense[:, None], outliers.share)
+    rare = np.concatenate([first, outlier_shares(times, soon, outliers.share)], axis=1)
     # Nothing lies between an effect without parameters and none.
     jumps = jumps_of(curves, means, slice(2, None)) if effect.parameters else (0.0, 0.0)
     least = doubts.min(axis=1)
@@ -159,10 +163,10 @@ def _means(bank: Bank, dense: Array, times: Array, speeds: Array) -> tuple[Array
     share = bank.common.shape[1] / bank.baseline.shape[1]
     errors = with_dense(mean_covariance(times, speeds), even_variance(residuals(dense)), share)
     found = np.concatenate([engaged_mean(dense)[:, None], engaged_mean(times)], axis=1)
-    late = np.array([[setting.clutch.timeout] for setting in bank.settings])
+    timeout = np.array([[setting.clutch.timeout] for setting in bank.settings])
     unknown = np.isnan(found)
     errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
-    return np.log(np.where(unknown, late, found)), errors
+    return np.log(np.where(unknown, timeout, found)), errors
 
 
 def _shape(times: Array) -> Array:
@@ -191,7 +195,7 @@ def _share_curves(curves: Curves, shares: Array, doubts: Array) -> Curves:
 
 
 class BankEmulator:
-    """Says the spread at each operating point for any values of a hypothesis (``Emulator``)."""
+    """Emulator over a bank: predicts each operating point at any values of a hypothesis."""
 
     def __init__(self, bank: Bank, flights: FlightStore | None = None) -> None:
         self.bank = bank
@@ -199,16 +203,16 @@ class BankEmulator:
         simulated = {level.hypothesis[0] for level in bank.levels}
         self._soon = bulk(bank.baseline)
         levels = [(bank.times, bulk(bank.times))] if bank.levels else []
-        self.late = lateness([(bank.baseline, self._soon), *levels])
+        self.outliers = outlier_statistics([(bank.baseline, self._soon), *levels])
         self.fits = {
-            name: fit_effect(bank, self.effects[name], self._soon, self.late)
+            name: fit_effect(bank, self.effects[name], self._soon, self.outliers)
             for name in sorted(simulated)
         }
-        self._asked: tuple[object, Spread] | None = None
+        self._asked: tuple[object, Prediction] | None = None
         self.flights = FlightTables(self.effects, bank.settings, flights)
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
-        """Return what a hypothesis with ``values`` (m, p) says of an operating point.
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        """Predict an operating point at ``values`` (m, p) of a hypothesis.
 
         Raises InputError for an effect that the bank does not have.
         """
@@ -217,10 +221,10 @@ class BankEmulator:
         if self._asked is None or self._asked[0] != key:
             self._asked = key, self._everywhere(hypothesis, values)
         every = self._asked[1]
-        return Spread(**{f.name: getattr(every, f.name)[cell] for f in fields(every)})
+        return Prediction(**{f.name: getattr(every, f.name)[cell] for f in fields(every)})
 
-    def _everywhere(self, hypothesis: Hypothesis, values: Array) -> Spread:
-        """Return what is said of all operating points, (C, m) and (C, m, q)."""
+    def _everywhere(self, hypothesis: Hypothesis, values: Array) -> Prediction:
+        """Predict all operating points, (C, m) and (C, m, q)."""
         parts = self._parts(hypothesis, values)
         alone = {n: self.fits[n].at(mine) for n, mine in parts.items() if n in self.fits}
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
@@ -231,10 +235,10 @@ class BankEmulator:
         if len(alone) == 1:
             ((whole, _),) = alone.values()
         else:
-            reaches = {name: reach for name, (reach, _) in alone.items()}
+            emulated_alone = {name: emulated for name, (emulated, _) in alone.items()}
             variances = [change for _, change in alone.values()]
-            whole = together(self._baseline, list(reaches.values()), variances)
-            missed = self.interactions.missed(self._baseline, reaches)
+            whole = together(self._baseline, list(emulated_alone.values()), variances)
+            missed = self.interactions.missed(self._baseline, emulated_alone)
             common = missed.common
             whole = replace(
                 whole,
@@ -244,7 +248,7 @@ class BankEmulator:
         return self._spread(whole, delay, common, hypothesis)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
-        """Return what a hypothesis with ``values`` (m, p) says of the flight's marks."""
+        """Predict the marks of the flight at ``values`` (m, p) of a hypothesis."""
         self._parts(hypothesis, values)
         return self.flights.at(hypothesis, values, profile)
 
@@ -263,10 +267,10 @@ class BankEmulator:
         return parts
 
     @cached_property
-    def _baseline(self) -> Reach:
+    def _baseline(self) -> Emulated:
         return _stacked([self._weighted(cell, None) for cell in range(len(self.bank.settings))])
 
-    def _weighted(self, cell: int, weights: Array | None) -> Reach:
+    def _weighted(self, cell: int, weights: Array | None) -> Emulated:
         """Return the baseline with weights (m, n) on its angles."""
         times = self.bank.baseline[cell]
         given = np.ones((1, times.size)) if weights is None else weights
@@ -277,8 +281,11 @@ class BankEmulator:
         found = binned(fast, SHARES, given) if ended.any() else None
         if found is None:
             never = np.full((len(given), SHARES), self.bank.settings[cell].clutch.timeout)
-            quarter, rare = np.full(len(given), 0.25), np.full(len(given), self.late.share[cell])
-            return Reach(never, share, np.full(len(given), NONE**2), quarter, rare)
+            quarter, rare = (
+                np.full(len(given), 0.25),
+                np.full(len(given), self.outliers.share[cell]),
+            )
+            return Emulated(never, share, np.full(len(given), NONE**2), quarter, rare)
         mean, soon = found.mean(axis=1), np.isfinite(fast)
         part = np.maximum((given * soon).sum(axis=1) / total, 1e-12)
         apart = np.where(soon, fast, 0.0) - soon * mean[:, None]
@@ -286,11 +293,11 @@ class BankEmulator:
         count = total**2 / (given**2 * known).sum(axis=1)
         likely = (share * count + 0.5) / (count + 1.0)
         doubt = likely * (1.0 - likely) / (count + 2.0)
-        rare = (share - part) * count + PRIOR * self.late.share[cell]
-        return Reach(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
+        rare = (share - part) * count + PRIOR * self.outliers.share[cell]
+        return Emulated(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
 
-    def _read(self, parts: dict[str, Array], count: int) -> tuple[Reach | None, Array]:
-        """Return what weights on angles make of the baseline, None without, and delays (m,)."""
+    def _read(self, parts: dict[str, Array], count: int) -> tuple[Emulated | None, Array]:
+        """Weight the baseline's angles, None without weights, and add up delays (m,)."""
         if not parts:
             return None, np.zeros(count)
         rows = np.concatenate(list(parts.values()), axis=1)
@@ -315,11 +322,13 @@ class BankEmulator:
 
     @cached_property
     def interactions(self) -> Interactions:
-        """How effects combine, by the pairs that were simulated."""
+        """Laws of combination from the simulated pairs."""
         return Interactions.of(self.bank)
 
-    def _spread(self, whole: Reach, delay: Array, common: Array, hypothesis: Hypothesis) -> Spread:
-        """Return the spread with how often levels lie behind a jump, and its size."""
+    def _spread(
+        self, whole: Emulated, delay: Array, common: Array, hypothesis: Hypothesis
+    ) -> Prediction:
+        """Make the prediction, with the share of levels behind a jump and its size."""
         fits = [self.fits[name] for name in hypothesis if name in self.fits]
         mean = whole.times.mean(axis=-1)
         ratio = mean / self._baseline.times.mean(axis=-1)
@@ -331,17 +340,17 @@ class BankEmulator:
             "error": np.sqrt(variance),
             "engaged_error": np.sqrt(whole.engaged_variance),
             "common": common * mean,
-            "late": whole.late,
-            "behind": self.late.mean[:, None],
-            "behind_sd": self.late.sd[:, None],
+            "outlier_share": whole.outlier_share,
+            "behind": self.outliers.mean[:, None],
+            "behind_sd": self.outliers.sd[:, None],
             "delay": delay,
             "missed": 1.0 - np.prod([1.0 - fit.missed for fit in fits]),
             "jump": max([fit.jump for fit in fits], default=0.0) * (times.mean(axis=-1) - delay),
         }
-        # What is the same for all values is said of each.
+        # Constants are repeated for each value.
         shape = np.broadcast_shapes(mean.shape, (1, delay.size))
         wide = np.broadcast_to(times, (*shape, times.shape[-1]))
-        return Spread(wide, **{name: np.broadcast_to(p, shape) for name, p in parts.items()})
+        return Prediction(wide, **{name: np.broadcast_to(p, shape) for name, p in parts.items()})
 
     @cached_property
     def _other(self) -> Array:
@@ -353,15 +362,16 @@ class BankEmulator:
         ended = times[np.isfinite(times)]
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
-        variance: float = spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
-        return variance
+        return spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
 
 
 def _weighed(weights: Array, levels: Array) -> Array:
-    """Return what weights (C, m, N) make of levels (C, N), (C, m)."""
+    """Sum levels (C, N) by weights (C, m, N), (C, m)."""
     return np.stack([w @ level for w, level in zip(weights, levels, strict=True)])
 
 
-def _stacked(reaches: list[Reach]) -> Reach:
+def _stacked(emulated_alone: list[Emulated]) -> Emulated:
     """Gather what is emulated at each operating point."""
-    return Reach(*(np.stack([getattr(one, f.name) for one in reaches]) for f in fields(Reach)))
+    return Emulated(
+        *(np.stack([getattr(one, f.name) for one in emulated_alone]) for f in fields(Emulated))
+    )

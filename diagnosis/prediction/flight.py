@@ -5,9 +5,9 @@ Until dogs touch, ring and actuator move along the shaft alone, with the equatio
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-So a flight costs an integration in one or two degrees of freedom instead of a simulated shift, and
-every effect and pair can be let fly at many values. Simulated shifts in Drake have the same flight
-(``tests/verification/test_flight.py``).
+So a flight costs an integration in one or two degrees of freedom instead of a simulated shift.
+Every effect and pair can therefore fly at many values. Simulated shifts in Drake have the same
+flight (``tests/verification/test_flight.py``).
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ def fly(setting: Setting, gap: float, force: float) -> Flight:
 
 
 def _creep(setting: Setting, levels: list[float]) -> Array:
-    """Return what the law of friction near rest moves the marks by, s, as a standard error.
+    """Estimate the error of the marks by the law of friction near rest, s.
 
     The linkage hardly matters for that.
     """
@@ -87,7 +87,7 @@ def _freed(setting: Setting, levels: tuple[float, ...]) -> Array:
 
 
 def changes_flight(one: Setting, other: Setting) -> bool:
-    """Tell whether two settings may differ in their flight; in their delay alone they do not."""
+    """Test that two settings can differ in their flight; a delay alone does not count."""
     return _moving(one) != _moving(other)
 
 
@@ -102,7 +102,7 @@ def _moving(setting: Setting) -> tuple[object, ...]:
 
 
 def _way_marks(setting: Setting, levels: Sequence[float], *, held: bool) -> tuple[Array, Array]:
-    """Return when the displacement at the sensor passes levels, s, and the way left to a touch."""
+    """Find the times at which the displacement at the sensor passes levels, s."""
     clutch = setting.clutch
     time, ring, actuator = _motion(clutch, setting.point.profile, levels[-1], held)
     way, speed = actuator if setting.sensor == "actuator" else ring
@@ -188,7 +188,7 @@ def _course(profile: ForceProfile) -> Callable[[float], float]:
 
 
 def _force_mark(profile: ForceProfile, level: float, timeout: float) -> float:
-    """Return when the force passes a level, s; the time-out where it does not."""
+    """Find the time at which the force passes a level, s; the time-out without one."""
     if float(profile.at(timeout)) <= level:
         return timeout
     return float(brentq(lambda t: float(profile.at(t)) - level, 0.0, timeout, xtol=1e-8))

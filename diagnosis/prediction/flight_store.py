@@ -32,7 +32,7 @@ class FlightStore:
     """
 
     paths: Sequence[Path] = ()
-    fresh: dict[str, Array] = field(default_factory=dict, init=False)
+    new: dict[str, Array] = field(default_factory=dict, init=False)
 
     @cached_property
     def _kept(self) -> dict[str, Array]:
@@ -45,24 +45,24 @@ class FlightStore:
 
     def get(self, key: str) -> Array | None:
         """Return a table, None where there is none."""
-        return self.fresh.get(key, self._kept.get(key))
+        return self.new.get(key, self._kept.get(key))
 
     def add(self, key: str, table: Array) -> Array:
         """Keep a table until ``save``; return it as a file will give it again."""
-        self.fresh[key] = table.astype(np.float32).astype(float)
-        return self.fresh[key]
+        self.new[key] = table.astype(np.float32).astype(float)
+        return self.new[key]
 
     def save(self) -> None:
-        """Add what is fresh to the last file, which is written as a whole or not at all.
+        """Add the new flights to the last file, which is written as a whole or not at all.
 
         Runs that save to the same file do so one after the other, so that each keeps its tables.
         Raises StorageError where it cannot be read or written.
         """
-        if not self.fresh or not self.paths:
+        if not self.new or not self.paths:
             return
         path = self.paths[-1]
         with adding(path):
-            mine, file = {**(_read(path) if path.exists() else {}), **self.fresh}, io.BytesIO()
+            mine, file = {**(_read(path) if path.exists() else {}), **self.new}, io.BytesIO()
             kept = {key: table.astype(np.float32) for key, table in mine.items()}
             np.savez_compressed(file, **kept)  # type: ignore[arg-type]  # keys are no options
             try:
@@ -71,7 +71,7 @@ class FlightStore:
                 raise StorageError(
                     f"{path} cannot be written ({error.strerror}); make room or give another folder"
                 ) from error
-        self.fresh.clear()
+        self.new.clear()
 
 
 def key_of(names: Sequence[str], tried: Sequence[Setting], sizes: Sequence[int]) -> str:

@@ -1,11 +1,10 @@
-r"""Tables of flights over the values of effects, and what they say between their nodes.
+"""Tables of flights over the values of effects, and splines between their nodes.
 
-Effects that move the flight are let fly at even shares of their priors, pairs at the grid of both:
-no rule of combination is needed. The logarithms of the marks are splines through the nodes, cubic
-in each parameter. Left with every other node only, the spline misses the nodes between; half
-of that, the largest nearby, is the error of the whole one. The law of an effect (the shape of a
-detent, one lag for a pneumatic cylinder) is taken to err by ``LAW`` of what it changes. A delay
-adds to all marks, exactly.
+Effects that move the flight are simulated at even shares of their priors, pairs at the grid of
+both: no rule of combination is needed. The logarithms of the marks are splines through the nodes,
+cubic in each parameter. The error of a spline is half of what a spline through every other node
+misses, the largest nearby. The law of an effect (the shape of a detent, one lag for a pneumatic
+cylinder) is taken to err by ``LAW`` of its change. A delay adds to all marks, exactly.
 """
 
 from __future__ import annotations
@@ -74,15 +73,13 @@ def _shares(parameter: Parameter, values: Array) -> Array:
     inside = np.clip(values, low, high)
     if parameter.scale == "uniform":
         return (inside - low) / (high - low)
-    shares: Array = np.log(inside / low) / np.log(high / low)
-    return shares
+    return np.log(inside / low) / np.log(high / low)
 
 
 def _weights(nodes: Array, places: Array, degree: int) -> Array:
-    """Return what the nodes weigh in a spline at places (m,), (m, n)."""
+    """Compute the weights of the nodes in a spline at places (m,), (m, n)."""
     spline = make_interp_spline(nodes, np.eye(nodes.size), k=min(degree, nodes.size - 1))
-    weights: Array = spline(places)
-    return weights
+    return spline(places)
 
 
 def _sum(weights: Sequence[Array], table: Array) -> Array:
@@ -124,8 +121,7 @@ def _filled(whole: Array) -> Array:
     if not missing.any():
         return whole
     places = distance_transform_edt(missing, return_distances=False, return_indices=True)
-    filled: Array = whole[tuple(places)]
-    return filled
+    return whole[tuple(places)]
 
 
 def _sizes(effects: Sequence[Effect]) -> tuple[int, ...]:
@@ -143,12 +139,11 @@ def _missed(nodes: Sequence[Array], logs: Array) -> Array:
         part = _weights(n[few], n, 3)
         found = np.moveaxis(np.tensordot(part, found, axes=(1, axis)), 0, axis)
     near = (3,) * len(nodes)
-    errors: Array = HALF * maximum_filter(abs(found - logs), size=(*near, 1), mode="nearest")
-    return errors
+    return HALF * maximum_filter(abs(found - logs), size=(*near, 1), mode="nearest")
 
 
 class FlightTables:
-    """Says the marks of the flight for any values of a hypothesis; flies when first asked."""
+    """Tables of flights that predict their marks; a flight is simulated at the first use."""
 
     def __init__(
         self,
@@ -165,7 +160,11 @@ class FlightTables:
     def at(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Return the marks at values (m, p); KeyError for a profile of no operating point."""
         setting = self.settings[profile]
-        moving = tuple(name for name in hypothesis if self._moves(name, setting))
+        moving = tuple(
+            name
+            for name in hypothesis
+            if any(changes_flight(setting, one) for one in self._tried(name, setting))
+        )
         marks = still = self._still(setting, len(values))
         if moving:
             marks = self._table(moving, profile).at(values[:, self._columns(hypothesis, moving)])
@@ -206,11 +205,8 @@ class FlightTables:
         owners = [name for name in hypothesis for _ in self.effects[name].parameters]
         return [k for k, name in enumerate(owners) if name in moving]
 
-    def _moves(self, name: str, setting: Setting) -> bool:
-        return any(changes_flight(setting, one) for one in self._tried(name, setting))
-
     def _delays(self, hypothesis: Hypothesis, values: Array, setting: Setting) -> Array:
-        """Return by how much effects make the force start later, s, (m,)."""
+        """Add up the delays of the force by effects, s, (m,)."""
         whole = np.zeros(len(values))
         for name in hypothesis:
             if any(one.delay != setting.delay for one in self._tried(name, setting)):

@@ -1,11 +1,10 @@
-"""Hypotheses on why a bench differs: none, one effect, a plausible pair, or unknown.
+"""Hypotheses on the cause of a gap: none, one effect, a plausible pair, or unknown.
 
-Any two effects may come together, but only some pairs are plausible before anything is seen: the
-dead time of an actuator comes with every bench and every actuator, dry friction with every ring
-on its shaft. So the pairs are these two with each other effect. Prior probabilities: a quarter
-none, nearly half for single effects in equal parts, the rest in equal parts for pairs, and for
-what nobody has thought of. Three effects together are looked at where no pair can have made the
-data, the best pair with each further effect; each has the probability before of any such three.
+Any two effects can come together, but only some pairs are plausible before the data are seen. Every
+actuator has a dead time, and every ring on its shaft dry friction, so the pairs are these two with
+each other effect. Prior probabilities: a quarter none, nearly half single effects in equal parts,
+the rest pairs in equal parts and ``unknown``. If no pair can have made the data, the best pair is
+tried with each further effect; all triples share a small prior in equal parts.
 """
 
 from __future__ import annotations
@@ -57,13 +56,8 @@ class Space:
         columns = [at_shares(p, shares[:, k]) for k, p in enumerate(self.parameters)]
         return np.stack(columns, axis=1) if columns else np.zeros((len(shares), 0))
 
-    def neutral_shares(self) -> Array:
-        """Return the shares nearest to what changes nothing, (p,)."""
-        setting = self.setting
-        return np.array([p.share(p.neutral_of(setting)) for p in self.parameters], dtype=float)
-
     def columns(self, name: str) -> slice:
-        """Return where the parameters of an effect are."""
+        """Find the columns of the parameters of an effect."""
         start = 0
         for effect in self.effects:
             if effect.name == name:
@@ -72,7 +66,7 @@ class Space:
         raise KeyError(name)
 
     def possible(self, values: Array) -> np.ndarray:
-        """Tell which values (m, p) give a bench at all, (m,)."""
+        """Mark the values (m, p) that give a bench, (m,)."""
         result = np.ones(len(values), dtype=bool)
         for effect in self.effects:
             if effect.name in self.bounded:
@@ -86,8 +80,7 @@ def at_shares(parameter: Parameter, shares: Array) -> Array:
     low, high = parameter.low, parameter.high
     if parameter.scale == "uniform":
         return low + shares * (high - low)
-    values: Array = low * (high / low) ** shares
-    return values
+    return low * (high / low) ** shares
 
 
 def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:
@@ -96,7 +89,7 @@ def _possible(effect: Effect, setting: Setting, row: Sequence[float]) -> bool:
 
 
 def _bounded(effect: Effect, setting: Setting) -> bool:
-    """Tell whether some values within the priors give no bench."""
+    """Test that some values within the priors give no bench."""
     ticks = np.linspace(0.0, 1.0, TRIED)
     grid = itertools.product(*([p.at(t) for t in ticks] for p in effect.parameters))
     return not all(_possible(effect, setting, row) for row in grid)
@@ -115,7 +108,7 @@ def spaces_of(
     pairs: Sequence[Hypothesis] | None = None,
     sense: Sense = "known",
 ) -> tuple[Space, ...]:
-    """Return the spaces of none, each effect, and the pairs (the plausible ones by default).
+    """List the spaces of none, each effect, and the pairs (the plausible ones by default).
 
     Behind them stand those with the reversed sense (``diagnosis.bench.sense``).
     """
@@ -161,7 +154,10 @@ def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[
     """
     kinds = {h: _kind(h) for h in map(forward, hypotheses)}
     numbers = {kind: list(kinds.values()).count(kind) for kind in WEIGHTS}
-    three = THREE / max(1, _threes(numbers["single"]))
+    # Triples of effects that hold a common one.
+    triples = math.comb(numbers["single"], 3)
+    triples -= math.comb(max(0, numbers["single"] - len(COMMON)), 3)
+    three = THREE / max(1, triples)
     each = {h: three if k == "three" else WEIGHTS[k] / numbers[k] for h, k in kinds.items()}
     share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
     shares = {h: share if REVERSED in h else 1.0 - share for h in hypotheses} | {UNKNOWN: 1.0}
@@ -174,11 +170,6 @@ def _kind(hypothesis: Hypothesis) -> str:
     if hypothesis == UNKNOWN:
         return "unknown"
     return ("none", "single", "pair", "three")[len(hypothesis)]
-
-
-def _threes(effects: int) -> int:
-    """Return how many threes of some effects have a common one."""
-    return math.comb(effects, 3) - math.comb(max(0, effects - len(COMMON)), 3)
 
 
 def with_third(pair: Hypothesis, effects: Iterable[str]) -> tuple[Hypothesis, ...]:

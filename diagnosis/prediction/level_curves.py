@@ -55,7 +55,7 @@ class Curves:
     inflation: float
 
     def weights(self, cell: int, places: Array) -> tuple[Array, Array]:
-        """Return what levels weigh in the curve at ``places`` (m, d), and its variance.
+        """Compute the weights of levels in the curve at ``places`` (m, d), and its variance.
 
         Weights (m, N) add up to one; variance of the logarithm, (m,).
         """
@@ -70,8 +70,7 @@ class Curves:
         """Return the covariance of curves at ``places`` (C or 1, m, d) and levels, (C, m, N)."""
         sites = self.sites[:1] if self._alike else self.sites
         shape = _kernel(places[:, :, None] - sites[:, None], self.lengths, self.step)
-        known: Array = self.size[:, None, None] ** 2 * shape
-        return known
+        return self.size[:, None, None] ** 2 * shape
 
     def from_first(self, known: Array) -> tuple[Array, Array]:
         """Return weights and variance of the first level with the curve's change from there.
@@ -106,18 +105,16 @@ class Curves:
         own = 2.0 * (scale - scale * between)
         weights, left = _solved(self.inverse, apart, 0.0)
         variance = own - _products(weights, apart) + left**2 * self._ones.sum(axis=1)[:, None]
-        found: Array = self.inflation * np.maximum(variance, 0.0)
-        return found
+        return self.inflation * np.maximum(variance, 0.0)
 
     @cached_property
     def _ones(self) -> Array:
-        """What the inverse makes of ones, (C, N)."""
-        ones: Array = self.inverse.sum(axis=2)
-        return ones
+        """Row sums of the inverse, (C, N)."""
+        return self.inverse.sum(axis=2)
 
     @cached_property
     def _alike(self) -> bool:
-        """Whether levels lie at the same coordinates at all operating points."""
+        """Test that levels lie at the same coordinates at all operating points."""
         return bool((self.sites == self.sites[:1]).all())
 
     def like(self, size: Array, errors: Array, longest: float = np.inf) -> Curves:
@@ -140,8 +137,7 @@ def _solved(inverse: Array, known: Array, total: float) -> tuple[Array, Array]:
 
 def _products(one: Array, other: Array) -> Array:
     """Return the inner products of rows, (..., m)."""
-    found: Array = (one * other).sum(axis=-1)
-    return found
+    return (one * other).sum(axis=-1)
 
 
 def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curves:
@@ -157,7 +153,7 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
     best: tuple[float, Array, float, NDArray[np.intp]] | None = None
     prior = -0.5 * (np.log(SIZES / USUAL[0]) / USUAL[1]) ** 2
     apart = sites[:, :, None] - sites[:, None]
-    white = _whitening(errors)
+    white = np.linalg.inv(np.linalg.cholesky(errors))  # W with W S W^T = 1
     for lengths in itertools.product(LENGTHS, repeat=sites.shape[2]):
         scaled = np.array(lengths)
         for step in STEPS:
@@ -169,7 +165,8 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
     _, scaled, step, chosen = best
     size = SIZES[chosen]
     inverse = _inverse(size[:, None, None] ** 2 * _kernel(apart, scaled, step) + errors)
-    inflation = _inflation(inverse, means, judged)
+    missed, error = left_out(inverse, means)
+    inflation = max(1.0, float(((missed / error)[:, judged] ** 2).mean()))
     return Curves(sites, scaled, step, size, inverse, inflation)
 
 
@@ -189,18 +186,11 @@ def _length(apart: Array) -> Array:
 
 def _matern(distance: Array) -> Array:
     r = ROOT5 * distance
-    value: Array = (1.0 + r + r * r / 3.0) * np.exp(-r)
-    return value
+    return (1.0 + r + r * r / 3.0) * np.exp(-r)
 
 
 def _inverse(covariance: Array) -> Array:
     return np.asarray(np.linalg.inv(covariance), dtype=np.float64)
-
-
-def _whitening(errors: Array) -> Array:
-    """Return *W* with W S W^T = 1 for covariances *S* (C, N, N)."""
-    white: Array = np.linalg.inv(np.linalg.cholesky(errors))
-    return white
 
 
 def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
@@ -216,8 +206,7 @@ def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
     total = (ones[:, None] ** 2 / spread).sum(axis=2)
     misfit = ((mine**2)[:, None] / spread).sum(axis=2)
     misfit -= ((ones * mine)[:, None] / spread).sum(axis=2) ** 2 / total
-    found: Array = -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
-    return found
+    return -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
 
 
 def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]:
@@ -230,16 +219,10 @@ def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]
 
 
 def left_out(inverse: Array, means: Array) -> tuple[Array, Array]:
-    """Return by how much levels that are left out miss their curves, and its error, (C, N)."""
+    """Compute the residuals of levels that are left out, and their errors, (C, N)."""
     ones = inverse.sum(axis=2)
     total = ones.sum(axis=1)[:, None]
     solved = (inverse * means[:, None]).sum(axis=2)
     solved -= ones * (ones * means).sum(axis=1)[:, None] / total
     own = np.maximum(np.diagonal(inverse, axis1=1, axis2=2) - ones**2 / total, 1e-12)
     return solved / own, own**-0.5
-
-
-def _inflation(inverse: Array, means: Array, judged: slice) -> float:
-    """Return the mean square of residuals left out, over their variances, at least 1."""
-    missed, error = left_out(inverse, means)
-    return max(1.0, float(((missed / error)[:, judged] ** 2).mean()))

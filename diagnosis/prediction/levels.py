@@ -1,4 +1,4 @@
-r"""Which values of an effect are simulated, and how values become coordinates of a curve.
+r"""Levels of an effect that are simulated, and the coordinates of its values on a curve.
 
 A coordinate *x* runs from 0 to 1 over the prior. It is the share of the prior, except where the
 prior is uniform in the logarithm and the neutral value is 0: there
@@ -48,7 +48,7 @@ class Level:
 
 
 def only_read(effect: Effect, setting: Setting) -> bool:
-    """Tell whether an effect only changes how a shift is read, so that none is simulated."""
+    """Test that an effect only changes the reading of a shift, so that none is simulated."""
     ends = (Level((effect.name,), tuple(p.at(s) for p in effect.parameters)) for s in (0.3, 0.9))
     changed = [level.setting({effect.name: effect}, setting) for level in ends]
     return all((one.clutch, one.point) == (setting.clutch, setting.point) for one in changed)
@@ -163,15 +163,14 @@ class Axes:
         return places
 
     def same(self, other: Axes) -> bool:
-        """Tell whether all values have the same coordinates by other axes."""
+        """Test that all values have the same coordinates by other axes."""
         mine, theirs = vars(self), vars(other)
         return all(np.array_equal(mine[name], theirs[name]) for name in mine)
 
     @property
     def neutral(self) -> Array:
         """Coordinates of the neutral values, (p,)."""
-        places: Array = self.at(self.neutral_values[None])[0]
-        return places
+        return self.at(self.neutral_values[None])[0]
 
     def _shares(self, values: Array) -> Array:
         low, high = self.low, self.high
@@ -193,7 +192,7 @@ def _kind(parameter: Parameter, neutral: float) -> int:
 
 
 def _idle(effect: Effect, setting: Setting, parameter: Parameter) -> bool:
-    """Tell whether a parameter changes nothing while the others are neutral."""
+    """Test that a parameter changes nothing while the others are neutral."""
     neutral = effect.neutral(setting)
     tried = [{**neutral, parameter.name: value} for value in (parameter.low, parameter.high)]
     return all(

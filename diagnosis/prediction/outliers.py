@@ -1,10 +1,10 @@
-"""Late shifts: dogs that pass slot after slot, a rare tail far behind a narrow bulk.
+"""Outliers: shifts whose dogs pass slot after slot, a rare tail far behind a narrow bulk.
 
-At 100 1/min and more nearly all shifts of an operating point take within some ms, and a few in a
-hundred take a tenth of a second more, with hardly anything between. Mixed into one mean and one
-standard deviation they would hide what the bulk tells. A shift counts as late that lies behind the
-median of its level by more than ``FAR`` times what four fifths of all lie behind it, so that a wait
-that many shifts have is none.
+At 100 1/min and more nearly all shifts of an operating point take the same time within some ms. A
+few in a hundred take a tenth of a second more, with hardly anything between. Mixed into one mean
+and one standard deviation they would hide the bulk. An outlier lies behind the median of its level
+by more than ``FAR`` times the distance of the 80 % quantile. So a wait that many shifts have makes
+no outliers.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ Array = NDArray[np.float64]
 FAR = 5.0  #: times the distance of both quantiles behind the median; 4.2 normal deviations
 MIDDLE, MOST = 0.5, 0.8  #: quantiles
 LEAST = 8e-3  #: s behind the median, at least
-ENOUGH = 3  #: late shifts from which their times are known
+ENOUGH = 3  #: outliers from which their times are known
 PRIOR = 10.0  #: shifts that the share of all levels of an operating point counts as
 
 
 @dataclass(frozen=True)
-class Lateness:
-    """How late the late shifts of C operating points are: share, mean and deviation in s, (C,).
+class Outliers:
+    """Outliers of C operating points: share, mean and deviation of their delay in s, (C,).
 
-    Mean and deviation are NaN where too few shifts were late.
+    Mean and deviation are NaN where too few shifts were outliers.
     """
 
     share: Array
@@ -38,53 +38,51 @@ class Lateness:
 
 
 def bulk(times: Array) -> Array:
-    """Return times (..., n) with NaN for late shifts."""
+    """Replace outliers among times (..., n) by NaN."""
     known = np.where(np.isfinite(times), times, np.nan)
-    # Where nothing engages nothing is late, and quantiles of nothing would warn.
+    # Where nothing engages nothing is an outlier, and quantiles of nothing would warn.
     known = np.where(np.isfinite(known).any(axis=-1, keepdims=True), known, 0.0)
     middle, most = np.nanquantile(known, (MIDDLE, MOST), axis=-1, keepdims=True)
-    late = np.isfinite(times) & (times > middle + np.maximum(FAR * (most - middle), LEAST))
-    found: Array = np.where(late, np.nan, times)
-    return found
+    outlying = np.isfinite(times) & (times > middle + np.maximum(FAR * (most - middle), LEAST))
+    return np.where(outlying, np.nan, times)
 
 
-def late_counts(times: Array, soon: Array) -> tuple[Array, Array]:
-    """Return how many shifts of times (..., n) are late, and of how many that engaged, (...).
+def outlier_counts(times: Array, bulk_times: Array) -> tuple[Array, Array]:
+    """Count the outliers of times (..., n), and the shifts that engaged, (...).
 
-    ``soon`` is their bulk.
+    ``bulk_times`` is their bulk.
     """
     ended = np.isfinite(times).sum(axis=-1) * 1.0
-    return ended - np.isfinite(soon).sum(axis=-1), ended
+    return ended - np.isfinite(bulk_times).sum(axis=-1), ended
 
 
-def lateness(every: list[tuple[Array, Array]]) -> Lateness:
-    """Return how late shifts are, from times (..., C, n) that share their points, with bulks."""
+def outlier_statistics(every: list[tuple[Array, Array]]) -> Outliers:
+    """Estimate share and delay of outliers from times (..., C, n) with their bulks."""
     count, whole, parts = 0.0, 0.0, []
-    for times, soon in every:
-        some, of = late_counts(times, soon)
+    for times, bulk_times in every:
+        some, of = outlier_counts(times, bulk_times)
         levels = tuple(range(some.ndim - 1))
         count, whole = count + some.sum(axis=levels), whole + of.sum(axis=levels)
-        late = np.isfinite(times) & np.isnan(soon)
-        excess = np.where(late, times - engaged_mean(soon)[..., None], np.nan)
+        outlying = np.isfinite(times) & np.isnan(bulk_times)
+        excess = np.where(outlying, times - engaged_mean(bulk_times)[..., None], np.nan)
         parts.append(np.moveaxis(excess, -2, 0).reshape(excess.shape[-2], -1))
     rows = [row[np.isfinite(row)] for row in np.concatenate(parts, axis=1)]
     mean = [row.mean() if row.size >= ENOUGH else np.nan for row in rows]
     sd = [row.std(ddof=1) if row.size >= ENOUGH else np.nan for row in rows]
-    return Lateness((count + 0.5) / (np.asarray(whole) + 1.0), np.array(mean), np.array(sd))
+    return Outliers((count + 0.5) / (np.asarray(whole) + 1.0), np.array(mean), np.array(sd))
 
 
-def late_shares(times: Array, soon: Array, share: Array) -> Array:
-    """Return shares late of times (C, N, n), drawn towards the ``share`` (C,) of all, (C, N)."""
-    late, ended = late_counts(times, soon)
-    found: Array = (late + PRIOR * share[:, None]) / (ended + PRIOR)
-    return found
+def outlier_shares(times: Array, bulk_times: Array, share: Array) -> Array:
+    """Estimate shares of outliers (C, N), drawn towards the ``share`` (C,) of all levels."""
+    outlying, ended = outlier_counts(times, bulk_times)
+    return (outlying + PRIOR * share[:, None]) / (ended + PRIOR)
 
 
-def added(late: Array, behind: Array, behind_sd: Array) -> tuple[Array, Array]:
-    """Return what late shifts add to mean and variance of the others, s and s^2.
+def added(outlying: Array, behind: Array, behind_sd: Array) -> tuple[Array, Array]:
+    """Compute mean and variance that outliers add to those of the others, s and s^2.
 
-    ``late`` is their share, ``behind`` and ``behind_sd`` by how much they are later, s; nothing is
-    added where that is NaN.
+    ``outlying`` is their share, ``behind`` and ``behind_sd`` are mean and deviation of their delay,
+    s; NaN counts as no delay.
     """
     far, wide = np.nan_to_num(behind), np.nan_to_num(behind_sd)
-    return late * far, late * wide**2 + late * (1.0 - late) * far**2
+    return outlying * far, outlying * wide**2 + outlying * (1.0 - outlying) * far**2

@@ -1,4 +1,4 @@
-"""What a hypothesis says of one operating point: the distribution of the time that is read there.
+"""Prediction of a hypothesis: the distribution of shift times at each operating point.
 
 The bank of simulations gives it (an emulator), the likelihood asks for it.
 """
@@ -15,25 +15,26 @@ from dogshape.sim.shift.actuation import ForceProfile
 
 
 @dataclass(frozen=True)
-class Spread:
-    """Times that a bench reads at one operating point, for m values of a hypothesis.
+class Prediction:
+    """Shift times that a hypothesis predicts for a bench, at m values of its parameters.
+
+    Arrays are (m,) at one operating point, (cells, m) at several; ``times`` has a last axis more.
 
     Parameters
     ----------
-    times : of shifts that engage and are not late, at the shares (k + 1/2)/q of them, ascending,
-        s, (m, q).
-    engaged : share of shifts that engage before the time-out, (m,).
+    times : of shifts that engage, outliers left out, at the shares (k + 1/2)/q, ascending, s.
+    engaged : share of shifts that engage before the time-out.
     error : standard error of the mean of ``times``: too few simulated angles, emulation and
-        numerics together, s, (m,).
-    engaged_error : standard error of ``engaged``, (m,).
-    common : of that mean, which all operating points have alike, times its size and sign at each:
-        what effects together do other than each alone, s, (m,). Not part of ``error``.
-    late : share of those that engage that are late (``diagnosis.prediction.outliers``), (m,).
-    behind, behind_sd : by how much they are later than the mean of the others, and the standard
-        deviation, s, (m,); NaN where nobody knows.
-    delay : part of all times that is added to what was simulated, and has no error, s, (m,).
-    missed, jump : share of operating points at which times jump between two values that were
-        simulated, so that the mean is off by much more than ``error``, and by how much, s, (m,).
+        numerics together, s.
+    engaged_error : standard error of ``engaged``.
+    common : error of the mean that all operating points share: effects together against each
+        alone, s, with its sign. It is no part of ``error``.
+    outlier_share : share of outliers (``diagnosis.prediction.outliers``) among those that engage.
+    behind, behind_sd : mean and standard deviation of the delay of outliers behind the mean of
+        the others, s; NaN where no simulation has enough of them.
+    delay : part of all times that is added to the simulated time and has no error, s.
+    missed, jump : share of operating points at which times jump between two simulated values, so
+        that the mean is off by much more than ``error``, and the size of the jump, s.
     """
 
     times: Array
@@ -41,7 +42,7 @@ class Spread:
     error: Array
     engaged_error: Array
     common: Array
-    late: Array
+    outlier_share: Array
     behind: Array
     behind_sd: Array
     delay: Array
@@ -49,19 +50,18 @@ class Spread:
     jump: Array
 
     @classmethod
-    def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Spread:
-        """Return a spread without late shifts and common errors."""
-        nothing, nobody = np.zeros(len(times)), np.full(len(times), np.nan)
-        late = nothing, nobody, nobody
-        errors = error, engaged_error, nothing
-        return cls(times, engaged, *errors, *late, nothing, nothing, nothing)
+    def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Prediction:
+        """Make a prediction without outliers and common errors."""
+        zero, unknown = np.zeros(len(times)), np.full(len(times), np.nan)
+        outliers = zero, unknown, unknown
+        return Prediction(times, engaged, error, engaged_error, zero, *outliers, zero, zero, zero)
 
 
 class Emulator(Protocol):
-    """Says the spread at each operating point of a data set, by its place, quickly."""
+    """Fast predictor of each operating point of a data set, by its place."""
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
-        """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        """Predict an operating point at ``values`` (m, p) of a hypothesis."""
         ...
 
 
@@ -85,8 +85,8 @@ class Marks:
 
 @runtime_checkable
 class FlightEmulator(Emulator, Protocol):
-    """An emulator that also says the marks of the flight under a force profile."""
+    """Emulator that also predicts the marks of the flight under a force profile."""
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
-        """Return what a hypothesis with ``values`` (m, p) says of the marks."""
+        """Predict the marks at ``values`` (m, p) of a hypothesis."""
         ...

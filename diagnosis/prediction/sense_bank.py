@@ -15,7 +15,7 @@ from dogshape.diagnosis.bench.sense import REVERSED, Sense, forward
 from dogshape.diagnosis.prediction.bank import COMMON, Bank, Plan, both
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.levels import only_read
-from dogshape.diagnosis.prediction.prediction import Marks, Spread
+from dogshape.diagnosis.prediction.prediction import Marks, Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.shift.actuation import ForceProfile
@@ -56,7 +56,7 @@ def reversed_bench(bench: Bench) -> Bench:
 
 
 class SenseEmulator:
-    """Says the spread at each operating point for hypotheses of either sense.
+    """Emulator for hypotheses of either sense of rotation.
 
     ``turned`` is the bank with the reversed sense, whose curves are fitted when first asked.
     """
@@ -70,8 +70,8 @@ class SenseEmulator:
         """The emulator at the negated operating points."""
         return BankEmulator(self._turned)
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
-        """Return what a hypothesis with ``values`` (m, p) says of an operating point.
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        """Predict an operating point at ``values`` (m, p) of a hypothesis.
 
         Raises InputError for an effect that the bank of its sense does not have.
         """

@@ -1,4 +1,4 @@
-"""What was found odd in a data set, and what was corrected, as a record."""
+"""Record of the findings and corrections of a data set."""
 
 from __future__ import annotations
 

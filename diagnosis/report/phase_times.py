@@ -123,7 +123,7 @@ def _mean_phase(phases: Sequence[PhaseGap]) -> PhaseGap:
 def along(
     bench: Bench, trace: Tracer | None = None, angles: int = ANGLES, seed: int = 1
 ) -> tuple[CellPhases, ...]:
-    """Return the phases of every cell of which the bench has the trace of a finished shift.
+    """Measure the phases of every cell of which the bench has the trace of a finished shift.
 
     ``trace`` simulates; by default in this process, a tenth of a second and more a shift.
     """
@@ -166,13 +166,13 @@ def _all_durations(clutch: Clutch, traces: Sequence[BenchTrace]) -> Series:
 
 
 def durations(clutch: Clutch, trace: BenchTrace) -> Series | None:
-    """Return how long each phase of a shift takes, s, (5,); None for one that did not finish."""
+    """Measure the phases of a shift, s, (5,); None for one that did not finish."""
     marks = marks_of(clutch, trace)
     return None if marks is None else np.diff(np.array([0.0, *marks]))
 
 
 def marks_of(clutch: Clutch, trace: BenchTrace) -> tuple[float, ...] | None:
-    """Return when each phase ends, s, (5,), none before the one before it."""
+    """Find the end of each phase, s, (5,), none before the one before it."""
     way = _smoothed(trace.displacement)
     end = _first(trace.time, way, clutch.shift_travel)
     if end is None:
@@ -194,12 +194,11 @@ def entry_depth(clutch: Clutch) -> float:
 def _smoothed(values: Series) -> Series:
     """Return the median of three neighbours, so that one noisy sample is no mark, (n,)."""
     padded = np.concatenate([values[:1], values, values[-1:]])
-    smooth: Series = np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-    return smooth
+    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def _between(time: Series, way: Series, place: int, level: float) -> float:
-    """Return when ``way`` passes ``level`` on the step that ends at ``place``, s."""
+    """Interpolate the time at which ``way`` passes ``level`` in the step to ``place``, s."""
     if place == 0:
         return float(time[0])
     low, high = way[place - 1], way[place]
@@ -212,13 +211,13 @@ def _first(time: Series, way: Series, level: float) -> float | None:
 
 
 def _last(time: Series, way: Series, level: float, end: float) -> float | None:
-    """Return when ``way`` passes ``level`` upwards for the last time before ``end``, s."""
+    """Find the last time before ``end`` at which ``way`` passes ``level`` upwards, s."""
     up = np.flatnonzero((way[1:] >= level) & (way[:-1] < level) & (time[:-1] <= end)) + 1
     return _between(time, way, int(up[-1]), level) if up.size else None
 
 
 def _first_flank(trace: BenchTrace, start: float | None, end: float) -> float | None:
-    """Return when the mismatch first differs from that at ``start``, s; None where it never does.
+    """Find the first time at which the mismatch leaves that at ``start``, s, or None.
 
     By a fifth of the first mismatch, or four times the scatter of the speeds where that is more.
     """

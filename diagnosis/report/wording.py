@@ -1,4 +1,4 @@
-"""The finding in words that need no statistics: a headline, and one paragraph with units."""
+"""Finding in words without statistics: a headline, and one paragraph with units."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 
 @dataclass(frozen=True)
 class Found:
-    """What is put into words; ``blind`` tells that the data can show no effect."""
+    """Facts that are put into words; ``blind`` marks data that can show no effect."""
 
     verdict: Verdict
-    belief: Probabilities
+    posterior: Probabilities
     intervals: Intervals
     gaps: HeldOut
     test: NextTest
@@ -46,14 +46,14 @@ class Found:
         """
         words = [
             ("nothing more" if less and h == less else plain(without(h, less), self.effects))
-            + (f" ({chance(self.belief[h])})" if chances else "")
+            + (f" ({chance(self.posterior[h])})" if chances else "")
             for h in hypotheses
         ]
         return ", ".join(words[:-1]) + " or " + words[-1] if len(words) > 1 else words[0]
 
 
 def chance(probability: float) -> str:
-    """Return a probability in whole percent, never nought or a hundred."""
+    """Write a probability in whole percent, never 0 or 100."""
     if probability < 0.005:
         return "< 1 %"
     return f"{100.0 * probability:.0f} %" if probability <= 0.99 else "> 99 %"
@@ -76,7 +76,7 @@ def quantity(name: str) -> str:
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
-def told(name: str, value: Interval, of: str = "") -> str:
+def described(name: str, value: Interval, of: str = "") -> str:
     """Return a parameter with its interval and unit; ``of`` says which interval it is."""
     mean, unit = shown(name, value.mean)
     amount = f"{mean:.3g} {unit}".rstrip()
@@ -113,21 +113,22 @@ def _open_headline(found: Found) -> str:
         count = NUMBERS[len(group)] if len(group) < len(NUMBERS) else str(len(group))
         what = "answers" if NONE in group else "causes"
         return f"{count.capitalize()} {what} cannot be told apart: {found.named(group[:4])}"
-    likeliest = next(iter(found.belief))
-    if found.belief[likeliest] > NAMED:
+    likeliest = next(iter(found.posterior))
+    if found.posterior[likeliest] > NAMED:
         return f"Not settled: {found.named([likeliest])} is likeliest"
     return f"Not settled: {found.named(verdict.credible[:3])}"
 
 
 def _worth(found: Found) -> list[Hypothesis]:
-    """Return those of the leading class that are worth a headline: all above 0.05, or two."""
-    group = sorted(found.verdict.group, key=lambda h: -found.belief[h])
-    return [h for place, h in enumerate(group) if place < 2 or found.belief[h] > 0.05]
+    """Select members of the leading class for a headline: all above 0.05, or two."""
+    group = sorted(found.verdict.group, key=lambda h: -found.posterior[h])
+    return [h for place, h in enumerate(group) if place < 2 or found.posterior[h] > 0.05]
 
 
 def in_words(found: Found) -> str:
     """Return the finding in one paragraph: how large, why, how sure, what to do next."""
-    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), _next(found)
+    following = f"Next: {why(found.test, found.posterior, found.effects)}"
+    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), following
     return " ".join(part for part in parts if part)
 
 
@@ -142,17 +143,17 @@ def _size(gaps: HeldOut) -> str:
 
 
 def _cause(found: Found) -> str:
-    verdict, belief = found.verdict, found.belief
+    verdict, posterior = found.verdict, found.posterior
     if verdict.kind == "effect":
         values = found.intervals.get(verdict.causes, {})
-        size = "; ".join(told(name, value, "90 % interval ") for name, value in values.items())
+        size = "; ".join(described(name, value, "90 % interval ") for name, value in values.items())
         return (
             f"The cause is {plain(verdict.causes, found.effects)}, with a probability of "
-            f"{chance(belief[verdict.causes])}" + (f": {size}." if size else ".")
+            f"{chance(posterior[verdict.causes])}" + (f": {size}." if size else ".")
         )
     if verdict.kind == "none":
         return (
-            f"That needs no effect (probability {chance(belief[NONE])}): any effect that this "
+            f"That needs no effect (probability {chance(posterior[NONE])}): any effect that this "
             "bench could show is smaller than its bound."
         )
     if verdict.kind == "unknown":
@@ -190,27 +191,26 @@ def _listed(causes: Hypothesis, found: Found) -> str:
 
 
 def _senses(found: Found) -> str:
-    """Say what is found given either sense of rotation, where nobody noted it."""
+    """Describe the answer given either sense of rotation, where the sense was not noted."""
     if not found.senses:
         return ""
-    given = [f"{_sense(one)} {_given(found, one)}" for one in found.senses]
+    given = [_given(found, one) for one in found.senses]
     return (
         "Which way the rings turned past each other was not noted, and sizes depend on it: "
         f"{'; '.join(given)}. {found.effects[REVERSED].test.how}"
     )
 
 
-def _sense(one: SenseAnswer) -> str:
-    name = "with the reversed sense" if one.reversed else "with the sense of the table"
-    return f"{name} (probability {chance(one.probability)})"
-
-
 def _given(found: Found, one: SenseAnswer) -> str:
     """Return the most probable effects given a sense, with their sizes."""
-    best = next(iter(one.belief))
-    sizes = [told(name, size) for name, size in one.sizes(best, found.intervals).items()]
+    best = next(iter(one.posterior))
+    sizes = [described(name, size) for name, size in one.sizes(best, found.intervals).items()]
     size = f": {', '.join(sizes)}" if sizes else ""
-    return f"{plain(best, found.effects)} ({chance(one.belief[best])}){size}"
+    sense = "the reversed sense" if one.reversed else "the sense of the table"
+    return (
+        f"with {sense} (probability {chance(one.probability)}) "
+        f"{plain(best, found.effects)} ({chance(one.posterior[best])}){size}"
+    )
 
 
 def _far(found: Found) -> str:
@@ -226,7 +226,3 @@ def _far(found: Found) -> str:
         f"With {what} in the simulation, {ms(gaps.held_out)} are left at operating points that the "
         f"fit never saw{alone}."
     )
-
-
-def _next(found: Found) -> str:
-    return f"Next: {why(found.test, found.belief, found.effects)}"

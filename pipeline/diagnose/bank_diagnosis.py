@@ -46,7 +46,7 @@ TIMES, FLIGHTS = "bank.json", "flights.npz"
 
 @dataclass(frozen=True)
 class Means:
-    """With what a diagnosis is made.
+    """Means of a diagnosis: banks, effects and workers.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def brought(name: str) -> Path:
 
 
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
-    """Return the diagnosis of a data set; simulates what no bank has.
+    """Diagnose a data set; simulate the shifts that no bank has.
 
     DataError where no shift has a time, EffectError for an effect that cannot be run.
     """
@@ -99,7 +99,7 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
 def emulator_of(
     bench: Bench, effects: Mapping[str, Effect], means: Means
 ) -> tuple[SenseEmulator, FlightStore]:
-    """Return what foretells a data set, and the flights that are to be saved afterwards."""
+    """Build the emulator of a data set, and the flights that are to be saved afterwards."""
     flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
     plain, turned = banks_of(bench, effects, means)
     return SenseEmulator(BankEmulator(plain, flights), turned), flights
@@ -113,18 +113,18 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
 def plans_of(
     bench: Bench, effects: Mapping[str, Effect]
 ) -> tuple[tuple[Plan, Bench], tuple[Plan, Bench]]:
-    """Return what is simulated for a data set, with the sense of its table and reversed."""
+    """Plan the simulations of a data set, with the sense of its table and reversed."""
     turned = reversed_plan(effects, bench), reversed_bench(bench)
     return (forward_plan(effects), bench), turned
 
 
 def blocks_by_key(plans: Iterable[tuple[Plan, Bench]]) -> dict[str, Block]:
-    """Return the blocks of some plans, each once, by the key of their series."""
+    """List the blocks of some plans, each once, by the key of their series."""
     return {series_key(block): block for one in plans for block in blocks_of(*one)}
 
 
 def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple[Bank, Bank]:
-    """Return the banks of a data set with the sense of its table and with the reversed one.
+    """Build the banks of a data set with the sense of its table and with the reversed one.
 
     They are what files have of them, and the rest simulated.
     """
@@ -157,7 +157,7 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
 
 
 def _finished(blocks: Sequence[Block], journal: Path) -> int:
-    """Return how many shifts of blocks a run that was stopped has left in a journal."""
+    """Count the shifts of blocks that a stopped run has left in a journal."""
     if not journal.exists():
         return 0
     rows = ShiftJournal(journal, only_read=True).rows
@@ -175,7 +175,7 @@ def _announced(shifts: int, finished: int, means: Means) -> str:
 
 
 class _Lacking(Exception):  # noqa: N818  # no error: shifts are still to be simulated
-    """Says that no file has some of the shifts."""
+    """Signal that no file has some of the shifts."""
 
 
 def _none(blocks: Sequence[Block]) -> list[list[Record]]:

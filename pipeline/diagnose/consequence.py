@@ -1,9 +1,9 @@
 """So what: whether the best design stays the best once a named effect is in.
 
 Prototype and the leading designs of a study's kept result are simulated without and with the
-effect, at the same relative angles, which the search did not use. What ignoring the effect costs is
-the time of the design that the study chose, which knew of no effect, less that of the one that is
-best with it, both with it. Designs that only a search with the effect would have found are not
+effect, at the same relative angles, which the search did not use. The study chose a design without
+the effect. The cost of ignoring the effect is the time of that design less the time of the best
+design, both with the effect. Designs that only a search with the effect would have found are not
 among them, so the cost may be more; that the best is the best of several estimates makes it seem
 more.
 """
@@ -52,7 +52,7 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Consequence:
-    """What an effect does to the choice of a design.
+    """Consequence of an effect for the choice of a design.
 
     Of the candidates the first is the prototype, the second what the study chose.
     """
@@ -63,17 +63,17 @@ class Consequence:
 
     @property
     def chosen(self) -> Candidate:
-        """What the study chose, without the effect."""
+        """Choice of the study, without the effect."""
         return self.candidates[1]
 
     @property
     def best(self) -> Candidate:
-        """The best with it."""
+        """Best candidate with the effect."""
         return min(self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
     def regret(self) -> float:
-        """What choosing without the effect costs with it, s."""
+        """Cost of choosing without the effect, with the effect acting, s."""
         return self.chosen.with_effect.mean - self.best.with_effect.mean
 
     @property
@@ -86,7 +86,7 @@ class Consequence:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """Consequence in words."""
         prototype, chosen, best = self.candidates[0], self.chosen, self.best
         gain = prototype.with_effect.mean - best.with_effect.mean
         gained = (
@@ -108,7 +108,7 @@ class Consequence:
 
     @property
     def record(self) -> dict[str, Any]:
-        """All of it as JSON takes it."""
+        """Record as JSON takes it."""
         return {
             "study": self.study,
             "effects": list(self.level.hypothesis),
@@ -134,7 +134,7 @@ def _record(one: Candidate) -> dict[str, Any]:
 
 
 def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, Params]]:
-    """Return a study and the designs of its result, by a folder of results or a study.
+    """Read a study and the designs of its result, by a folder of results or a study.
 
     Raises DataError where nothing is kept, StorageError where it is damaged.
     """
@@ -152,9 +152,9 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, P
 
 
 def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
-    """Return the prototype and the fastest feasible designs of a study's kept result, by name.
+    """List the prototype and the fastest feasible designs of a study's kept result, by name.
 
-    The chosen one comes first; designs that failed at new angles are left out.
+    The chosen one comes first; designs that failed when re-simulated at new angles are left out.
 
     Raises DataError where nothing is kept.
     """
@@ -193,7 +193,7 @@ def _kept(study: Study, where: str | Path) -> Path:
 
 
 def shifts_of(study: Study, designs: Mapping[str, Params]) -> int:
-    """Return how many shifts ``consequence`` takes."""
+    """Count the shifts of ``consequence``."""
     return 2 * ANGLES * len(study.points) * len(designs)
 
 

@@ -1,4 +1,4 @@
-"""What a report may say beside the diagnosis itself."""
+"""Parts of a report beside the diagnosis itself."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Optimum:
 
 @dataclass(frozen=True)
 class SoWhat:
-    """Whether the best design moves once the effect is in.
+    """Consequence of the effect for the best design, as a report shows it.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ class SoWhat:
 
 @dataclass(frozen=True)
 class Extras:
-    """All of it optional; what is empty leaves no trace in the report.
+    """Optional parts of a report; an empty part leaves no trace in the report.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class Extras:
 
 
 def so_what(found: Consequence) -> SoWhat:
-    """Return what a cause means for the choice of a design as the report shows it."""
+    """Describe the consequence of a cause for the choice of a design."""
     without, within = _optimum(found.chosen), _optimum(found.best)
     return SoWhat(without, within, found.regret, found.sentence)
 

@@ -1,4 +1,4 @@
-"""What stands in a report beside the diagnosis: phases along the shift, the price of the cause."""
+"""Parts of a report beside the diagnosis: phases along the shift, the price of the cause."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ POINTS, ANGLES = 8, 8  #: simulated with traces: operating points at most, and s
 
 
 def extras_of(found: Diagnosis) -> Extras:
-    """Return what the report of a diagnosis says beside it; simulates some traces."""
+    """Compute the parts of the report beside the diagnosis; simulates some traces."""
     return Extras(
         phases=phases_of(found.bench),
         unknown_cells=_unknown(found.bench),
@@ -70,15 +70,15 @@ def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
 
 
 def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
-    """Return what the cause means for the best designs of a study.
+    """Compute the consequence of the cause for the best designs of a study.
 
     The cause is the most probable set of effects, at the mean of its parameters. The sense of
     rotation is the stand's and says nothing of a study. What is finished of the simulations stays
     in a folder below ``folder`` until all are.
     Raises InputError where the diagnosis has no such.
     """
-    cause = next((h for h in found.belief if forward(h) not in (NONE, UNKNOWN)), None)
-    if cause is None or found.belief[cause] < 0.01:
+    cause = next((h for h in found.posterior if forward(h) not in (NONE, UNKNOWN)), None)
+    if cause is None or found.posterior[cause] < 0.01:
         raise InputError(
             f"--study is '{study}', but the diagnosis of {found.bench.name} names no effect whose "
             "price could be told; leave --study out"

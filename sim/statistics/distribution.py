@@ -123,7 +123,7 @@ class Distribution:
 
     @property
     def text(self) -> str:
-        """What it is, in words that tell any two apart."""
+        """Description in words that tell any two distributions apart."""
         return ", ".join([self.kind, *(f"{name} {v:.12g}" for name, v in self.given.items())])
 
     def at(self, shares: Values) -> Values:
@@ -165,5 +165,4 @@ def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
 
     sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(seed))
     whole = sequence.random_base2(max(0, math.ceil(math.log2(count))))
-    shares: Values = np.clip(whole[:count], 1e-12, 1.0 - 1e-12)
-    return shares
+    return np.clip(whole[:count], 1e-12, 1.0 - 1e-12)

@@ -139,10 +139,10 @@ def _retried(
         places, times, share = list(range(count)), np.full(count, timeout), 1.0 / (count + 1)
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
     again = (1.0 - share) ** np.arange(tries)
-    late = np.arange(tries) * (timeout + retraction)
+    failed_time = np.arange(tries) * (timeout + retraction)
     sizes = np.repeat(again, len(places)) * (share * count / len(places))
     return _Retried(
-        times=(late[:, None] + times[None, :]).ravel(),
+        times=(failed_time[:, None] + times[None, :]).ravel(),
         masses=weight * sizes / count,
         shift=np.tile(np.array(places), tries),
         sizes=sizes,

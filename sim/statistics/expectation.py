@@ -1,10 +1,9 @@
 r"""Expected shift time over the random relative angle and the operating points.
 
-The angle is uniform over one pitch. It is sampled at *n* evenly spaced angles
-with a random start, drawn once for each operating point and common to all
-designs, so that designs differ by their shape and not by their luck. The mean is
-unbiased; on the times of the prototype its error is a third of that of as many
-random angles at *n* = 8, and it falls as 1/n instead of its root.
+The angle is uniform over one pitch. It is sampled at *n* evenly spaced angles with a random start.
+The start is drawn once for each operating point and is common to all designs, so that designs
+differ by their shape, not by luck. The mean is unbiased; on the times of the prototype its error is
+a third of that of as many random angles at *n* = 8, and it falls as 1/n instead of its root.
 
 A shift that does not engage is tried again after the time-out and a
 retraction. With *p* the share that engages,
@@ -41,7 +40,7 @@ Phases = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ShiftResult:
-    """What an expectation needs of one shift: outcome and time in s (None if it failed)."""
+    """Outcome and time of one shift in s (None if it failed), for an expectation."""
 
     outcome: Outcome
     shift_time: float | None
@@ -68,7 +67,7 @@ class PointExpectation:
 
     @property
     def lost(self) -> int:
-        """How many of the shifts did not engage."""
+        """Number of the shifts that did not engage."""
         return self.n - round(self.engaged * self.n)
 
 
@@ -87,7 +86,7 @@ class Expectation:
 
     @property
     def is_lower_bound(self) -> bool:
-        """Whether at some operating point no shift engaged at all."""
+        """Test that at some operating point no shift engaged at all."""
         return any(p.mean_engaged is None for p in self.points)
 
     @property
@@ -104,17 +103,17 @@ class Expectation:
 
     @property
     def shifts(self) -> int:
-        """How many shifts say something."""
+        """Number of shifts that finished."""
         return sum(p.n for p in self.points)
 
     @property
     def lost(self) -> int:
-        """How many of them did not engage."""
+        """Number of shifts that did not engage."""
         return sum(p.lost for p in self.points)
 
     @property
     def blocked(self) -> int:
-        """How many of them stood still dog on dog, held by friction."""
+        """Number of shifts that friction held dog on dog."""
         return sum(p.blocked for p in self.points)
 
     @property
@@ -131,8 +130,7 @@ def even_phases(count: int, seed: int, index: int, base: int | None = None) -> P
     multiple of ``base``, the result holds the ``base`` fractions of the same draw.
     """
     start = np.random.default_rng([seed, index]).random() * (count // (base or count))
-    phases: Phases = (np.arange(count) + start % 1.0) / count
-    return phases
+    return (np.arange(count) + start % 1.0) / count
 
 
 def expect_point(

@@ -18,7 +18,7 @@ Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, i
 
 
 def repeated(shifts: int) -> int:
-    """Return how many of so many shifts are repeated."""
+    """Compute the number of shifts that are repeated."""
     return min(shifts, max(LEAST, shifts // CHECKED))
 
 
@@ -46,10 +46,9 @@ def numerical_error(
 def numerical_differences(
     blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return what a smaller tolerance takes off some shift times, s, (k,), and in which block each
-    of them is, (k,).
+    """Compute changes of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
 
-    Which shifts are repeated, and how, is that of ``numerical_error``.
+    The shifts are repeated as for ``numerical_error``.
     """
     shifts = [
         (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
@@ -58,9 +57,11 @@ def numerical_differences(
     drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
     chosen = [shifts[k] for k in sorted(drawn.tolist())]
     fine = run([blocks[which].refined(place) for which, place, _ in chosen])
-    late = blocks[0].clutch.timeout
+    timeout = blocks[0].clutch.timeout
     pairs = zip(chosen, fine, strict=True)
-    apart = np.array([_time(row, late) - _time(again[0], late) for (_, _, row), again in pairs])
+    apart = np.array(
+        [_time(row, timeout) - _time(again[0], timeout) for (_, _, row), again in pairs]
+    )
     return apart, np.array([which for which, _, _ in chosen])
 
 
@@ -87,6 +88,6 @@ def _spread(rows: Sequence[Record]) -> float:
     return float(np.std(times, ddof=1)) if len(times) > 1 else 0.0
 
 
-def _time(row: Record, late: float) -> float:
+def _time(row: Record, timeout: float) -> float:
     time = result_of(row).shift_time
-    return late if time is None else time
+    return timeout if time is None else time

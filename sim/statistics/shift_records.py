@@ -134,12 +134,12 @@ def failed_record(given: Record, seed: int | None, reason: str) -> Record:
 
 
 def unfinished(record: Record) -> bool:
-    """Tell whether the clock ended a shift: it failed here, and another run may finish it."""
+    """Test that the clock ended a shift: another run may finish it."""
     return depends_on_clock(str(record.get("reason", "")))
 
 
 def result_of(record: Record) -> ShiftResult:
-    """Return what an expectation needs from a record."""
+    """Extract outcome and time from a record."""
     return ShiftResult(Outcome(record["outcome"]), record["shift_time_s"])
 
 
@@ -149,5 +149,5 @@ def landing_record(landing: Landing) -> Record:
 
 
 def landing_of(record: Record) -> Landing:
-    """Return what a record says of the hardest landing, dog on dog."""
+    """Extract the hardest landing, dog on dog, from a record."""
     return Landing(tuple(load / MM for load in record["landing_loads_N_mm"]))

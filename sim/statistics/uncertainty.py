@@ -10,7 +10,8 @@ and does not know its angle.
 The standard error over even angles (``sim.statistics.expectation``) takes the factors for scatter
 from angle to angle, which is right for draws that are independent of each other. A Sobol sequence
 over the factors, dealt to the angles, would leave 2 to 10 % less scatter of the mean (planar shifts
-at twelve and six angles) but be told as up to five times what it is where a factor alone decides.
+at twelve and six angles). But its standard error would be up to five times too large where a factor
+alone decides.
 
 Finer draws hold coarser ones: where the number of angles is doubled, every angle that was there
 keeps its factors, and its shift need not be simulated again.
@@ -125,7 +126,7 @@ class Uncertainty:
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:
-    """Return which draw each of the even angles gets, (count,), each draw once.
+    """Assign a draw to each of the even angles, (count,), each draw once.
 
     The angles of a coarser draw keep what they had; those between them get the next ones.
     """

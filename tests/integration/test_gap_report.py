@@ -21,7 +21,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.parameter_intervals import Interval
 from dogshape.diagnosis.inference.verdict import NAMED, decide
 from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
-from dogshape.diagnosis.report.wording import between, chance, ms, told
+from dogshape.diagnosis.report.wording import between, chance, described, ms
 from dogshape.pipeline.diagnose.extras import Extras, Optimum, Remark, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
 from dogshape.pipeline.reports.gap import charts, reasons
@@ -307,7 +307,7 @@ def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
 
 def test_words_of_numbers() -> None:
     assert [chance(p) for p in (0.001, 0.5, 0.985, 0.999)] == ["< 1 %", "50 %", "98 %", "> 99 %"]
-    assert told("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
+    assert described("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
     assert between("force_factor", 0.6, 0.6) == "0.6"
     assert [odds(log) for log in (0.0, 1.0, 4.0, 9.0)] == [
         "1 : 1", "2.7 : 1", "55 : 1", "> 1000 : 1",
@@ -359,13 +359,13 @@ def test_a_likely_cause_that_is_not_named_has_its_reason(full: Diagnosis) -> Non
     two = three[:2]
     open_one = replace(full.verdict, kind="ambiguous", causes=())
     likely = {three: 0.86, two: 0.12, (): 0.02}
-    found = replace(full, verdict=open_one, belief=likely, fits={three: 0.3})
+    found = replace(full, verdict=open_one, posterior=likely, fits={three: 0.3})
     said = reasons.why_not_named(found)
     assert "86 % and is yet not called the cause" in said
     assert "more than two effects" in said
     assert "mass of actuator and linkage is part of the cause with 86 % only" in said
     assert "dead time of the actuation is" not in said
-    badly = replace(found, belief={two: 0.97, (): 0.03}, fits={two: 0.004})
+    badly = replace(found, posterior={two: 0.97, (): 0.03}, fits={two: 0.004})
     assert "further from it than chance allows (p = 0.004)" in reasons.why_not_named(badly)
 
 
@@ -373,9 +373,11 @@ def test_every_likely_cause_that_is_left_open_has_a_reason(full: Diagnosis) -> N
     """The words follow the decision: whatever ``decide`` leaves open above its limit is told."""
     pair, lone = ("actuation_delay", "moving_mass"), ("drag_torque",)
     for top, p, fit in itertools.product((pair, lone, ()), (0.7, 0.85, 0.97), (0.001, 0.4)):
-        belief = {top: p, ("actuation_lag",): 1.0 - p}
-        verdict = decide(belief, full.confusion, {top: fit})
-        said = reasons.why_not_named(replace(full, belief=belief, verdict=verdict, fits={top: fit}))
+        posterior = {top: p, ("actuation_lag",): 1.0 - p}
+        verdict = decide(posterior, full.confusion, {top: fit})
+        said = reasons.why_not_named(
+            replace(full, posterior=posterior, verdict=verdict, fits={top: fit})
+        )
         assert bool(said) == (verdict.kind == "ambiguous" and p > NAMED), (top, p, fit)
         assert "others may hold" not in said
 
@@ -383,9 +385,9 @@ def test_every_likely_cause_that_is_left_open_has_a_reason(full: Diagnosis) -> N
 def test_uneven_chances_in_a_class_are_explained(full: Diagnosis, page: Path) -> None:
     group = ("actuation_delay",), ("actuation_lag",)
     one_class = replace(full.confusion, classes=(group,))
-    even = replace(full, confusion=one_class, belief={group[0]: 0.5, group[1]: 0.5})
+    even = replace(full, confusion=one_class, posterior={group[0]: 0.5, group[1]: 0.5})
     assert reasons.why_alike(even) == ""
-    uneven = reasons.why_alike(replace(even, belief={group[0]: 0.86, group[1]: 0.09}))
+    uneven = reasons.why_alike(replace(even, posterior={group[0]: 0.86, group[1]: 0.09}))
     assert uneven.startswith("That one of a class has 86 % and another 9 %")
 
 

@@ -11,7 +11,7 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.prediction.bank import settings_of
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.validation.blind.pair_refit import Refit, Seen, errors_of, left_by, left_of
@@ -36,12 +36,12 @@ class Linear:
     def __init__(self, directions: dict[str, Array]) -> None:
         self._directions = directions
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         along = np.array([self._directions[name][cell] for name in hypothesis])
         mean = BASE + (values @ along if len(along) else np.zeros(len(values)))
         times = mean[:, None] + SD * np.sqrt(0.5) * np.array([-1.0, 1.0])
         m = len(values)
-        return Spread.plain(times, np.ones(m), np.full(m, ERROR), np.full(m, 1e-3))
+        return Prediction.plain(times, np.ones(m), np.full(m, ERROR), np.full(m, 1e-3))
 
 
 def _seen(rules: Rules, friction: Array = SLOWER) -> Seen:
@@ -109,10 +109,10 @@ def test_a_partner_without_parameters_has_nothing_to_refit() -> None:
     """The reversed sense of rotation is there or not."""
 
     class Same:
-        def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+        def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
             m = len(values)
             times = np.tile(BASE + SD * np.array([-1.0, 1.0]), (m, 1))
-            return Spread.plain(times, np.ones(m), np.full(m, ERROR), np.full(m, 1e-3))
+            return Prediction.plain(times, np.ones(m), np.full(m, ERROR), np.full(m, 1e-3))
 
     seen = Seen(Same(), EFFECTS, SETTINGS, BARE)
     refit = Refit(seen, {"reversed_mismatch": {}}, range(len(SETTINGS)), np.eye(len(SETTINGS)))

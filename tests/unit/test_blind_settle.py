@@ -22,10 +22,10 @@ from dogshape.validation.blind.advised_test import (
     ERROR,
     Advised,
     Stage,
+    judged_by_test,
     more_shifts,
     outcome_of,
     shares_of,
-    told,
     updated,
 )
 from dogshape.validation.blind.case_marks import mark_of
@@ -72,7 +72,7 @@ def _stage() -> Stage:
 
 
 def _told(case: dict[str, Any], result: dict[str, Any]) -> Advised:
-    return told("case_00", case, result, _stage)
+    return judged_by_test("case_00", case, result, _stage)
 
 
 def test_probabilities_after_an_outcome_are_those_of_bayes() -> None:

@@ -73,7 +73,7 @@ def test_data_that_can_show_no_effect_are_no_evidence_of_none() -> None:
 def test_a_wave_over_the_operating_points_is_unknown() -> None:
     found = _found({}, extra=0.04 * np.sin(1.3 * np.arange(len(POINTS))))
     assert found.verdict.kind == "unknown"
-    assert found.belief[UNKNOWN] > 0.8
+    assert found.posterior[UNKNOWN] > 0.8
 
 
 def test_a_pair_is_found() -> None:
@@ -89,7 +89,7 @@ def test_where_no_pair_fits_a_third_effect_is_tried() -> None:
     found = _found({"delay_s": 0.08, "friction_N": 80.0, **rubbing}, names, list(pairs_of(names)))
     three = ("actuation_delay", "contact_friction", "sleeve_friction")
     assert found.leading == three
-    assert found.belief[three] > 0.8
+    assert found.posterior[three] > 0.8
     # Three effects are never named as a whole, but each of them is part of the cause.
     assert (found.verdict.kind, set(found.verdict.causes)) == ("ambiguous", set(three))
     assert found.fits[three] > ADEQUATE
@@ -123,7 +123,7 @@ def test_an_unknown_gap_asks_for_traces_where_it_is_missed_most() -> None:
 def test_a_partner_that_cannot_be_seen_takes_no_probability() -> None:
     names = ("actuation_delay", "drag_torque", "contact_stiffness", "sleeve_friction")
     found = _found({"delay_s": 0.08}, names, list(pairs_of(names)))
-    assert found.belief[("actuation_delay",)] > 0.8
+    assert found.posterior[("actuation_delay",)] > 0.8
     assert found.raw[("actuation_delay",)] < 0.7
 
 
@@ -145,7 +145,7 @@ def test_the_next_test_says_what_each_hypothesis_foretells() -> None:
     test = json.loads(json.dumps(found.as_dict()["next_test"], allow_nan=False))
     assert (test["kind"], test["parameters"]) == ("direct", ["delay_s", "lag_s"])
     foretold = {tuple(one["effects"]): one for one in test["foretold"]}
-    assert set(foretold) == {h for h, p in found.belief.items() if p > LEAST}
+    assert set(foretold) == {h for h, p in found.posterior.items() if p > LEAST}
     delay, lag = foretold[("actuation_delay",)], foretold[("actuation_lag",)]
     assert delay["mean"] == pytest.approx([0.08 / 0.25, 0.0], abs=0.02)
     assert lag["mean"][0] == 0.0
@@ -162,7 +162,7 @@ def test_more_shifts_foretell_the_mean_of_their_operating_point() -> None:
         == pytest.approx((test["mismatch_rpm"], test["force_N"]))
     )
     one = next(f for f in test["foretold"] if f["effects"] == list(found.leading))
-    said = found.foretold
+    said = found.mean_prediction
     spread = np.sqrt(said.variance[place] + said.single[place] / test["shifts"])
     assert one["mean"] == pytest.approx([said.mean[place]], rel=1e-5)
     assert one["sd"] == pytest.approx([spread], rel=1e-5)

@@ -85,9 +85,9 @@ def _made(stretch: float, offset: float) -> Bench:
     ``offset`` is in standard errors of their mean.
     """
     points = points_of()
-    said = problem_of(Declared(points), bench_of({}, np.random.default_rng(0), points=points)).said(
-        NONE, NOTHING
-    )
+    said = problem_of(
+        Declared(points), bench_of({}, np.random.default_rng(0), points=points)
+    ).predictions(NONE, NOTHING)
     even = np.sqrt(3.0) * (2.0 * (np.arange(SHIFTS) + 0.5) / SHIFTS - 1.0)
     readings: list[Reading] = []
     for cell, point in enumerate(points):
@@ -114,9 +114,11 @@ def test_late_shifts_that_are_found_count_once() -> None:
     toy = Declared(points_of()[20:21])
     bench = bench_of({}, np.random.default_rng(1), points=toy.points, single=True)
     problem = problem_of(toy, bench)
-    said = problem.said(NONE, NOTHING)
+    said = problem.predictions(NONE, NOTHING)
     logs = [
-        timed(problem.seen, replace(said, late=np.full_like(said.late, share))).log[0, 0]
+        timed(
+            problem.seen, replace(said, outlier_share=np.full_like(said.outlier_share, share))
+        ).log[0, 0]
         for share in (0.02, 0.2)
     ]
     size, n = 24.0, int(problem.seen.n[0])

@@ -8,8 +8,8 @@ import pytest
 from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.combination import (
     BLEND,
+    Emulated,
     Interactions,
-    Reach,
     basis,
     log_mean,
     together,
@@ -45,9 +45,9 @@ def _bank(how: str) -> Bank:
     )
 
 
-def _reach(ratio: float) -> Reach:
+def _reach(ratio: float) -> Emulated:
     nothing, every = np.full(1, 1e-3), np.full(1, 0.999)
-    return Reach((ratio * BASE)[None], every, np.zeros(1), np.zeros(1), nothing)
+    return Emulated((ratio * BASE)[None], every, np.zeros(1), np.zeros(1), nothing)
 
 
 @pytest.mark.parametrize(("how", "share"), [("sum", 1.0), ("product", 0.0)])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, timed
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, timed
 from dogshape.diagnosis.likelihood.common_error import (
     Slopes,
     common_errors,
@@ -14,8 +14,8 @@ from dogshape.diagnosis.likelihood.common_error import (
     shared_errors,
 )
 from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.prediction.outliers import bulk, late_counts, lateness
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.outliers import bulk, outlier_counts, outlier_statistics
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 from tests.toy import bench_of, points_of
@@ -46,12 +46,12 @@ def test_cells_of_a_mismatch_err_alike_and_others_the_less_the_farther() -> None
     assert covariance[0, 1] > covariance[0, 2] > covariance[0, 3] > 0.0
 
 
-def _said(late: float, behind: float, wide: float) -> Said:
+def _said(late: float, behind: float, wide: float) -> CellPredictions:
     times = norm.ppf((np.arange(24) + 0.5) / 24, 0.05, 0.005)[None]
     one = np.ones(1)
-    plain = Spread.plain(times, one, 0.0 * one, 0.02 * one)
-    parts = {"late": late * one, "behind": behind * one, "behind_sd": wide * one}
-    return Said.of([Spread(**{**vars(plain), **parts})], Rules(0.0, 1e-5))
+    plain = Prediction.plain(times, one, 0.0 * one, 0.02 * one)
+    parts = {"outlier_share": late * one, "behind": behind * one, "behind_sd": wide * one}
+    return CellPredictions.of([Prediction(**{**vars(plain), **parts})], Rules(0.0, 1e-5))
 
 
 def _with_mean(mean: float, n: int):  # type: ignore[no-untyped-def]
@@ -105,16 +105,16 @@ def test_late_shifts_are_found_with_their_share_and_delay() -> None:
     times[0, 0, :4] = np.inf
     times[1, 0, 0] = np.nan
     soon = bulk(times)
-    found = lateness([(times, soon)])
+    found = outlier_statistics([(times, soon)])
     assert found.share == pytest.approx([0.0, 0.04, 0.1], abs=0.02)
     assert np.isnan(found.mean[0])
     assert found.mean[1:] == pytest.approx(0.12, abs=0.02)
     assert found.sd[1:] == pytest.approx(0.03, abs=0.012)
     flagged = np.isfinite(times) & np.isnan(soon)
     assert (flagged == (rare & np.isfinite(times))).mean() > 0.98
-    assert late_counts(times, soon)[1][0, 0] == 60
+    assert outlier_counts(times, soon)[1][0, 0] == 60
 
 
 def test_a_wide_spread_has_no_late_shifts() -> None:
     times = np.linspace(0.05, 0.45, 24)
-    assert late_counts(times, bulk(times))[0] == 0.0
+    assert outlier_counts(times, bulk(times))[0] == 0.0

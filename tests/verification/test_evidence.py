@@ -13,14 +13,19 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sampled
-from dogshape.diagnosis.inference.next_test import Outcome, told
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, log_times, sample_spread
+from dogshape.diagnosis.inference.next_test import Outcome, expected_information
+from dogshape.diagnosis.likelihood.cell_likelihood import (
+    CellPredictions,
+    Rules,
+    log_times,
+    sample_spread,
+)
 from dogshape.diagnosis.likelihood.common_error import Slopes
 from dogshape.diagnosis.likelihood.observations import Observed, observe
-from dogshape.diagnosis.likelihood.scores import Predicted, Problem, Rows
+from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Rows
 from dogshape.diagnosis.likelihood.signature import squared
 from dogshape.diagnosis.prediction.hypotheses import spaces_of
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array
 from dogshape.validation.nested_sampling import nested, nested_evidence
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
@@ -40,7 +45,7 @@ def _rows(shares: Array, size: int) -> Rows:
     log = norm.logpdf(shares, centre, width).sum(axis=1)
     nothing = np.zeros((len(shares), 1))
     slopes = Slopes(nothing, nothing)
-    said = Predicted(*([nothing] * 10))
+    said = PredictionSummary(*([nothing] * 10))
     return Rows(shares, log[:, None], nothing, said, slopes, np.zeros((1, 1)), nothing)
 
 
@@ -90,13 +95,13 @@ def test_the_density_of_single_shifts_has_the_volume_of_one(place: int) -> None:
     bench = bench_of({}, np.random.default_rng(1), points=points, single=True, shifts=1)
     seen = observe(bench)
     one = np.ones(1)
-    rare = {"late": 0.05 * one, "behind": 0.12 * one, "behind_sd": 0.03 * one}
+    rare = {"outlier_share": 0.05 * one, "behind": 0.12 * one, "behind_sd": 0.03 * one}
     spread = replace(Toy(points).at((), np.zeros((1, 0)), 0), **rare)
     grid = np.linspace(-10.0, 10.0, 80_000)
-    said = Said.of([spread], Rules())
+    said = CellPredictions.of([spread], Rules())
     volume = np.exp(log_times(seen, said.moved(-grid[None]))[0])
     # The rest is that the shift is found late, and then it is no part of the mean.
-    whole = float(np.trapezoid(volume, grid)) + said.late[0, 0]
+    whole = float(np.trapezoid(volume, grid)) + said.outlier_share[0, 0]
     assert whole == pytest.approx(1.0, abs=1e-3)
 
 
@@ -119,8 +124,8 @@ def test_the_error_of_the_simulation_does_not_average_out() -> None:
     times = np.linspace(-half, half, 16)[None]
     curve = []
     for offset in (0.0, 0.01):
-        moved = Spread.plain(times + seen.mean[0] - offset, one, 0.01 * one, 0.02 * one)
-        curve.append(log_times(seen, Said.of([moved], Rules(0.0)))[0, 0])
+        moved = Prediction.plain(times + seen.mean[0] - offset, one, 0.01 * one, 0.02 * one)
+        curve.append(log_times(seen, CellPredictions.of([moved], Rules(0.0)))[0, 0])
     # One standard error of the simulation, however many shifts there are.
     assert curve[0] - curve[1] == pytest.approx(0.5, abs=0.3)
 
@@ -128,8 +133,8 @@ def test_the_error_of_the_simulation_does_not_average_out() -> None:
 def test_one_odd_shift_does_not_decide_nor_a_cell_where_times_may_jump() -> None:
     times = np.broadcast_to(np.linspace(0.052, 0.072, 16), (1, 16))
     one = np.ones(1)
-    spread = Spread.plain(times, one, 1e-3 * one, 0.02 * one)
-    said = Said.of([spread], Rules())
+    spread = Prediction.plain(times, one, 1e-3 * one, 0.02 * one)
+    said = CellPredictions.of([spread], Rules())
     usual = np.linspace(0.054, 0.070, 10)
     odd = np.append(usual[:-1], 0.269)
     log = [log_times(_with_singles(t), said)[0, 0] for t in (usual, odd)]
@@ -137,7 +142,7 @@ def test_one_odd_shift_does_not_decide_nor_a_cell_where_times_may_jump() -> None
     far = log_times(_with_singles(usual + 0.03), said)[0, 0]
     assert log[0] - far > 15.0
     # Where one level in fifty lies behind a jump, a jump costs a few nats, wherever it ends.
-    jumping = Said.of([replace(spread, missed=0.02 * one, jump=0.04 * one)], Rules())
+    jumping = CellPredictions.of([replace(spread, missed=0.02 * one, jump=0.04 * one)], Rules())
     logs = [log_times(_with_singles(usual + t), jumping)[0, 0] for t in (0.0, 0.02, 0.03)]
     assert logs[0] == pytest.approx(log[0], abs=0.05)
     assert 5.0 < logs[0] - logs[1] < 10.0
@@ -156,8 +161,8 @@ def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> N
     entropy = -float((shares * np.log(shares)).sum())
     far = Outcome(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1)))
     same = Outcome(np.zeros((3, 1)), np.ones((3, 1)))
-    assert told(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
-    assert told(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert expected_information(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
+    assert expected_information(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 def test_squared_distances() -> None:

@@ -162,5 +162,5 @@ def test_an_emulator_without_flight_leaves_traces_out(plain: Bench) -> None:
     toy = Toy(tuple(cell.point for cell in plain.cells))
     problem = Problem(observe(plain), toy, Rules())
     assert problem.flights == ()
-    assert problem.predicted(NONE, _NOTHING).flight is None
+    assert problem.summary(NONE, _NOTHING).flight is None
     assert unknown(problem, plain).flight == 0.0

@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said, time_score
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, time_score
 from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.validation.blind.baselines import deviance
 
 LATE, BEHIND, WIDE, CELLS = 0.06, 0.1, 0.03, 4000
 
 
-def _said() -> Said:
+def _said() -> CellPredictions:
     times = 0.06 + 0.002 * norm.ppf((np.arange(200) + 0.5) / 200.0)[None]
     one = np.ones(1)
-    plain = Spread.plain(times, one, 0.0005 * one, 0.0 * one)
-    late = replace(plain, late=LATE * one, behind=BEHIND * one, behind_sd=WIDE * one)
-    return Said.of([late] * CELLS, Rules())
+    plain = Prediction.plain(times, one, 0.0005 * one, 0.0 * one)
+    late = replace(plain, outlier_share=LATE * one, behind=BEHIND * one, behind_sd=WIDE * one)
+    return CellPredictions.of([late] * CELLS, Rules())
 
 
 def _seen(means: np.ndarray, n: int) -> Observed:

@@ -32,7 +32,7 @@ from dogshape.diagnosis.prediction.hypotheses import (
     spaces_of,
     with_third,
 )
-from dogshape.diagnosis.prediction.prediction import Spread
+from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.prediction.sense_bank import (
     SenseEmulator,
     forward_plan,
@@ -168,7 +168,7 @@ def test_hypotheses_of_both_senses_and_their_priors() -> None:
 class _TwoSenses(Toy):
     """A toy whose shifts take less time with the reversed sense, most of all slow ones."""
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Return what a hypothesis says of an operating point."""
         spread = super().at(forward(hypothesis), values, cell)
         factor = self.factors()[cell] if REVERSED in hypothesis else 1.0
@@ -251,7 +251,7 @@ def test_a_look_at_the_rig_is_the_first_test_where_it_decides() -> None:
     bench = bench_of({"delay_s": 0.08}, np.random.default_rng(3), shifts=2, points=points)
     effects = {name: EFFECTS[name] for name in ("actuation_delay", REVERSED)}
     found = diagnose(replace(bench, mismatch_sense="unknown"), _TwoSenses(points), effects)
-    assert 0.05 < found.belief[turned(("actuation_delay",))] < 0.95
+    assert 0.05 < found.posterior[turned(("actuation_delay",))] < 0.95
     test = found.as_dict()["next_test"]
     assert test["name"] == "sense of rotation at the rig"
     assert test["parameters"] == [REVERSED]

@@ -1,14 +1,14 @@
-r"""Whether the test that the diagnosis advises settles a case of which it was not sure.
+r"""Check of the advised test: does its outcome settle an ambiguous case.
 
-The outcome *y* of the test comes from the case's truth, never from the diagnosis: a direct test
-reads the true parameters as shares of their priors, with an error of a twentieth; more shifts are
-made by the same engine with other draws, and the mean of those that engaged is read. What the
-hypotheses foretold of it, normal densities in the record of the diagnosis, then counts by Bayes:
+The outcome *y* of the test comes from the case's truth, never from the diagnosis. A direct test
+reads the true parameters as shares of their priors, with an error of a twentieth. More shifts are
+made by the same engine with other draws, and their mean is read. The predictions of the hypotheses,
+normal densities in the record of the diagnosis, then count by Bayes:
 
 .. math:: p'(h) \propto p(h) \prod_k N(y_k; \mu_{hk}, \sigma_{hk}).
 
-The case is *settled* where the truth, or what no data of shifts tells from it, then leads with more
-than 0.8, and *wrongly settled* where anything else does. Nobody foretells traces: they settle
+The case is *settled* if the truth, or a member of its class, then leads with more than 0.8, and
+*wrongly settled* if any other hypothesis does. No hypothesis predicts traces, so traces settle
 nothing here.
 """
 
@@ -42,7 +42,7 @@ _RANGES = {one.name: one for ranges in RANGES.values() for one in ranges}
 
 @dataclass(frozen=True)
 class Stage:
-    """Where a test of a case is made: its stand, and operating points with their true rises."""
+    """Place of a test: the stand of the case, and operating points with their true rises."""
 
     stand: Stand
     points: tuple[Point, ...]
@@ -50,7 +50,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Advised:
-    """What the advised test of one case told.
+    """Outcome of the advised test of one case.
 
     Parameters
     ----------
@@ -75,17 +75,17 @@ class Advised:
 
     @property
     def settled(self) -> bool:
-        """Whether the truth or a member of its class is settled on."""
+        """Test that the truth or a member of its class is settled on."""
         return self.top in self.group
 
     @property
     def exact(self) -> bool:
-        """Whether the truth itself is settled on."""
+        """Test that the truth itself is settled on."""
         return self.top == self.truth
 
     @property
     def wrong(self) -> bool:
-        """Whether something else is settled on."""
+        """Test that something else is settled on."""
         return self.top is not None and not self.settled
 
     def as_dict(self) -> Record:
@@ -109,7 +109,7 @@ def advised_tests(
     results: Mapping[str, Record],
     advance: Callable[[int], None] | None = None,
 ) -> dict[str, Advised]:
-    """Return what the advised test tells, for each ambiguous case whose record foretells one.
+    """Simulate the advised test of each ambiguous case whose record predicts one.
 
     Parameters
     ----------
@@ -123,14 +123,14 @@ def advised_tests(
     found = {}
     for name, test in _tests(results).items():
         case, result = key["cases"][name], results[name]["diagnosis"]
-        found[name] = told(name, case, result, partial(stage_of, folder, key, name))
+        found[name] = judged_by_test(name, case, result, partial(stage_of, folder, key, name))
         if advance is not None and "shifts" in test:
             advance(int(test["shifts"]))
     return found
 
 
 def shifts_asked(results: Mapping[str, Record]) -> int:
-    """Return how many shifts all advised tests of ambiguous cases take."""
+    """Count the shifts of all advised tests of ambiguous cases."""
     return sum(int(test.get("shifts", 0)) for test in _tests(results).values())
 
 
@@ -145,13 +145,13 @@ def _tests(results: Mapping[str, Record]) -> dict[str, Record]:
 
 
 def stage_of(folder: Path, key: Record, name: str) -> Stage:
-    """Return where a case of a set is made."""
+    """Read the stand and the operating points of a case of a set."""
     points = tuple(Point(*point) for point in key["points"])
     return Stage(read_stand(folder / "cases" / name), points)
 
 
-def told(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
-    """Return what the advised test of a case tells, by its truth and its diagnosis.
+def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
+    """Simulate the advised test of a case, by its truth and its diagnosis.
 
     ``stage`` is asked where the test needs one; traces need none.
     """
@@ -184,7 +184,7 @@ def outcome_of(name: str, case: Record, test: Record, stage: Stage) -> tuple[flo
 
 
 def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
-    """Return what direct tests read without error, as shares of the parameters' priors.
+    """Compute the exact readings of direct tests, as shares of the parameters' priors.
 
     An effect without parameters is read by its own name: 1 where it is there, else 0.
     They read what acts, also where that is outside the list: a valve that sticks as its mean
@@ -233,18 +233,18 @@ def _point_of(test: Record, stage: Stage) -> Point:
 
 
 def updated(
-    chances: Mapping[Names, float], foretold: Iterable[Record], outcome: Sequence[float]
+    chances: Mapping[Names, float], predictions: Iterable[Record], outcome: Sequence[float]
 ) -> dict[Names, float]:
-    """Return probabilities given an outcome; what foretold nothing had next to none and has none.
+    """Update probabilities by an outcome; hypotheses without a prediction get none.
 
     Parameters
     ----------
     chances : before, by hypothesis.
-    foretold : ``effects``, ``mean`` and ``sd`` of each plausible hypothesis.
+    predictions : ``effects``, ``mean`` and ``sd`` of each plausible hypothesis.
     outcome : as many values as each mean has.
     """
     logs = {}
-    for one in foretold:
+    for one in predictions:
         mean, sd = np.array(one["mean"]), np.array(one["sd"])
         score = (np.array(outcome) - mean) / sd
         prior = max(1e-300, chances.get(names_of(one["effects"]), 0.0))
@@ -255,7 +255,7 @@ def updated(
 
 
 def settled_figures(ambiguous: int, tests: Sequence[Advised]) -> Record:
-    """Return the figures of some ambiguous cases, of which ``tests`` have a foretold test."""
+    """Compute the figures of some ambiguous cases, of which ``tests`` predict a test."""
     by_kind = {kind: [t for t in tests if t.kind == kind] for kind in KINDS}
     return {
         "ambiguous": ambiguous,

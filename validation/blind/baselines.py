@@ -33,7 +33,7 @@ LEAST = 0.5e-3  #: s, the least spread of single shifts
 
 
 def plain(bench: Bench, emulator: Emulator, effects: Mapping[str, Effect]) -> Record:
-    """Return what both baselines say.
+    """Name the cause by both baselines.
 
     The record has ``smallest_rmse``, the effects of the best fit (of single effects), ``rmse_s``
     by effect, and ``aicc``, a list of ``effects`` with their ``weight``, largest first.
@@ -65,20 +65,19 @@ def _fit(bench: Bench, emulator: Emulator, space: Space, cells: list[int]) -> tu
     squares, chi = np.zeros(len(values)), np.zeros(len(values))
     for cell in cells:
         bare = bench.cells[cell]
-        spread = emulator.at(space.hypothesis, values, cell)
-        mean, variance = added(spread.late, spread.behind, spread.behind_sd)
-        sigma = np.sqrt(np.maximum(spread.times.std(axis=1), LEAST) ** 2 + variance)
-        apart = (bare.time or 0.0) - spread.times.mean(axis=1) - mean
-        squares += apart**2
-        chi += deviance(apart, sigma**2 / max(1, bare.n) + spread.error**2)
+        predicted = emulator.at(space.hypothesis, values, cell)
+        mean, variance = added(predicted.outlier_share, predicted.behind, predicted.behind_sd)
+        sigma = np.sqrt(np.maximum(predicted.times.std(axis=1), LEAST) ** 2 + variance)
+        residual = (bare.time or 0.0) - predicted.times.mean(axis=1) - mean
+        squares += residual**2
+        chi += deviance(residual, sigma**2 / max(1, bare.n) + predicted.error**2)
     more = 2.0 * k * (k + 1.0) / max(1.0, n - k - 1.0)
     return float(np.sqrt(squares.min() / n)), float(chi.min() + 2.0 * k + more)
 
 
-def deviance(apart: Array, variance: Array) -> Array:
+def deviance(residual: Array, variance: Array) -> Array:
     """Return minus twice the logarithm of a normal density, of distances and variances, (m,)."""
-    found: Array = apart**2 / variance + np.log(2.0 * np.pi * variance)
-    return found
+    return residual**2 / variance + np.log(2.0 * np.pi * variance)
 
 
 def _grid(space: Space) -> Array:
@@ -88,8 +87,7 @@ def _grid(space: Space) -> Array:
     shares = np.array(list(itertools.product(steps, repeat=p))).reshape(len(steps) ** p, p)
     every = frozenset(effect.name for effect in space.effects)
     bounded = Space(space.effects, space.setting, every)
-    inside: Array = shares[bounded.possible(bounded.values(shares))]
-    return inside
+    return shares[bounded.possible(bounded.values(shares))]
 
 
 def _weights(aicc: Mapping[Hypothesis, float]) -> dict[Hypothesis, float]:

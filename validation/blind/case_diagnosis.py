@@ -1,4 +1,4 @@
-"""The diagnosis of a blind case, told of the gap between both engines and not told."""
+"""Diagnosis of a blind case, with and without the measured gap between both engines."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LATER = ("later_s", "reversed_later_s")  #: its keys: with the sense of the tabl
 
 
 def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
-    """Return the record of the diagnosis of a blind case, and what plain ways say of it.
+    """Diagnose a blind case, and name its cause by the baselines.
 
     Beside the diagnosis that a user gets, ``told`` has that of the same data once what both engines
     differ by without any effect is known; it is measured with the first case of a set.
@@ -51,13 +51,13 @@ def seen_by(folder: Path, jobs: int = 0) -> Seen:
 def _with_plain(
     bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules | None
 ) -> dict[str, Any]:
-    """Diagnose with one emulator, and have the plain ways say what they make of it."""
+    """Diagnose with one emulator, and name the cause by the baselines."""
     found = diagnose(bench, emulator, effects, rules=rules).as_dict()
     return {**found, "plain": plain(bench, emulator, effects)}
 
 
 def _engines_apart(folder: Path, emulator: SenseEmulator) -> tuple[list[float], list[float]]:
-    """Return what both engines differ by at the points of a case, s, in both senses.
+    """Measure the offsets of both engines at the points of a case, s, in both senses.
 
     It is kept beside the cases.
     """

@@ -1,7 +1,7 @@
-r"""What one case says of the diagnosis: truth beside what was found.
+r"""Marks of one case: the truth beside the diagnosis.
 
-The size of a case's gap is that of its means against the same engine without any effect, in
-sampling errors of the means, less what chance alone gives:
+The size of a case's gap compares its means with those of the same engine without any effect. It is
+in sampling errors of the means, less the part of chance:
 
 .. math:: g^2 = \max(0, \overline{z^2} - c), \qquad
    z = (\bar t - \bar t_0) / (\sigma_0 / \sqrt n),
@@ -36,7 +36,7 @@ UNKNOWN: Names = ("unknown",)
 
 @dataclass(frozen=True)
 class Mark:
-    """One case: ``truth`` and what was found; hypotheses are names in alphabetical order.
+    """Marks of one case: ``truth`` and findings; hypotheses are names in alphabetical order.
 
     ``chances`` are probabilities by hypothesis, ``group`` the top's class, ``credible`` the 90 %
     set. ``shrink``, ``true_shrink`` and ``rival_shrink`` are held-out shrinks of the leading
@@ -69,7 +69,7 @@ class Mark:
 
     @property
     def refused(self) -> bool:
-        """Whether the data were refused as impossible."""
+        """Test that the data were refused as impossible."""
         return self.verdict == "refused"
 
     @property
@@ -79,42 +79,42 @@ class Mark:
 
     @property
     def right(self) -> bool:
-        """Whether the top is the truth."""
+        """Test that the top is the truth."""
         return self.top == self.truth
 
     @property
     def right_class(self) -> bool:
-        """Whether the truth is the top or in its class."""
+        """Test that the truth is the top or in its class."""
         return self.right or self.truth in self.group
 
     @property
     def right_as_seen(self) -> bool:
-        """Whether the same holds of the truth or of what it looks like."""
+        """Test that the truth, or its visible part, is the top or in its class."""
         return self.right_class or any(t == self.top or t in self.group for t in self.also)
 
     @property
     def named(self) -> bool:
-        """Whether the diagnosis names a cause."""
+        """Test that the diagnosis names a cause."""
         return self.verdict == "effect"
 
     @property
     def named_right(self) -> bool:
-        """Whether what it names is the truth, no more and no less."""
+        """Test that the named cause is the truth, no more and no less."""
         return self.named and tuple(sorted(self.causes)) == self.truth
 
     @property
     def named_as_seen(self) -> bool:
-        """Whether what it names is the truth or what that looks like."""
+        """Test that the named cause is the truth or its visible part."""
         return self.named and tuple(sorted(self.causes)) in (self.truth, *self.also)
 
     @property
     def causes_true(self) -> bool:
-        """Whether all that it says to be a cause, or part of it, is one."""
+        """Test that every named cause, or part of one, is true."""
         return set(self.causes) <= set(self.truth)
 
     @property
     def found(self) -> int:
-        """How many true causes the verdict or the top has."""
+        """Number of true causes in the verdict or the top."""
         return len(set(self.truth) & ({*self.causes} | {*self.top}))
 
 
@@ -177,7 +177,7 @@ def counted(squares: Sequence[float]) -> float:
 
 
 def timely(times: Sequence[float | None]) -> Array:
-    """Return the times of shifts that engaged and are not late, s, (k,)."""
+    """Select the times of shifts that engaged and are no outliers, s, (k,)."""
     engaged = np.array([t for t in times if t is not None], dtype=float)
     return engaged[np.isfinite(bulk(engaged))] if engaged.size else engaged
 
@@ -223,7 +223,7 @@ def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:
 
 
 def _inside(found: Record, truth: Record) -> list[bool]:
-    """Tell for each parameter whether the true hypothesis' interval holds the true value."""
+    """Test for each parameter that the interval of the true hypothesis holds the true value."""
     mine = [h for h in found.get("hypotheses", []) if list(h["effects"]) == truth["causes"]]
     if not mine:
         return []

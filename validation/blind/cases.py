@@ -1,4 +1,4 @@
-"""Which cases a set has: effects of the list, none, plausible pairs, and things outside the list.
+"""Cases of a set: effects of the list, none, plausible pairs, and things outside the list.
 
 Two sets differ in strengths and in draws: *tuning* is for looking at while the diagnosis is made,
 *published* for its figures. ``small`` sets have a handful of cases, for tests and a first look.
@@ -75,7 +75,7 @@ class Case:
 
     @property
     def truth(self) -> Truth:
-        """What the stand has."""
+        """Truth of the stand."""
         return truth_of(self.parameters, self.outside)
 
     @property
@@ -85,11 +85,11 @@ class Case:
 
     @property
     def swapped(self) -> bool:
-        """Whether rise times stand beside the wrong forces."""
+        """Test that rise times stand beside the wrong forces."""
         return "swapped_column" in self.outside
 
     def record(self) -> dict[str, Any]:
-        """Return what the key says of it."""
+        """Write the entry of the key."""
         return {
             "kind": self.kind,
             "strength": self.strength,

@@ -1,14 +1,13 @@
-"""What both engines differ by without any effect: a named gap in the blind check's error budget.
+"""Offset of both engines without any effect: a named gap in the error budget of the check.
 
 MuJoCo's dogs pass each other a little sooner than Drake's, alike at all strengths of all effects.
-That is no effect, and a diagnosis that met it unprepared would name one for it. So before the first
-case both engines make the same shifts without any effect, at the even angles of the bank, and
-what MuJoCo's take longer on average, late ones aside, is added to all that the diagnosis foretells
-of that operating point. What is left between the engines where effects act is the common error
-``REST``.
+This offset is no effect, and a diagnosis without it would name one for it. So before the first case
+both engines make the same shifts without any effect, at the even angles of the bank. The mean
+delay of MuJoCo's shifts, outliers aside, is added to all predictions of that operating point. The
+residual offset where effects act is the common error ``REST``.
 
-It needs a stand without effects, which real stands are not: there the common error of
-``diagnosis.likelihood.cell_likelihood.Rules`` stands for all of it.
+The offset can only be measured on a stand without effects, which no real stand is: there the common
+error of ``diagnosis.likelihood.cell_likelihood.Rules`` covers all of it.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.outliers import bulk
-from dogshape.diagnosis.prediction.prediction import FlightEmulator, Marks, Spread
+from dogshape.diagnosis.prediction.prediction import FlightEmulator, Marks, Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
@@ -35,7 +34,7 @@ RULES = Rules(common_error=REST)
 
 
 def engines_apart(stand: Stand, bank: Bank) -> list[float]:
-    """Return by how much MuJoCo's shifts are later than the bank's at each of its points, s."""
+    """Measure the delay of MuJoCo's shifts behind the bank's at each of its points, s."""
     engine = Engine(stand)
     found = []
     for setting, angles, first in zip(bank.settings, bank.angles, bank.baseline, strict=True):
@@ -69,8 +68,8 @@ class Moved:
     offsets: Sequence[float]
     turned: Sequence[float] = ()
 
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Spread:
-        """Return what a hypothesis with ``values`` (m, p) says of an operating point."""
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        """Predict an operating point at ``values`` (m, p) of a hypothesis."""
         found = self.emulator.at(hypothesis, values, cell)
         offsets = self.turned if REVERSED in hypothesis else self.offsets
         return replace(found, times=np.maximum(found.times + offsets[cell], SOON))

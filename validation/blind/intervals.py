@@ -15,11 +15,12 @@ DRAWS = 2000  #: of a bootstrap
 
 
 def share(flags: Iterable[bool]) -> Record:
-    """Return a share with Wilson's 95 % interval: ``value``, ``low``, ``high``, ``n``."""
+    """Compute a share with Wilson's 95 % interval: ``value``, ``low``, ``high``, ``n``."""
     given = list(flags)
     n = len(given)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
+    # By hand: scipy's exact quantile would change the ninth digit of records that are kept.
     p, z2 = sum(given) / n, NORMAL**2
     middle = (p + z2 / (2 * n)) / (1.0 + z2 / n)
     half = NORMAL / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))
@@ -27,12 +28,12 @@ def share(flags: Iterable[bool]) -> Record:
 
 
 def mean(values: Iterable[float | None], seed: int = 0) -> Record:
-    """Return a mean with a bootstrap's 95 % interval; None among the values are left out."""
+    """Compute a mean with a bootstrap's 95 % interval; None among the values are left out."""
     return _bootstrap(values, np.mean, seed)
 
 
 def median(values: Iterable[float | None], seed: int = 0) -> Record:
-    """Return a median with a bootstrap's 95 % interval; None among the values are left out."""
+    """Compute a median with a bootstrap's 95 % interval; None among the values are left out."""
     return _bootstrap(values, np.median, seed)
 
 
@@ -41,6 +42,7 @@ def _bootstrap(values: Iterable[float | None], statistic: Callable[..., Any], se
     n = len(given)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
+    # By hand: scipy's bootstrap refuses a single value, and a set may have no more.
     generator = np.random.default_rng(seed)
     drawn = statistic(given[generator.integers(n, size=(DRAWS, n))], axis=1)
     low, high = np.quantile(drawn, (0.025, 0.975))
@@ -48,7 +50,7 @@ def _bootstrap(values: Iterable[float | None], statistic: Callable[..., Any], se
 
 
 def calibration(cases: list[list[tuple[float, bool]]], bins: int = 10, seed: int = 0) -> Record:
-    """Return the expected calibration error of probabilities, by case, with its interval.
+    """Compute the expected calibration error of probabilities, by case, with its interval.
 
     Each case gives probabilities and whether each came true. The error is the mean distance of
     probability and frequency over even bins, weighted by how many fall in each; cases are

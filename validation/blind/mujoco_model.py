@@ -1,9 +1,9 @@
-r"""The stand with its truth as a MuJoCo model: which mechanism of MuJoCo is which effect.
+r"""MuJoCo model of the stand with its truth: a mechanism of MuJoCo for each effect.
 
 One dog of the sliding ring carries the whole ring and meets every dog of the output ring. In
-MuJoCo's direct format of contact parameters spring and damper are for the very mass that a
-contact moves, so one dog with all of it moves as all dogs do (``validation.second_model`` has the
-measurements behind impedance, cone and damping).
+MuJoCo's direct format of contact parameters, spring and damper belong to the mass that a contact
+moves, so one dog with all the mass moves as all dogs do. ``validation.second_model`` has the
+measurements behind impedance, cone and damping.
 
 ======================= =====================================================================
 effect                  mechanism
@@ -172,6 +172,7 @@ def model_text(stand: Stand, truth: Truth) -> str:
         for name in dogs
         for k in range(stand.count)
     )
+    lag = f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
     return f"""<mujoco>
 <compiler angle="radian"/>
 <option timestep="{STEP}" gravity="0 0 0" cone="elliptic" impratio="{1.0 / (IMPEDANCE * HOLD)}"
@@ -183,7 +184,7 @@ def model_text(stand: Stand, truth: Truth) -> str:
 </worldbody>
 <contact>{pairs}</contact>{_tendon(stand, truth)}
 <actuator><general joint="{"actuator" if truth.linkage else "shift"}"
- gear="{truth.force_factor}" {_lag(truth)}/></actuator>
+ gear="{truth.force_factor}" {lag}/></actuator>
 </mujoco>"""
 
 
@@ -241,7 +242,7 @@ def _actuator(stand: Stand, truth: Truth) -> str:
 
 
 def _tendon(stand: Stand, truth: Truth) -> str:
-    """Return what joins actuator and ring: a spring, or two stops a play apart."""
+    """Write the tendon between actuator and ring: a spring, or two stops a play apart."""
     if not truth.linkage:
         return ""
     near, far = stand.mass * (1.0 - FORK), stand.mass * FORK + truth.added_mass
@@ -257,10 +258,6 @@ def _tendon(stand: Stand, truth: Truth) -> str:
         how = f'stiffness="{stiffness}" damping="{damping}" springlength="0"'
     joints = '<joint joint="actuator" coef="1"/><joint joint="shift" coef="-1"/>'
     return f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
-
-
-def _lag(truth: Truth) -> str:
-    return f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
 
 
 def _inertial(mass: float, polar: float) -> str:

@@ -40,7 +40,7 @@ SPLINE_PLACE = 0.8  #: radius of the spline over the inner radius of the dogs
 
 @dataclass(frozen=True)
 class Draw:
-    """What differs from shift to shift.
+    """Values that differ from shift to shift.
 
     ``angle`` in rad between dogs at the start of the force, ``late`` in s how long the force
     waits, ``phase`` in rad of the ripple, ``fade`` the share of the force that is there.
@@ -54,7 +54,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Shift:
-    """What the stand reads: a time in s, None where the shift did not engage, and the motion.
+    """Reading of the stand: a time in s, None where the shift did not engage, and the motion.
 
     ``motion`` (n, 5), where it is kept: s, m at the sensor, m of the ring, rad/s of the sliding
     and of the output ring.
@@ -217,7 +217,7 @@ class Engine:
         return ring, float(self._place[self._dof[3]]) if self.truth.linkage else ring
 
     def _rest(self) -> tuple[float, ...]:
-        """Return what does not change once nothing more will happen: ways, and the pitch's angle.
+        """Gather the final state once nothing more will happen: ways, and the pitch's angle.
 
         A ring that never moves lets the other one turn, so that the angle counts in contact only.
         """

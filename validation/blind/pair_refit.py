@@ -1,20 +1,20 @@
-r"""Whether a pair's second effect can be seen once the first one is fitted anew without it.
+r"""Visibility of a pair's second effect once the first one is refitted without it.
 
-The partner alone, with other values, may move the means much as both do. What it cannot do is
+The partner alone, with other values, can move the means much as both do. Its residual is
 
 .. math:: r(\theta) = d_e + \bar m(\theta^*) - \bar m(\theta), \qquad
           \Delta\chi^2 = \min_\theta r^T C^{-1} r,
 
-with :math:`d_e` what the effect *e* adds to the partner's means in the engine that made the data,
-at even angles and so without scatter, and :math:`\bar m` the partner's means by the emulator of the
-diagnosis, at its true values :math:`\theta^*` and at others within its prior. What both engines
-differ by at the true values cancels. *C* has all errors of a diagnosis that is told nothing:
+with :math:`d_e` the change of the partner's means by the effect *e* in the engine that made the
+data, at even angles and so without scatter, and :math:`\bar m` the partner's means by the emulator
+of the diagnosis, at its true values :math:`\theta^*` and at others within its prior. The offset of
+both engines at the true values cancels. *C* has all errors of a diagnosis without that offset:
 sampling of the case's number of shifts, emulation and simulation of the pair
 (``diagnosis.likelihood.cell_likelihood.Rules``), and those that operating points have in common.
 
 :math:`\tfrac12 \Delta\chi^2` is the expected logarithm of the likelihood ratio of the pair over its
 partner alone: where it is small no method with these errors can tell them apart by means. Its root
-is a number of standard errors in all. Spreads of single shifts, late ones and traces, which may
+is a number of standard errors in all. Spreads of single shifts, outliers and traces, which may
 tell more, are left out.
 """
 
@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules, Said
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
 from dogshape.diagnosis.likelihood.common_error import common_errors
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator
@@ -47,7 +47,7 @@ AROUND = 9  #: values of each parameter in these
 
 @dataclass(frozen=True)
 class Seen:
-    """With what a set is diagnosed.
+    """Settings with which a set is diagnosed.
 
     Parameters
     ----------
@@ -68,9 +68,13 @@ class Seen:
         apart = abs(mine[None] - np.array([p[:2] for p in points])[:, None]) / abs(mine).max(axis=0)
         return [int(place) for place in apart.sum(axis=2).argmin(axis=1)]
 
-    def said(self, hypothesis: Hypothesis, values: Array, places: Sequence[int]) -> Said:
-        """Say what a hypothesis with values (m, p) makes of some cells."""
-        return Said.of([self.emulator.at(hypothesis, values, k) for k in places], self.rules)
+    def predictions(
+        self, hypothesis: Hypothesis, values: Array, places: Sequence[int]
+    ) -> CellPredictions:
+        """Predict some cells at values (m, p) of a hypothesis."""
+        return CellPredictions.of(
+            [self.emulator.at(hypothesis, values, k) for k in places], self.rules
+        )
 
     def values(self, given: Record) -> Array:
         """List parameters by effect as the emulator takes them, (1, p)."""
@@ -115,15 +119,14 @@ def errors_of(seen: Seen, case: Record, places: Sequence[int], counts: Array) ->
     ``counts`` are the shifts within each mean; a point without any has an infinite error.
     """
     both = names_of(case["parameters"])
-    said = seen.said(both, seen.values(case["parameters"]), places)
-    base = seen.said(NONE, np.zeros((1, 0)), places)
+    predicted = seen.predictions(both, seen.values(case["parameters"]), places)
+    base = seen.predictions(NONE, np.zeros((1, 0)), places)
     mismatch = np.array([seen.settings[k].point.mismatch for k in places])
     common = common_errors(mismatch, base.mean[:, 0], seen.rules.common_error)
-    common = np.hstack([common, np.nan_to_num(said.common)])
+    common = np.hstack([common, np.nan_to_num(predicted.common)])
     with np.errstate(divide="ignore"):
-        own = said.sd[:, 0] ** 2 / counts + said.error[:, 0] ** 2
-    whole: Array = np.diag(own) + common @ common.T
-    return whole
+        own = predicted.sd[:, 0] ** 2 / counts + predicted.error[:, 0] ** 2
+    return np.diag(own) + common @ common.T
 
 
 @dataclass(frozen=True)
@@ -139,7 +142,7 @@ class Refit:
 def left_of(refit: Refit, added: Array) -> Left:
     """Compute what an effect leaves that adds to its partner's means, s, (points,)."""
     seen, names = refit.seen, names_of(refit.partner)
-    here = seen.said(names, seen.values(refit.partner), refit.places).mean[:, 0]
+    here = seen.predictions(names, seen.values(refit.partner), refit.places).mean[:, 0]
     known = np.isfinite(added) & np.isfinite(here) & np.isfinite(np.diag(refit.covariance))
     if not known.any():
         return Left(0.0, 0.0)
@@ -148,7 +151,7 @@ def left_of(refit: Refit, added: Array) -> Left:
     space = Space(tuple(seen.effects[n] for n in names), seen.settings[0], frozenset(names))
 
     def squares(values: Array) -> Array:
-        gaps = (added + here)[known, None] - seen.said(names, values, cells).mean
+        gaps = (added + here)[known, None] - seen.predictions(names, values, cells).mean
         # Values by which nothing engages where shifts do are as wrong as can be.
         out = ~np.isfinite(gaps).all(axis=0) | ~space.possible(values)
         found = (gaps * cho_solve(root, np.nan_to_num(gaps))).sum(axis=0)

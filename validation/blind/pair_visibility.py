@@ -1,4 +1,4 @@
-r"""How much of a pair's gap each of its effects makes that the other does not, by two yardsticks.
+r"""Share of a pair's gap that only one of its effects makes, by two yardsticks.
 
 With :math:`\bar t` the means of the pair and :math:`\bar t_e` those without the effect *e*, at even
 angles of the same engine, the size of *e* *beside* its partner is the root mean square over the
@@ -6,10 +6,10 @@ operating points of
 
 .. math:: z = (\bar t - \bar t_e) / (\sigma_0 / \sqrt n),
 
-:math:`\sigma_0/\sqrt n` the sampling error of the case's means. It says what the effect moves while
-its partner stays as it is, and not what can be found: with other values the partner alone may do
-much the same. What is left after that, in standard errors of all operating points together, is the
-second yardstick (``validation.blind.pair_refit``).
+:math:`\sigma_0/\sqrt n` the sampling error of the case's means. This size holds the
+partner fixed and does not say whether the effect can be found: with other values the partner alone
+can do much the same. The residual after a refit of the partner, in standard errors of all operating
+points together, is the second yardstick (``validation.blind.pair_refit``).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KEPT = "partners.json"  #: beside the cases
 
 @dataclass(frozen=True)
 class Size:
-    """How large an effect of a pair is beside its partner, in standard errors.
+    """Size of an effect of a pair beside its partner, in standard errors.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ class Size:
     after: float
 
     def as_dict(self) -> Record:
-        """Return what the score says of it."""
+        """Write the entry of the score."""
         return {
             "beside_in_errors": self.beside,
             "before_refit_in_errors": self.before,
@@ -99,7 +99,7 @@ def partner_gaps(
 
 
 def shifts_left(folder: Path, key: Record) -> int:
-    """Return how many shifts ``partner_gaps`` has to make."""
+    """Count the shifts that ``partner_gaps`` has to make."""
     return sum(_shifts(case, key) for case in _left(folder, key).values())
 
 
@@ -136,13 +136,10 @@ def added_by(
     """
     whole = even_means(stand, points, truth_of(every, {}))
     return {
-        name: whole - even_means(stand, points, truth_of(_others(every, name), {}))
+        name: whole
+        - even_means(stand, points, truth_of({n: v for n, v in every.items() if n != name}, {}))
         for name in every
     }
-
-
-def _others(every: Mapping[str, Any], name: str) -> dict[str, Any]:
-    return {other: values for other, values in every.items() if other != name}
 
 
 def sizes_of(added: Mapping[str, np.ndarray], case: Record, key: Record, seen: Seen) -> Sizes:
@@ -167,5 +164,4 @@ def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarra
     having = np.isfinite(bulk(times))
     # Late shifts are left out, as in the size of a gap; where no shift engages there is no mean.
     share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
-    found: np.ndarray = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
-    return found
+    return (np.where(having, times, 0.0) * weights).sum(axis=1) / share

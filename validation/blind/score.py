@@ -1,9 +1,9 @@
-"""The score of a diagnosis on sealed cases: opened once, every figure with its interval.
+"""Score of a diagnosis on sealed cases: opened once, every figure with its interval.
 
 Shares have Wilson's 95 % interval, means a bootstrap's over cases. ``visible`` are the cases whose
-gap is at least two sampling errors of the means (root mean square over the operating points). A
-pair's effect is so beside its partner held as it is; by the other yardstick it has to have two
-standard errors in all after the best fit of its partner alone
+gap is at least two sampling errors of the means (root mean square over the operating points). An
+effect of a pair is visible by the same limit beside its fixed partner; by the other yardstick it
+needs two standard errors in all after the best fit of its partner alone
 (``validation.blind.pair_visibility``).
 """
 
@@ -39,7 +39,7 @@ FORMS = ("means", "singles", "traces")
 
 
 class Progress(Protocol):
-    """Is told of shifts that are to come and of finished ones."""
+    """Listener to shifts that are to come and to finished ones."""
 
     def extend(self, count: int) -> None:
         """Expect more shifts."""
@@ -70,8 +70,8 @@ def score(
     marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
     sizes = partner_gaps(folder, key, seen, jobs, advance)
     found = scored(marks, advised_tests(folder, key, results, advance), sizes)
-    told = {n: _told(result) for n, result in results.items()}
-    beside = [mark_of(n, truth, key, told[n]) for n, truth in key["cases"].items()]
+    answered = {n: _told(result) for n, result in results.items()}
+    beside = [mark_of(n, truth, key, answered[n]) for n, truth in key["cases"].items()]
     return {**found, "told": scored(beside, None, sizes)}
 
 
@@ -96,12 +96,12 @@ def scored(
     advised: Mapping[str, Advised] | None = None,
     sizes: Mapping[str, Sizes] | None = None,
 ) -> Record:
-    """Return all figures from the marks of the cases.
+    """Compute all figures from the marks of the cases.
 
     ``advised`` is what advised tests told, and ``sizes`` those of the effects of pairs, both by
     case.
     """
-    told, pairs = advised or {}, sizes or {}
+    answered, pairs = advised or {}, sizes or {}
     least = {name: min(size.beside for size in mine.values()) for name, mine in pairs.items()}
     after = {name: min(size.after for size in mine.values()) for name, mine in pairs.items()}
     marks = [replace(m, also=looks_like(m, pairs.get(m.name, {}))) for m in marks]
@@ -125,8 +125,8 @@ def scored(
         "outside": _outside(marks),
         "outside_visible": _outside(visible),
         "advised_test": {
-            "all": _advised(marks, told),
-            "visible": _advised(visible, told),
+            "all": _advised(marks, answered),
+            "visible": _advised(visible, answered),
         },
         "shrink": _shrink(marks),
         "plain": _plain(marks),
@@ -135,12 +135,12 @@ def scored(
             "mean": mean(m.time for m in marks),
             "largest": max((m.time for m in marks), default=None),
         },
-        "marks": [_row(m, told.get(m.name), pairs.get(m.name)) for m in marks],
+        "marks": [_row(m, answered.get(m.name), pairs.get(m.name)) for m in marks],
     }
 
 
 def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
-    """Return what the means of a case look like, by the size of what each effect moves.
+    """Name the hypothesis that the means of a case show, by the size of each effect.
 
     That is none below a gap of ``VISIBLE``, and a pair without its effects below that size.
     """
@@ -152,7 +152,7 @@ def looks_like(mark: Mark, sizes: Sizes) -> tuple[Names, ...]:
 
 def figures(marks: Sequence[Mark]) -> Record:
     """Return the figures that any group of cases has."""
-    told = [m for m in marks if not m.refused]
+    answered = [m for m in marks if not m.refused]
     return {
         "n": len(marks),
         "top_1": share(m.right for m in marks),
@@ -162,14 +162,14 @@ def figures(marks: Sequence[Mark]) -> Record:
         "precision_when_named": share(m.named_right for m in marks if m.named),
         "precision_as_seen": share(m.named_as_seen for m in marks if m.named),
         "named_causes_true": share(m.causes_true for m in marks if m.causes),
-        "coverage_90": share(m.truth in m.credible for m in told),
-        "size_90": mean(float(len(m.credible)) for m in told),
-        "parameter_coverage_90": share(ok for m in told if m.right for ok in m.inside),
-        "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in told]),
+        "coverage_90": share(m.truth in m.credible for m in answered),
+        "size_90": mean(float(len(m.credible)) for m in answered),
+        "parameter_coverage_90": share(ok for m in answered if m.right for ok in m.inside),
+        "calibration_error_of_top": calibration([[(m.chances[m.top], m.right)] for m in answered]),
         "calibration_error_of_top_as_seen": calibration(
-            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in told]
+            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in answered]
         ),
-        "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in told),
+        "log_score": mean(float(np.log(max(1e-6, m.chances.get(m.truth, 0.0)))) for m in answered),
     }
 
 
@@ -218,10 +218,10 @@ def _outside(marks: Sequence[Mark]) -> Record:
     }
 
 
-def _advised(marks: Sequence[Mark], told: Mapping[str, Advised]) -> Record:
-    """Return how often the advised test settles what is ambiguous."""
+def _advised(marks: Sequence[Mark], answered: Mapping[str, Advised]) -> Record:
+    """Count the ambiguous cases that the advised test settles."""
     mine = [m for m in marks if m.verdict == "ambiguous"]
-    tested = [(m, told[m.name]) for m in mine if m.name in told]
+    tested = [(m, answered[m.name]) for m in mine if m.name in answered]
     return {
         **settled_figures(len(mine), [test for _, test in tested]),
         "settled_as_seen": share(t.settled or t.top in m.also for m, t in tested),
@@ -245,7 +245,7 @@ def _shrink(marks: Sequence[Mark]) -> Record:
 
 
 def _plain(marks: Sequence[Mark]) -> Record:
-    """Return how often both plain baselines are right, beside the diagnosis on the same cases.
+    """Count the right answers of both baselines, beside the diagnosis on the same cases.
 
     Only cases of one effect count: neither baseline knows pairs or things outside the list.
     """
@@ -270,7 +270,7 @@ def _beside(marks: Sequence[Mark]) -> Record:
 
 
 def _confusion(marks: Sequence[Mark]) -> dict[str, dict[str, int]]:
-    """Return how often each top was found, by truth."""
+    """Count the tops of all cases by truth."""
     table: dict[str, Counter[str]] = {}
     for mark in marks:
         table.setdefault(in_short(mark.truth), Counter())[in_short(mark.top)] += 1

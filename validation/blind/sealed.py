@@ -43,7 +43,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Wanted:
-    """What set to make: which, how large, from which stand, with which seed."""
+    """Request of a set: its kind, size, stand and seed."""
 
     base: Path
     which: str = "published"
@@ -124,8 +124,7 @@ def _one(
     kept = folder.parent.parent / MAKING / f"{folder.name}.json"
     asked = {**case.record(), "points": [[p.mismatch, p.force, p.rise] for p in points]}
     if kept.exists() and (made := read(kept, "remove it"))["case"] == asked:
-        times: list[list[float | None]] = made["times_s"]
-        return times
+        return made["times_s"]
     times = write_case(folder, folder.name, base, case, simulate(stand, points, case))
     kept.parent.mkdir(exist_ok=True)
     write(kept, json.dumps({"case": asked, "times_s": times}))
@@ -194,7 +193,7 @@ def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) ->
 
 
 def _done(path: Path, manifest: Record) -> bool:
-    """Tell whether a result is there; one of another set of cases raises StorageError."""
+    """Test that a result exists; one of another set of cases raises StorageError."""
     if not path.exists():
         return False
     if read(path, "remove it").get("key_sha256") != manifest["key_sha256"]:
@@ -220,8 +219,7 @@ def opened(folder: Path) -> Record:
         raise StorageError(f"{path} cannot be read ({error.strerror}); bring the key") from error
     if hashlib.sha256(content).hexdigest() != manifest["key_sha256"]:
         raise StorageError(f"{path} is not the key that was sealed; bring that one")
-    found: Record = json.loads(content)
-    return found
+    return json.loads(content)
 
 
 def results_of(folder: Path) -> dict[str, Record]:

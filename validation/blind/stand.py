@@ -1,4 +1,4 @@
-r"""The stand of a blind check: what ``bench.toml`` says, and the physics that it does not say.
+r"""Stand of a blind check: content of ``bench.toml``, and the physics that it leaves out.
 
 Nothing here is taken from the simulation or from its effects: a stand is read from the keys of
 ``bench.toml`` alone, and a *truth* is plain numbers that ``validation.blind.mujoco_shift`` gives to
@@ -62,7 +62,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Truth:
-    """What the bench has and ``bench.toml`` does not say; SI units.
+    """True properties of the bench that ``bench.toml`` leaves out; SI units.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Truth:
 
     @property
     def linkage(self) -> bool:
-        """Whether the actuator moves apart from the ring."""
+        """Test that the actuator moves apart from the ring."""
         return self.compliance > 0.0 or self.free_play > 0.0
 
 

@@ -1,4 +1,4 @@
-"""What cases may have: effects by the names of the contract, and things outside the list.
+"""Truth of cases: effects by the names of the contract, and things outside the list.
 
 Ranges are those of the priors, written out here so that truth does not lean on ``sim.effects``
 (a test holds them against each other). A *strength* is a share of the way from neutral to an end

@@ -18,11 +18,10 @@ Pressure and lever follow from the load vector itself: its sum is the tangential
 its moment the lever, so that they belong to the stress whatever the mesh does to the
 band's ends.
 
-Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's
-face, where gradients are best, from the surface's own stretch in plane stress. Its largest
-value over the whole fillet counts, ends of the dog included: edges there are rectangular
-and free, so that the stress is finite. It is found between the
-inner end, for wide dogs, and the mean radius.
+Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's face,
+where gradients are best. It follows from the surface's own stretch in plane stress. Its largest
+value over the whole fillet counts, ends of the dog included: edges there are rectangular and free,
+so that the stress is finite. It is found between the inner end, for wide dogs, and the mean radius.
 
 The body rests on a hub: its inner face is held radially. Without it a deep body rolls
 outwards, as dogs carry their force on one side and pull the floor behind them, and the
@@ -74,7 +73,7 @@ DIRECT = 40_000  #: unknowns up to which one block holds all planes
 
 @dataclass(frozen=True)
 class RootStress:
-    """What a load does to the root of a dog.
+    """Stress at the root of a dog under a load.
 
     Parameters
     ----------
@@ -107,7 +106,7 @@ class RootStress:
 
 
 def fem_available() -> bool:
-    """Tell whether scikit-fem can be imported."""
+    """Test that scikit-fem can be imported."""
     try:
         _skfem()
     except InputError:
@@ -192,7 +191,7 @@ class RootModel:
         return sp.csr_matrix((spring.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def _reduction(self, cut: Cut) -> Matrix:
-        """Return the matrix from free unknowns to all; free ones keep their order."""
+        """Build the matrix from free unknowns to all; the free unknowns keep their order."""
         planes, nodes = len(self.radii), self.section.nodes
         held = {"bottom": self.section.bottom, "left": self.section.left}
         fixed = np.zeros(nodes, dtype=bool)
@@ -232,7 +231,7 @@ class RootModel:
         return np.append(ends, unknowns)
 
     def _surface(self, plane_cells: NDArray[np.int64], along: int, radial: int) -> _Surface:
-        """Return what belongs to Gauss points on the surface of cells of the section."""
+        """Evaluate Gauss points on the surface of cells of the section."""
         every, layers = len(self.section.cells), (len(self.radii) - 1) // 2
         cells = np.concatenate([plane_cells + k * every for k in range(layers)])
         (x, wx), (y, wy) = _gauss(along), _gauss(radial)
@@ -346,7 +345,8 @@ def hexahedra(points: Points, cells: NDArray[np.int64]) -> tuple[Any, Any]:
 
 def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> Matrix:
     """Return the stiffness matrix, unknown ``3 node + direction``, N/m."""
-    lame, shear = _lame()
+    shear = YOUNG / (2.0 * (1.0 + POISSON))
+    lame = YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON))
     unknown = (3 * _by_local(cells)[:, :, None] + np.arange(3)).reshape(len(cells), 81)
     total = sp.csr_matrix((3 * nodes, 3 * nodes))
     for some in np.array_split(np.arange(len(cells)), max(1, len(cells) // 1000)):
@@ -363,11 +363,6 @@ def assemble(mesh: Any, element: Any, cells: NDArray[np.int64], nodes: int) -> M
         columns = np.tile(unknown[some], (1, 81)).ravel()
         total = total + sp.csr_matrix((local.ravel(), (rows, columns)), shape=total.shape)
     return total
-
-
-def _lame() -> tuple[float, float]:
-    shear = YOUNG / (2.0 * (1.0 + POISSON))
-    return YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)), shear
 
 
 def skin_stress(gradient: Points, normal: Points) -> Points:

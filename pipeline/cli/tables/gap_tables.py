@@ -9,7 +9,7 @@ from rich.table import Table
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, plain
-from dogshape.diagnosis.report.wording import chance, told
+from dogshape.diagnosis.report.wording import chance, described
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.cli.tables.validate_tables import examined_lines
 from dogshape.pipeline.reports.gap.odds_matrix import class_in_words
@@ -46,7 +46,7 @@ def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
         if one["probability"] < LEAST and hypothesis != found.leading:
             continue
         sizes = found.intervals.get(hypothesis, {})
-        values = "; ".join(told(name, value) for name, value in sizes.items())
+        values = "; ".join(described(name, value) for name, value in sizes.items())
         fit = one.get("predictive_p")
         p = "-" if fit is None else f"{fit:.2g}"
         table.add_row(

@@ -34,7 +34,7 @@ def causes_figure(found: Diagnosis) -> go.Figure:
     for name, marker, inside in (("in the 90 % set", SOLID, True), ("outside", HOLLOW, False)):
         those = [h for h in shown_ones if (h in found.verdict.credible) == inside]
         if those:
-            chances = [(short(found, h), found.belief[h]) for h in those]
+            chances = [(short(found, h), found.posterior[h]) for h in those]
             _bars(figure, name, [(words, p, chance(p)) for words, p in chances], marker)
     names = [short(found, h) for h in shown_ones]
     figure.update_layout(barmode="overlay", legend={"traceorder": "normal"})

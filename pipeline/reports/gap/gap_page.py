@@ -90,7 +90,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
             for test in found.tests[:TESTS]
         ],
         "at_rest": [against(fact, found.scored) for fact in facts_of(found.bench)],
-        "next": (found.tests[0].name, why(found.tests[0], found.belief, found.effects)),
+        "next": (found.tests[0].name, why(found.tests[0], found.posterior, found.effects)),
         "so_what": None if extras.so_what is None else _so_what(extras.so_what),
         "facts": _facts(found, extras),
         "json_link": "data:application/json," + quote(record_text(found)),
@@ -109,7 +109,7 @@ def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> R
     name = "" if leading == NONE else answers.short(found, leading)
     drawn = {
         "map": gapmap.gap_map_figure(points) if timed else None,
-        "causes": charts.causes_figure(found) if len(found.belief) > 1 else None,
+        "causes": charts.causes_figure(found) if len(found.posterior) > 1 else None,
         "before": before.before_figure(points, name.replace("<br>", " ")) if timed else None,
         "held_out": None if found.before_after.baseline is None else charts.held_out_figure(found),
         "alike": alike.alike_figure(found) if len(found.confusion.hypotheses) > 1 else None,
@@ -142,15 +142,17 @@ def _cards(found: Diagnosis) -> list[Row]:
 
 def _readings(found: Diagnosis) -> Row:
     """Tabulate probabilities under other readings: a column each, a row a hypothesis."""
-    columns = {"as given": found.belief} | {
-        _reading(key): belief for key, belief in found.other.items()
+    columns = {"as given": found.posterior} | {
+        _reading(key): posterior for key, posterior in found.other.items()
     }
-    shown = [h for belief in columns.values() for h in list(belief)[:4] if belief[h] > 0.005]
+    shown = [
+        h for posterior in columns.values() for h in list(posterior)[:4] if posterior[h] > 0.005
+    ]
     rows = [
-        (plain(h, found.effects), [chance(belief.get(h, 0.0)) for belief in columns.values()])
+        (plain(h, found.effects), [chance(posterior.get(h, 0.0)) for posterior in columns.values()])
         for h in dict.fromkeys(shown)
     ]
-    first = {next(iter(belief)) for belief in columns.values()}
+    first = {next(iter(posterior)) for posterior in columns.values()}
     return {"columns": list(columns), "rows": rows, "same": len(first) == 1}
 
 
@@ -179,7 +181,7 @@ def _so_what(given: SoWhat) -> Row:
 def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
     """List the facts on data set and run."""
     bench = found.bench
-    named = [h for h in found.belief if h not in (NONE, UNKNOWN)]
+    named = [h for h in found.posterior if h not in (NONE, UNKNOWN)]
     kinds = zip((1, 2, 3), ("of one effect", "of two", "of three"), strict=True)
     counts = [(sum(len(h) == size for h in named), words) for size, words in kinds]
     listed = ", ".join(f"{count} {words}" for count, words in counts if count)
@@ -193,7 +195,7 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
             f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
         ),
         "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
-        "hypotheses": f"{len(found.belief)}: {listed}, no effect, and no known effect",
+        "hypotheses": f"{len(found.posterior)}: {listed}, no effect, and no known effect",
         **extras.provenance,
     }
     return {label(key).replace("_", " "): words for key, words in given.items() if words}

@@ -10,7 +10,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
-from dogshape.diagnosis.report.wording import between, chance, ms, quantity, told
+from dogshape.diagnosis.report.wording import between, chance, described, ms, quantity
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.diagnose.extras import Remark
 
@@ -47,7 +47,7 @@ class Answer:
 
 def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
     """Select the hypotheses that are worth a line, most probable first."""
-    worth = [h for h, p in found.belief.items() if p >= LEAST or h in found.verdict.credible]
+    worth = [h for h, p in found.posterior.items() if p >= LEAST or h in found.verdict.credible]
     # Where no known effect fits, the nearest one is shown too.
     return list(dict.fromkeys([*worth[:MOST], found.leading]))
 
@@ -77,9 +77,9 @@ def _answer(found: Diagnosis, hypothesis: Hypothesis, remarks: Sequence[Remark])
     reasons, doubts = _from_data(found, hypothesis)
     return Answer(
         plain(hypothesis, found.effects),
-        found.belief[hypothesis],
+        found.posterior[hypothesis],
         hypothesis in found.verdict.credible,
-        tuple(told(n, i) for n, i in found.intervals.get(hypothesis, {}).items()),
+        tuple(described(n, i) for n, i in found.intervals.get(hypothesis, {}).items()),
         found.fits.get(hypothesis),
         (*reasons, *(r.sentence for r in mine if r.speaks == "for")),
         (*doubts, *(r.sentence for r in mine if r.speaks == "against")),

@@ -28,7 +28,7 @@ def alike_figure(found: Diagnosis) -> go.Figure:
     """Draw the odds that data of this kind would give the true row over the column."""
     ordered = sorted(
         range(len(found.confusion.hypotheses)),
-        key=lambda k: -found.belief[found.confusion.hypotheses[k]],
+        key=lambda k: -found.posterior[found.confusion.hypotheses[k]],
     )[:MOST]
     letters = [chr(ord("A") + place) for place in range(len(ordered))]
     names = [
@@ -82,7 +82,7 @@ def classes_in_words(found: Diagnosis) -> list[str]:
     said = []
     for group in found.confusion.classes:
         if len(group) > 1:
-            together = chance(sum(found.belief[h] for h in group))
+            together = chance(sum(found.posterior[h] for h in group))
             said.append(
                 f"{class_in_words(group, found.effects)}: with sizes to suit they predict the same "
                 f"here; they are one class, with {together} together."

@@ -58,7 +58,7 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
 
 
 def _cell(found: Diagnosis, place: int) -> CellRow:
-    cell, said, base = found.bench.cells[place], found.foretold, found.baseline
+    cell, said, base = found.bench.cells[place], found.mean_prediction, found.baseline
     simulated = _number(base.mean[0, place])
     gap = None if cell.time is None or simulated is None else cell.time - simulated
     error = _number(found.metric.mean[place])

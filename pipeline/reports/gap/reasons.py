@@ -31,13 +31,13 @@ def why_not_named(found: Diagnosis) -> str:
 
     Empty where it is, or has too little probability for that.
     """
-    top = max(found.belief, key=lambda h: found.belief[h])
-    if found.verdict.kind != "ambiguous" or top == UNKNOWN or found.belief[top] <= NAMED:
+    top = max(found.posterior, key=lambda h: found.posterior[h])
+    if found.verdict.kind != "ambiguous" or top == UNKNOWN or found.posterior[top] <= NAMED:
         return ""
     reasons = _reasons(found, top)
     those = "; and ".join(reasons) or "others may hold as well"
     what = "No effect at all" if top == NONE else "The most probable hypothesis"
-    return f"{what} has {chance(found.belief[top])} and is yet not called the cause: {those}."
+    return f"{what} has {chance(found.posterior[top])} and is yet not called the cause: {those}."
 
 
 def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
@@ -50,7 +50,7 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
             f"where it takes more than {NUMBERS[MOST]} effects, only those are named that are part "
             f"of the cause with more than {chance(PART)}, whatever else is"
         )
-    part = inclusion(found.belief)
+    part = inclusion(found.posterior)
     open_ones = [name for name in top if part[name] <= PART]
     if open_ones and len(top) <= MOST:
         reasons.append(f"an effect is named from {chance(PART)}, whatever else is")
@@ -64,7 +64,7 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
 def why_alike(found: Diagnosis) -> str:
     """Explain unequal probabilities of one class of hypotheses; empty where all are even."""
     for group in found.confusion.classes:
-        chances = sorted((found.belief[h] for h in group), reverse=True)
+        chances = sorted((found.posterior[h] for h in group), reverse=True)
         if len(group) > 1 and chances[0] > math.exp(APART) * chances[-1]:
             return (
                 f"That one of a class has {chance(chances[0])} and another {chance(chances[-1])} "

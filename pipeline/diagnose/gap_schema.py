@@ -1,0 +1,222 @@
+"""Schema of ``gap.json``: every key with its type, unit and meaning; unknown keys are refused.
+
+``dogshape gap --json`` prints the same record with what stands beside the inference
+(``DiagnosisRecord``). Keys that earlier versions did not write may be absent.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+from dogshape.pipeline.store.result_schema import SHARE, key
+from dogshape.sim.clutch_tables import Section, validate
+
+
+class IntervalRow(Section):
+    """Mean and central 90 % interval of a parameter, in the unit that its name ends in."""
+
+    mean: float = key("posterior mean")
+    low: float = key("lower end of the interval")
+    high: float = key("upper end of the interval")
+
+
+class HypothesisRow(Section):
+    """A hypothesis: a set of effects, none, or ``unknown``, which has no evidence of its own."""
+
+    effects: list[str] = key("effects by name; empty for none")
+    probability: float = key("posterior probability", SHARE)
+    parameters: dict[str, IntervalRow] = key("parameters of the effects, by name")
+    evidence_probability: float = key("probability by evidence, before any check", SHARE)
+    log_evidence: float | None = key("logarithm of the evidence", "1", None)
+    log_evidence_error: float | None = key(
+        "its standard error; null where the hypothesis was left early", "1", None
+    )
+    predictive_p: float | None = key(
+        "posterior predictive p-value; absent where the hypothesis is not plausible", SHARE, None
+    )
+
+
+class GapRow(Section):
+    """Root-mean-square gaps of the mean shift time over all operating points."""
+
+    hypothesis: list[str] = key("leading hypothesis")
+    baseline_rmse_s: float | None = key("gap of the simulation without any effect", "s")
+    heldout_rmse_s: float | None = key("gap at operating points left out of the fit", "s")
+    floor_rmse_s: float | None = key("gap that scatter and numerics alone would make", "s")
+    leading_floor_rmse_s: float | None = key("the same under the leading hypothesis", "s")
+    shrink: float | None = key("share of the gap above the floor that is gone", "1")
+    rival: list[str] | None = key("best other hypothesis; null without one")
+    rival_heldout_rmse_s: float | None = key("gap that the rival leaves", "s")
+    rival_shrink: float | None = key("share of the gap that is gone with the rival", "1")
+
+
+class PointRow(Section):
+    """Gap at an operating point, bench less simulation without any effect."""
+
+    mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
+    force_N: float = key("final shift force", "N")
+    gap_s: float | None = key("gap of the mean shift time; null without a time", "s")
+    z: float | None = key("gap in standard errors", "1")
+
+
+class PredictedRow(Section):
+    """Outcome of a test that a hypothesis predicts."""
+
+    effects: list[str] = key("effects by name; empty for none")
+    mean: list[float] = key("predicted outcome: shares of the priors, or s for more shifts")
+    sd: list[float] = key("standard deviation, in the same unit")
+
+
+class NextTestRow(Section):
+    """The advised test; a direct test has parameters, any other one an operating point."""
+
+    name: str = key("name of the test")
+    kind: Literal["direct", "shifts", "traces"] = key("`direct`, `shifts` or `traces`")
+    parameters: list[str] | None = key("parameters that a direct test measures", "", None)
+    mismatch_rpm: float | None = key("mismatch of shifts or traces", "1/min", None)
+    force_N: float | None = key("shift force of shifts or traces", "N", None)
+    shifts: int | None = key("number of shifts", "", None)
+    foretold: list[PredictedRow] | None = key(
+        "outcome that each plausible hypothesis predicts; absent where none can", "", None
+    )
+    why: str = key("reason of the choice, in words")
+
+
+class MenuRow(Section):
+    """A test of the menu, best first."""
+
+    name: str = key("name of the test")
+    information_nats: float | None = key("expected information about the cause", "nat")
+    chance_to_settle: float | None = key(
+        "chance that the true hypothesis is named afterwards", SHARE
+    )
+    hours: float = key("work", "h")
+
+
+class SenseHypothesisRow(Section):
+    """A hypothesis given a sense of rotation."""
+
+    effects: list[str] = key("effects by name, without the sense")
+    probability: float = key("probability given the sense", SHARE)
+    parameters: dict[str, IntervalRow] = key("parameters of the effects, by name")
+
+
+class SenseRow(Section):
+    """Answer given one sense of rotation."""
+
+    reversed: bool = key("whether the sense is the other one than that of the table")
+    probability: float = key("probability of the sense", SHARE)
+    inclusion: dict[str, float] = key("probability of each effect to be part of the cause", SHARE)
+    hypotheses: list[SenseHypothesisRow] = key("most probable hypotheses")
+
+
+class BoundRow(Section):
+    """Range of an effect's first parameter that the data leave, with 95 %."""
+
+    parameter: str = key("name of the parameter")
+    low: float = key("lower end, in the unit of the parameter")
+    high: float = key("upper end")
+    informed: bool = key("whether the data see the effect; else the range is the prior's")
+
+
+class FactRow(Section):
+    """A fact about an effect from readings of the stand at rest."""
+
+    effect: str = key("effect by name")
+    parameter: str = key("parameter that was read")
+    value: float = key("reading, in the unit of the parameter")
+    low: float = key("lower end of its range")
+    high: float = key("upper end of its range")
+    sentence: str = key("the fact in words, with its agreement with the shifts")
+
+
+class ReadingRow(Section):
+    """Probability of a hypothesis under another prior or another count."""
+
+    effects: list[str] = key("effects by name; empty for none")
+    probability: float = key("posterior probability", SHARE)
+
+
+class InferenceRecord(Section):
+    """The whole record, ``gap.json``."""
+
+    bench: str = key("name of the data set")
+    verdict: Literal["effect", "none", "unknown", "ambiguous"] = key("decision")
+    causes: list[str] = key("effects that are part of the cause by the verdict")
+    noise: float = key("Monte Carlo standard error of the leading probability", SHARE)
+    headline: str = key("verdict in a line")
+    summary: str = key("finding in a paragraph")
+    hypotheses: list[HypothesisRow] = key("all hypotheses, most probable first")
+    confusable: list[list[str]] = key("classes of several hypotheses, and effects with aliases")
+    classes: list[list[list[str]]] | None = key(
+        "the same classes, each hypothesis as its effects; absent in earlier versions", "", None
+    )
+    gap: GapRow = key("gaps before and after")
+    where: list[PointRow] = key("gap at each operating point")
+    next_test: NextTestRow = key("advised test")
+    tests: list[MenuRow] = key("best tests of the menu")
+    inclusion: dict[str, float] = key("probability of each effect to be part of the cause", SHARE)
+    senses: list[SenseRow] = key("answers given either sense of rotation, if it is unknown")
+    credible_set: list[list[str]] = key("hypotheses that have 0.9 together")
+    class_probability: float = key("probability of the class of the leading hypothesis", SHARE)
+    no_information: list[str] = key("effects of which the data tell nothing")
+    hidden_share: dict[str, float] = key("share of each prior that looks like no effect", SHARE)
+    bounds: dict[str, BoundRow] = key("bound of each effect on its own")
+    facts: list[FactRow] = key("facts from readings at rest")
+    sensitivity: dict[str, list[ReadingRow]] = key("answers under other priors and counts")
+
+
+class FindingRow(Section):
+    """A probable slip of units or axes in the data set."""
+
+    quantity: str = key("quantity of the slip")
+    found: str = key("observation")
+    looks_like: str = key("probable explanation")
+    correction: str | None = key("correction that would mend it; null without one")
+    sentence: str = key("finding and remedy in words")
+
+
+class CandidateRow(Section):
+    """A design with its expected shift time without and with the cause."""
+
+    name: str = key("`prototype`, or the design by its trial")
+    chamfer_deg: float | None = key("chamfer angle, where it is searched", "deg", None)
+    traction_deg: float | None = key("traction flank, where it is searched", "deg", None)
+    braking_deg: float | None = key("braking flank, where it is searched", "deg", None)
+    height_mm: float | None = key("height of the dogs, where it is searched", "mm", None)
+    count: int | None = key("number of dogs of a ring, where it is searched", "", None)
+    without_s: float = key("expected shift time without the cause", "s")
+    without_standard_error_s: float | None = key("its standard error", "s")
+    with_s: float = key("expected shift time with the cause", "s")
+    with_standard_error_s: float | None = key("its standard error", "s")
+
+
+class ConsequenceRow(Section):
+    """Cost of ignoring the cause in the choice of a design."""
+
+    study: str = key("name of the study")
+    effects: list[str] = key("effects of the cause")
+    values: list[float] = key("values of their parameters, effect by effect")
+    candidates: list[CandidateRow] = key("prototype, the study's choice, and other best designs")
+    best_without: str = key("choice without the cause")
+    best_with: str = key("best design with the cause")
+    regret_s: float = key("time that ignoring the cause costs", "s")
+    regret_standard_error_s: float | None = key("its standard error", "s")
+    sentence: str = key("consequence in words")
+
+
+class DiagnosisRecord(InferenceRecord):
+    """The record that ``dogshape gap --json`` prints: ``gap.json`` with more."""
+
+    corrections: list[str] = key("corrections that were asked for and made")
+    warnings: list[FindingRow] = key("probable slips that are left")
+    so_what: ConsequenceRow | None = key("cost of ignoring the cause; null where none was asked")
+    report: str | None = key("path of the report; null where none was written")
+
+
+def require_gap(data: dict[str, Any], source: str) -> None:
+    """Check a record against the schema of ``gap.json``, or of ``--json`` if it has ``report``.
+
+    Raises InputError that names ``source``, and each key that is unknown, missing or mistyped.
+    """
+    validate(DiagnosisRecord if "report" in data else InferenceRecord, data, source)
