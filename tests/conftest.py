@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.pipeline.__main__ import main
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
 from dogshape.pipeline.progress import Count
@@ -140,6 +141,22 @@ def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Sa
     def call(*arguments: object) -> Said:
         result = CliRunner().invoke(app, [str(a) for a in arguments])
         return Said(result.exit_code, result.stdout, result.stderr)
+
+    return call
+
+
+@pytest.fixture
+def program(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Said]:
+    """Call the program from its entry point, in this process."""
+
+    def call(*arguments: object) -> Said:
+        monkeypatch.setattr("sys.argv", ["dogshape", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        told = capsys.readouterr()
+        return Said(int(ended.value.code or 0), told.out, told.err)
 
     return call
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -80,12 +81,17 @@ def _short(module: str) -> str:
     return inner if inner.split(".")[0] in ALLOWED else module
 
 
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _imports(path: Path, *, types: bool = True) -> Iterator[str]:
     """Yield all modules that a file imports, anywhere in it; of the project without its name.
 
     Without ``types`` what only the type checker reads is left out.
     """
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = _tree(path)
     checked = [
         n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)
     ]
@@ -96,11 +102,17 @@ def _imports(path: Path, *, types: bool = True) -> Iterator[str]:
         if isinstance(node, ast.Import):
             yield from (_short(alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
             module = _short(node.module or "")
             for alias in node.names:
                 inner = f"{module}.{alias.name}"
                 yield inner if inner in NAMES else module
+
+
+def _pairs(*, types: bool = True) -> Iterator[tuple[str, str]]:
+    """Yield the path of each module with each module that it imports."""
+    for path in MODULES:
+        name = path.relative_to(ROOT).as_posix()
+        yield from ((name, imported) for imported in _imports(path, types=types))
 
 
 def _room(module: str) -> str:
@@ -109,23 +121,48 @@ def _room(module: str) -> str:
     return ".".join(parts[:2])
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_imports_keep_to_the_rooms(path: Path) -> None:
-    name = path.relative_to(ROOT).as_posix()
-    house, *inside = name.split("/")
-    order = ORDER.get(house, ())
-    runs = set(_imports(path, types=False))
-    for imported in _imports(path):
-        other, *rest = imported.split(".")
-        if other not in ALLOWED:
-            assert imported not in runs or name.startswith(GUARDED.get(other, ("",))), (
-                f"{name} imports {other}"
-            )
-        elif other != house:
-            adapts = other in ADAPTED and name.startswith(ADAPTER)
-            assert adapts or other in ALLOWED[house], f"{name} imports {imported}"
-        elif inside[0] in order and rest and rest[0] in order:
-            assert order.index(rest[0]) <= order.index(inside[0]), f"{name} imports {imported}"
+def test_imports_are_absolute() -> None:
+    assert not [
+        path
+        for path in MODULES
+        for node in ast.walk(_tree(path))
+        if isinstance(node, ast.ImportFrom) and node.level
+    ]
+
+
+def test_large_packages_are_imported_in_their_places_alone() -> None:
+    assert not [
+        (name, imported)
+        for name, imported in _pairs(types=False)
+        if (package := imported.split(".")[0]) in GUARDED and not name.startswith(GUARDED[package])
+    ]
+
+
+def test_a_house_imports_those_below_it_alone() -> None:
+    def may(name: str, other: str) -> bool:
+        house = name.split("/", maxsplit=1)[0]
+        adapts = other in ADAPTED and name.startswith(ADAPTER)
+        return other in {house, *ALLOWED[house]} or adapts
+
+    assert not [
+        (name, imported)
+        for name, imported in _pairs()
+        if (other := imported.split(".")[0]) in ALLOWED and not may(name, other)
+    ]
+
+
+def test_a_room_imports_those_before_it_alone() -> None:
+    def place(house: str, room: str) -> int | None:
+        order = ORDER.get(house, ())
+        return order.index(room) if room in order else None
+
+    wrong = []
+    for name, imported in _pairs():
+        (house, mine, *_), (other, theirs, *_) = name.split("/"), [*imported.split("."), ""]
+        here, there = place(house, mine), place(other, theirs)
+        if house == other and here is not None and there is not None and there > here:
+            wrong.append((name, imported))
+    assert not wrong
 
 
 @pytest.mark.parametrize("level", ["module", "room"])
@@ -187,3 +224,28 @@ def test_one_place_makes_consoles() -> None:
     """It turns markup off: names and paths of users have square brackets."""
     making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
     assert making == [ROOT / "pipeline" / "cli" / "console.py"]
+
+
+def test_no_room_asks_for_the_time_of_day() -> None:
+    """Only a report's provenance does, to say when it was written; no result depends on it."""
+    provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
+    words = ("time.time(", "datetime", "time_ns(", "st_mtime")
+    product = [p for p in MODULES if not p.is_relative_to(ROOT / "validation")]
+    assert not [
+        (path, word)
+        for path in set(product) - {provenance}
+        for word in words
+        if word in path.read_text(encoding="utf-8")
+    ]
+
+
+def test_unit_tests_start_no_study_server_or_browser() -> None:
+    """What does is a test of ``tests/integration``, where finished studies are shared."""
+    slow = {"tests.browser", "tests.server", "tests.integration"}
+    runs = ("run_study(", ".search(out", "LocalCluster", "pip wheel")
+    found = []
+    for path in sorted((ROOT / "tests" / "unit").glob("*.py")):
+        found += [(path.name, name) for name in _imports(path) if name in slow]
+        text = path.read_text(encoding="utf-8") if path.name != Path(__file__).name else ""
+        found += [(path.name, call) for call in runs if call in text]
+    assert not found

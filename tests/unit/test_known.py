@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import find_study, load_study
-from dogshape.pipeline.search.search import open_search
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run, run_study
-from dogshape.pipeline.train.found_surrogates import digest_of, known_surrogate, stored_surrogate
+from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.sim.errors import StorageError
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.query import in_range
 from dogshape.surrogate.store import Stored, save
@@ -77,33 +72,6 @@ def test_many_designs_are_answered_like_one(brought: Stored) -> None:
     assert in_range(model, x).all()
     far = mix.points * [20.0, 1.0]
     assert not in_range(model, x, mix.__class__(far, mix.weights, mix.retry)).any()
-
-
-def test_a_search_goes_on_with_the_rows_that_it_began_with(
-    brought: Stored, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Fewer rows, other parameters or none at all are refused; other figures are not."""
-    known = brought.surrogate
-    data = replace(known, data=known.data.subset(np.arange(100)))
-    theta = known.times.covariance.theta + 1e-6
-    times = replace(known.times, covariance=replace(known.times.covariance, theta=theta))
-    others = {
-        "other rows than the package brings": replace(brought, surrogate=data),
-        "began with other rows": replace(brought, surrogate=replace(known, times=times)),
-        "rows that the package does not bring now; go on with the version of dogshape": None,
-    }
-    study = load_study("mq200", ["search.trials=1"])
-    StudyFolder(tmp_path).open(study, resume=True)
-    began = open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(brought))
-    for words, other in others.items():
-        monkeypatch.setattr("dogshape.pipeline.study.joining", lambda *_, other=other: other)
-        with pytest.raises(StorageError, match=words):
-            run_study(study, Run(StudyFolder(tmp_path), resume=True))
-    judged = replace(brought, validation=replace(brought.validation, shifts=1))
-    open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(judged))
-    began.optuna.set_user_attr("known", "")
-    with pytest.raises(StorageError, match="without the rows that the package brings now"):
-        open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(brought))
 
 
 def test_the_named_surrogate_is_asked(brought: Stored, tmp_path: Path) -> None:

@@ -5,24 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import optuna
 import pytest
 from optuna.samplers import BaseSampler
 
-from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Study, build_study, load_study
-from dogshape.pipeline.search.dog_guide import dataset_of_trials
-from dogshape.pipeline.search.front_uncertainty import standings
+from dogshape.pipeline.config.study_file import Study, load_study
 from dogshape.pipeline.search.rounds import ROUND, WORKER, next_round
 from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, open_search
-from dogshape.pipeline.simulate.design import worth_simulating
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.study import Run, run_study
-from tests.conftest import SMALL
+from dogshape.pipeline.search.search import Search
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 TRIALS = 12
@@ -212,37 +204,3 @@ def test_each_round_of_a_dead_run_is_taken_over_as_it_is() -> None:
     assert {t.user_attrs[WORKER] for t in trials} == {3}
     rounds = [tuple(t.user_attrs[ROUND]) for t in trials]
     assert rounds == [(0, 4)] * 4 + [(4, 4)] * 4 + [(8, 4)] * 4
-
-
-def _small_space(*more: str) -> Study:
-    """A study of the number of dogs alone: few designs, some of which pass the checks."""
-    file = load_study("mq200", [*SMALL, "search.trials=40", *more]).file
-    few = VariablesSection(count=[13, 20])
-    return build_study(file.model_copy(update={"variables": few}))
-
-
-def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
-    study = _small_space()
-    allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
-    assert 1 < len(allowed) < 10
-    how = Run(StudyFolder(tmp_path), jobs=1, resume=True)
-    result = run_study(study, how)
-    assert sorted(row["count"] for row in result["trials"]) == allowed
-    assert result["best"] is not None
-    again = run_study(study, how)
-    assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]
-
-
-def test_a_design_that_was_proposed_again_counts_once(tmp_path: Path) -> None:
-    study = _small_space("search.sampler=random", "search.trials=12")
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
-    told = [row for row in result["trials"] if row["expected_shift_time_s"] is not None]
-    designs = {row["count"] for row in told}
-    assert len(designs) < len(told)
-    assert result["n_simulated_designs"] == len(designs)
-    shown = [row["count"] for row in result["front"]]
-    assert len(set(shown)) == len(shown)
-    assert len(result["confirmation"]["designs"]) == 1
-    state = open_search(study, StudyFolder(tmp_path), None, resume=True).read()
-    assert len(standings(state)) == len(state.feasible) <= len(designs)
-    assert len(dataset_of_trials(study, state.simulated)) == len(designs) * len(study.points)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import inspect
-import subprocess
-import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from itertools import product
 from pathlib import Path
@@ -23,6 +21,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.rules import RULES, broken_rule
+from tests.conftest import Said
 
 #: One of these breaks any rule that a key may have.
 BAD: tuple[Any, ...] = (
@@ -160,13 +159,12 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_list_of_mistakes_is_printed_without_a_traceback(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dogshape.pipeline", "check", "mq200"]
+def test_a_list_of_mistakes_is_printed_without_a_traceback(program: Callable[..., Said]) -> None:
     sets = ["--set", "dog.height_mm=x", "--set", "search.trials=0"]
-    done = subprocess.run([*command, *sets], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert len(done.stderr.splitlines()) == 3
-    assert "Traceback" not in done.stderr
+    said = program("check", "mq200", *sets)
+    assert said.status == 2
+    assert len(said.err.splitlines()) == 3
+    assert "Traceback" not in said.err
 
 
 @pytest.mark.parametrize(
@@ -185,13 +183,13 @@ def test_a_list_of_mistakes_is_printed_without_a_traceback(tmp_path: Path) -> No
         (("report", ""), "an argument is given nothing"),
     ],
 )
-def test_options_speak_the_same_language(arguments: tuple[str, ...], words: str) -> None:
-    command = [sys.executable, "-m", "dogshape.pipeline", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert not any(theirs in done.stderr.lower() for theirs in THEIRS)
+def test_options_speak_the_same_language(
+    program: Callable[..., Said], arguments: tuple[str, ...], words: str
+) -> None:
+    said = program(*arguments)
+    assert said.status == 2
+    assert words in said.sentence
+    assert not any(theirs in said.err.lower() for theirs in THEIRS)
 
 
 def test_the_longest_name_is_a_folder(tmp_path: Path) -> None:

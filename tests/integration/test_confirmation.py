@@ -27,7 +27,7 @@ from dogshape.pipeline.study import Run, collect, run_study
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, landing_record
-from tests.unit.test_replication import MADE_UP, CutOffError, MadeUp
+from tests.integration.test_replication import MADE_UP, CutOffError, MadeUp
 
 WANTED = 3
 SETTINGS = [*MADE_UP, "search.replicate=0", f"search.confirm_designs={WANTED}"]

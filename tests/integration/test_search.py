@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,8 @@ from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.units import RPM
 from dogshape.surrogate.model import MIN_DESIGNS
 from tests.conftest import SMALL, Said, searching
+from tests.integration.studies import SHIFTS, Finished
+from tests.server import command_of
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
@@ -44,29 +45,11 @@ def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
 
 def _command(out: Path, *more: str) -> list[str]:
     overrides = [part for text in SMALL for part in ("--set", text)]
-    return [
-        sys.executable,
-        "-m",
-        "pipeline",
-        "study",
-        "mq200",
-        "--out",
-        str(out),
-        "--no-report",
-        *overrides,
-        *more,
-    ]
+    return command_of("study", "mq200", "--out", str(out), "--no-report", *overrides, *more)
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """A small study run to its end by one worker."""
-    folder = tmp_path_factory.mktemp("finished")
-    return folder, run_study(load_study("mq200", SMALL), searching(folder, jobs=1))
-
-
-def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> None:
-    folder, result = finished
+def test_a_study_ends_with_everything(finished: Finished) -> None:
+    folder, result = finished.folder, finished.result
     assert len(result["trials"]) == 12
     assert result["trials"][0]["prototype"]
     assert result["trials"][0]["count"] == 15
@@ -77,7 +60,7 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
     assert confirmed[0]["trial"] == result["best"]["trial"]
     assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
     shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
-    assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts
+    assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts == SHIFTS
     study = load_study("mq200", SMALL)
     announced = most_to_search(study, 12, partial=False, prototype=True)
     assert shifts == announced + most_to_confirm(study, len(confirmed))
@@ -89,11 +72,10 @@ def test_a_study_ends_with_everything(finished: tuple[Path, dict[str, Any]]) -> 
         assert (folder / name).stat().st_size > 0
     assert not (folder / "report.html").exists()
     assert not (folder / "shifts").exists()
-    assert json.loads((folder / "result.json").read_text()) == result
 
 
-def test_front_is_what_nothing_dominates(finished: tuple[Path, dict[str, Any]]) -> None:
-    _, result = finished
+def test_front_is_what_nothing_dominates(finished: Finished) -> None:
+    result = finished.result
     values = {
         row["trial"]: (row["expected_shift_time_s"], row["axial_length_mm"])
         for row in result["trials"]
@@ -106,8 +88,8 @@ def test_front_is_what_nothing_dominates(finished: tuple[Path, dict[str, Any]]) 
     assert {row["trial"] for row in result["front"]} == front
 
 
-def test_rows_carry_inputs_and_versions(finished: tuple[Path, dict[str, Any]]) -> None:
-    folder, _ = finished
+def test_rows_carry_inputs_and_versions(finished: Finished) -> None:
+    folder = finished.folder
     row = _rows(folder)[0]
     assert row["count"] == 15
     assert row["contact_set"] == "lubricated_steel"
@@ -119,17 +101,18 @@ def test_rows_carry_inputs_and_versions(finished: tuple[Path, dict[str, Any]]) -
 
 
 def test_same_seed_gives_the_same_trials_on_more_workers(
-    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+    finished: Finished, tmp_path: Path
 ) -> None:
     again = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2))
-    assert _designs(again) == _designs(finished[1])
+    assert _designs(again) == _designs(finished.result)
+    assert json.loads((tmp_path / "result.json").read_text()) == again
 
 
-def test_another_seed_gives_other_trials(finished: tuple[Path, dict[str, Any]]) -> None:
+def test_another_seed_gives_other_trials(finished: Finished) -> None:
     study = load_study("mq200", [*SMALL, "search.seed=2"])
     first = _proposals(study, 3)
     assert first != _proposals(load_study("mq200", SMALL), 3)
-    assert finished[1]["trials"][1]["height_mm"] != first[1]["height_mm"]
+    assert finished.result["trials"][1]["height_mm"] != first[1]["height_mm"]
 
 
 def _proposals(study: Study, count: int) -> list[dict[str, float]]:
@@ -138,15 +121,15 @@ def _proposals(study: Study, count: int) -> list[dict[str, float]]:
 
 
 @pytest.mark.parametrize(
-    "number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGKILL]
+    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)]
 )
 def test_stopped_and_resumed_equals_uninterrupted(
-    finished: tuple[Path, dict[str, Any]], tmp_path: Path, number: signal.Signals
+    finished: Finished, tmp_path: Path, number: signal.Signals
 ) -> None:
     """Neither Ctrl-C nor kill loses a finished shift or changes what follows."""
     # A shell starts background jobs with Ctrl-C ignored, and children inherit that.
     process = subprocess.Popen(
-        _command(tmp_path),
+        _command(tmp_path, "--jobs", "1"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         start_new_session=True,
@@ -167,55 +150,50 @@ def test_stopped_and_resumed_equals_uninterrupted(
     kept = journal.read_bytes()
     whole = kept[: kept.rfind(b"\n") + 1]
     assert whole.count(b"\n") >= 8
-    resumed = subprocess.run(
-        _command(tmp_path, "--resume", "--json"), capture_output=True, timeout=300, check=True
-    )
+    resumed = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=1, resume=True))
     assert journal.read_bytes().startswith(whole)
     rows = _rows(tmp_path)
-    whole_run = finished[1]["n_simulated_shifts"]
-    assert len({row["key"] for row in rows}) == len(rows) == whole_run
-    assert json.loads(resumed.stdout)["n_simulated_shifts"] == whole_run
-    stored = json.loads((tmp_path / "result.json").read_text())
-    assert _designs(stored) == _designs(finished[1])
+    assert len({row["key"] for row in rows}) == len(rows) == SHIFTS
+    assert resumed["n_simulated_shifts"] == SHIFTS
+    assert _designs(resumed) == _designs(finished.result)
 
 
 def test_a_finished_study_can_be_given_more_trials(
-    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+    finished: Finished, short: Finished, tmp_path: Path
 ) -> None:
-    short = load_study("mq200", [*SMALL, "search.trials=4"])
-    run_study(short, searching(tmp_path, jobs=2))
+    short.copy(tmp_path)
     assert not (tmp_path / "surrogate.json").exists()
-    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2, resume=True))
-    assert _designs(longer) == _designs(finished[1])
+    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=1, resume=True))
+    assert _designs(longer) == _designs(finished.result)
 
 
 def test_a_torn_journal_of_trials_is_mended(
-    finished: tuple[Path, dict[str, Any]], tmp_path: Path
+    finished: Finished, short: Finished, tmp_path: Path
 ) -> None:
-    short = load_study("mq200", [*SMALL, "search.trials=4"])
-    run_study(short, searching(tmp_path, jobs=2))
+    short.copy(tmp_path)
     with (tmp_path / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
-    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2, resume=True))
-    assert _designs(longer) == _designs(finished[1])
+    longer = load_study("mq200", [*SMALL, "search.trials=5"])
+    found = run_study(longer, searching(tmp_path, jobs=1, resume=True))
+    assert _designs(found) == _designs(finished.result)[:5]
 
 
-def test_a_broken_journal_of_trials_is_said(tmp_path: Path) -> None:
-    short = load_study("mq200", [*SMALL, "search.trials=1"])
-    run_study(short, searching(tmp_path, jobs=1))
+def test_a_broken_journal_of_trials_is_said(short: Finished, tmp_path: Path) -> None:
+    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    short.copy(tmp_path)
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
     shifts = (tmp_path / "shifts.jsonl").read_bytes()
     with pytest.raises(StorageError, match=r"trials\.log, line 1 is damaged; remove the file"):
-        run_study(short, searching(tmp_path, jobs=1, resume=True))
+        run_study(study, searching(tmp_path, jobs=1, resume=True))
     log.unlink()
-    again = run_study(short, searching(tmp_path, jobs=1, resume=True))
-    assert len(again["trials"]) == 1
+    again = run_study(study, searching(tmp_path, jobs=1, resume=True))
+    assert _designs(again) == _designs(short.result)
     assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
 
-def test_nothing_is_overwritten_without_resume(finished: tuple[Path, dict[str, Any]]) -> None:
-    folder, _ = finished
+def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Path) -> None:
+    folder = finished.copy(tmp_path)
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
         run_study(load_study("mq200", SMALL), searching(folder))
@@ -313,7 +291,7 @@ def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -
 @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
 def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
     study = load_study("mq200", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
-    result = run_study(study, searching(tmp_path, jobs=2))
+    result = run_study(study, searching(tmp_path, jobs=1))
     barred = [row for row in result["trials"] if not row["feasible"]]
     assert barred
     assert all(row["failed"] and row["expected_shift_time_s"] is None for row in barred)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -17,22 +16,19 @@ from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.pipeline.store.result_schema import DesignRow, StudyRecord, require_result
 from tests.conftest import SMALL, Said
+from tests.integration.studies import SETTINGS, Finished
 
 Dogshape = Callable[..., Said]
 ROOT = Path(__file__).parents[2]
 TIME = "expected_shift_time_s"
-SETTINGS = {
-    key: tomllib.loads(f"value = {value}")["value"]
-    for key, value in (one.split("=", 1) for one in SMALL)
-}
 SETS = [part for text in SMALL for part in ("--set", text)]
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory: pytest.TempPathFactory) -> ds.StudyResult:
-    """A finished study at smoke size, without its report."""
-    out = tmp_path_factory.mktemp("public") / "mine"
-    return ds.Study("mq200", SETTINGS).search(out, jobs=1, report=False)
+def found(finished: Finished, tmp_path_factory: pytest.TempPathFactory) -> ds.StudyResult:
+    """The finished study at smoke size, opened again by its problem."""
+    out = finished.copy(tmp_path_factory.mktemp("public") / "mine")
+    return ds.Study("mq200", SETTINGS).search(out, jobs=1, report=False, resume=True)
 
 
 @pytest.fixture
@@ -50,6 +46,8 @@ def test_a_search_is_what_the_command_line_prints(
     said = dogshape("study", "mq200", *SETS, *arguments)
     assert said.status == 0, said.err
     assert json.loads(said.out) == json.loads(json.dumps(found.to_dict()))
+    assert set(said.json) >= {"best", "front", "n_simulated_shifts", "report"}
+    assert said.json["report"] is None
 
 
 def test_a_result_is_read_from_its_folder(found: ds.StudyResult) -> None:

@@ -29,6 +29,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import SMALL, Said, searching
+from tests.integration.studies import SHIFTS, Finished
 from tests.server import ROOT, command_of
 
 
@@ -54,17 +55,11 @@ def _lines(out: Path) -> list[bytes]:
     return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """What a small study finds when nothing goes wrong."""
-    return run_study(load_study("mq200", SMALL), searching(tmp_path_factory.mktemp("finished")))
-
-
-def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[str, Any]) -> None:
+def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: Finished) -> None:
     chance = random.Random(5)
-    for share in (0.05, 0.3, 0.55, 0.8):
+    for share, jobs in ((0.05, "1"), (0.3, "2"), (0.55, "1"), (0.8, "1")):
         process = subprocess.Popen(
-            _command(tmp_path),
+            _command(tmp_path, "--jobs", jobs),
             cwd=ROOT,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
@@ -78,16 +73,16 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: dict[s
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
-    run_study(load_study("mq200", SMALL), searching(tmp_path, resume=True))
-    assert _designs(_result(tmp_path)) == _designs(finished)
-    assert _result(tmp_path)["confirmation"] == finished["confirmation"]
+    run_study(load_study("mq200", SMALL), searching(tmp_path, 1, resume=True))
+    assert _designs(_result(tmp_path)) == _designs(finished.result)
+    assert _result(tmp_path)["confirmation"] == finished.result["confirmation"]
     keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
-    assert len(set(keys)) == len(keys) == 92
+    assert len(set(keys)) == len(keys) == SHIFTS
 
 
 @pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_a_full_disk_is_said_and_costs_nothing(
-    tmp_path: Path, finished: dict[str, Any], jobs: str
+    tmp_path: Path, finished: Finished, jobs: str
 ) -> None:
     """No file may grow beyond some bytes: the journal of shifts is the first to want to."""
     full = subprocess.run(
@@ -104,9 +99,9 @@ def test_a_full_disk_is_said_and_costs_nothing(
     kept = _lines(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200", SMALL), searching(tmp_path, resume=True))
+    again = run_study(load_study("mq200", SMALL), searching(tmp_path, 1, resume=True))
     assert _lines(tmp_path)[: len(kept)] == kept
-    assert _designs(again) == _designs(finished)
+    assert _designs(again) == _designs(finished.result)
 
 
 def test_a_line_is_written_whole_or_not_at_all(
@@ -136,9 +131,11 @@ def test_a_line_is_written_whole_or_not_at_all(
 
 @pytest.mark.parametrize("moment", [3, 30])
 def test_a_disk_full_of_trials(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moment: int
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished, moment: int
 ) -> None:
+    """The shifts are known, so that none has to be simulated for the trials."""
     study = load_study("mq200", [*SMALL, "search.trials=4"])
+    short.copy(tmp_path / "out", "trials.log", "result.json")
     true, calls = JournalFileBackend.append_logs, []
 
     def torn(self: JournalFileBackend, logs: list[dict[str, Any]]) -> None:
@@ -151,10 +148,10 @@ def test_a_disk_full_of_trials(
 
     monkeypatch.setattr(JournalFileBackend, "append_logs", torn)
     with pytest.raises(OSError, match="No space left on device"):
-        run_study(study, searching(tmp_path / "out", 1))
+        run_study(study, searching(tmp_path / "out", 1, resume=True))
     monkeypatch.undo()
     again = run_study(study, searching(tmp_path / "out", 1, resume=True))
-    other = run_study(study, searching(tmp_path / "other", 1))
+    other = short.result
     assert _designs(again)[0] == _designs(other)[0]
     params = [[row[name] for name in study.variables] for row in again["trials"]]
     assert params == [[row[name] for name in study.variables] for row in other["trials"]]
@@ -181,8 +178,8 @@ def test_a_read_only_folder_is_said(
 
 def test_two_runs_in_one_folder(tmp_path: Path) -> None:
     """The second is refused while the first runs, and the first does not notice."""
-    first = subprocess.Popen(_command(tmp_path, "--set", "search.trials=1"), cwd=ROOT,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+    one = _command(tmp_path, "--jobs", "1", "--set", "search.trials=1")
+    first = subprocess.Popen(one, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     end = time.monotonic() + 60
     while not _lines(tmp_path) and time.monotonic() < end:
         time.sleep(0.02)
@@ -197,11 +194,11 @@ def test_two_runs_in_one_folder(tmp_path: Path) -> None:
 
 
 def test_a_stale_lock_of_the_trials_costs_no_wait(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished
 ) -> None:
     """No attempt at the lock meets one that is there: Optuna would wait half a minute for it."""
-    study = load_study("mq200", [*SMALL, "search.trials=1"])
-    run_study(study, searching(tmp_path, 1))
+    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    short.copy(tmp_path)
     lock = tmp_path / "trials.log.lock"
     lock.symlink_to(tmp_path / "trials.log")
     true, met = os.symlink, []
@@ -217,10 +214,9 @@ def test_a_stale_lock_of_the_trials_costs_no_wait(
 
 
 def test_a_clock_that_jumps_changes_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished
 ) -> None:
-    study = load_study("mq200", [*SMALL, "search.trials=5"])
-    plain = run_study(study, searching(tmp_path / "plain", 1))
+    study = load_study("mq200", [*SMALL, "search.trials=4"])
     chance, true, asked = random.Random(1), time.time, []
 
     def jumping() -> float:
@@ -228,21 +224,11 @@ def test_a_clock_that_jumps_changes_nothing(
         return true() + chance.uniform(-4e8, 4e8)
 
     monkeypatch.setattr("time.time", jumping)
-    short = load_study("mq200", [*SMALL, "search.trials=2"])
-    run_study(short, searching(tmp_path / "jumps", 1))
+    begun = load_study("mq200", [*SMALL, "search.trials=2"])
+    run_study(begun, searching(tmp_path / "jumps", 1))
     jumped = run_study(study, searching(tmp_path / "jumps", 1, resume=True))
-    assert _designs(jumped) == _designs(plain)
+    assert _designs(jumped) == _designs(short.result)
     assert time.time() != true()
-
-
-def test_no_room_asks_for_the_time_of_day() -> None:
-    """Only a report's provenance does, to say when it was written; no result depends on it."""
-    provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
-    for room in ("sim", "surrogate", "diagnosis", "pipeline", "dogshape"):
-        for path in set((ROOT / room).rglob("*.py")) - {provenance}:
-            text = path.read_text()
-            for word in ("time.time(", "datetime", "time_ns(", "st_mtime"):
-                assert word not in text, f"{path} uses {word}"
 
 
 def _block(study: Study, **solver: Any) -> Block:
@@ -310,6 +296,7 @@ def test_a_study_goes_on_with_shifts_that_fail(tmp_path: Path, dogshape: Any) ->
     limits = ["--set", "search.trials=2", "--set", "solver.max_steps=420"]
     said: Said = dogshape("study", "mq200", "--out", tmp_path, "--jobs", 1, *overrides, *limits)
     assert said.status == 0, said.err
+    assert "2 of 2 designs" in said.err
     failed = _result(tmp_path)["failed_shifts"]
     rows = [json.loads(line) for line in _lines(tmp_path)]
     assert sum(failed.values()) == sum(row["outcome"] == "diverged" for row in rows) > 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import re
 import shutil
 import subprocess
@@ -17,6 +16,7 @@ import pytest
 
 from dogshape.sim.bundled import bundled_root
 from tests.conftest import SMALL, Said
+from tests.integration.studies import Finished
 
 Call = Callable[..., Said]
 VERBS = (
@@ -92,26 +92,11 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
 
 
-@pytest.fixture(scope="module")
-def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder in which ``dogshape study`` has been run at smoke size."""
-    home = tmp_path_factory.mktemp("home")
-    command = [
-        sys.executable,
-        "-m",
-        "dogshape.pipeline",
-        "study",
-        "mq200",
-        *SETS,
-        "--no-report",
-        "--json",
-    ]
-    done = subprocess.run(command, cwd=home, capture_output=True, text=True, check=True)
-    said = json.loads(done.stdout)
-    assert set(said) >= {"best", "front", "n_simulated_shifts", "report"}
-    assert said["report"] is None
-    assert "12 of 12 designs" in done.stderr
-    return home
+@pytest.fixture
+def studied(finished: Finished, tmp_path: Path) -> Path:
+    """A folder with the results of a study at smoke size."""
+    finished.copy(tmp_path / "home" / "results" / "mq200")
+    return tmp_path / "home"
 
 
 def test_study_then_report_fit_and_check(
@@ -305,13 +290,13 @@ def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], w
         (("expect", "mq200", "--jobs", "-1"), "--jobs"),
     ],
 )
-def test_wrong_options_are_one_sentence(arguments: tuple[str, ...], words: str) -> None:
-    command = [sys.executable, "-m", "dogshape.pipeline", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert len(done.stderr.strip().splitlines()) == 1
-    assert done.stdout == ""
+def test_wrong_options_are_one_sentence(
+    program: Call, arguments: tuple[str, ...], words: str
+) -> None:
+    said = program(*arguments)
+    assert said.status == 2
+    assert words in said.sentence
+    assert said.out == ""
 
 
 def test_version_and_status_through_the_entry_point() -> None:

@@ -38,6 +38,7 @@ from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record, unfinished
 from dogshape.sim.strength.landing import LANDING_RULES
 from tests.conftest import SMALL, searching
+from tests.integration.studies import Finished
 
 FEW = [*SMALL, "search.trials=4", "search.sampler=random"]
 REASON = "no end after solver.time_limit_s = 600, at 0.01 s of the shift"
@@ -65,15 +66,8 @@ def _rows(result: dict[str, Any]) -> list[list[Any]]:
     return [[row[name] for name in DESIGN] for row in result["trials"]]
 
 
-@pytest.fixture(scope="module")
-def calm(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """A small search on a machine that had time."""
-    folder = tmp_path_factory.mktemp("calm")
-    return folder, run_study(load_study("mq200", FEW), searching(folder, 1))
-
-
 def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: tuple[Path, dict[str, Any]]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
 ) -> None:
     """The run counts such shifts as failed and ends; the next one ends as if nothing had been."""
     study, busy = load_study("mq200", FEW), Busy()
@@ -83,18 +77,18 @@ def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
     assert busy.ended > 0
     assert first["failed_shifts"] == {REASON.partition(", at ")[0]: busy.ended}
     assert len(first["trials"]) == 4
-    assert _rows(first)[0] != _rows(calm[1])[0]
+    assert _rows(first)[0] != _rows(calm.result)[0]
     kept = [json.loads(line) for line in (tmp_path / "shifts.jsonl").read_text().splitlines()]
     assert not any(map(unfinished, kept))
     assert first["n_simulated_shifts"] == len(kept)
     again = run_study(study, searching(tmp_path, 1, resume=True))
     assert again["failed_shifts"] == {}
-    assert _rows(again) == _rows(calm[1])
-    assert again["confirmation"] == calm[1]["confirmation"]
+    assert _rows(again) == _rows(calm.result)
+    assert again["confirmation"] == calm.result["confirmation"]
 
 
 def test_a_result_of_before_that_the_clock_spoilt_is_mended(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: tuple[Path, dict[str, Any]]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
 ) -> None:
     """Earlier versions kept what the clock ended, and told the trials that rest on it."""
     study = load_study("mq200", FEW)
@@ -107,17 +101,17 @@ def test_a_result_of_before_that_the_clock_spoilt_is_mended(
     for _ in range(2):  # trials stay as they were told, so each run mends them
         again = run_study(study, searching(tmp_path, 1, resume=True))
         assert again["failed_shifts"] == {}
-        assert _rows(again) == _rows(calm[1]) != _rows(first)
+        assert _rows(again) == _rows(calm.result) != _rows(first)
 
 
 def test_lost_shifts_are_said_and_simulated_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], calm: tuple[Path, dict[str, Any]]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], calm: Finished
 ) -> None:
     study, path = load_study("mq200", FEW), tmp_path / "shifts.jsonl"
     folder = StudyFolder(tmp_path)
     for name in ("study.json", "trials.log", "result.json"):
-        (tmp_path / name).write_bytes((calm[0] / name).read_bytes())
-    lines = (calm[0] / "shifts.jsonl").read_text().splitlines(keepends=True)
+        (tmp_path / name).write_bytes((calm.folder / name).read_bytes())
+    lines = (calm.folder / "shifts.jsonl").read_text().splitlines(keepends=True)
     path.write_text("".join(lines[: len(lines) // 2]))
     said: list[str] = []
     publish(folder, said.append)
@@ -133,7 +127,7 @@ def test_lost_shifts_are_said_and_simulated_again(
     assert f"lacks {searched} shifts of" in words
     assert again["n_simulated_shifts"] == len(lines)
     assert sorted(path.read_text().splitlines(keepends=True)) == sorted(lines)
-    assert _rows(again) == _rows(calm[1])
+    assert _rows(again) == _rows(calm.result)
 
 
 def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None:

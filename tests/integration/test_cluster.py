@@ -7,7 +7,7 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.simulate import executor
-from tests.conftest import SMALL
+from tests.conftest import SMALL, Said
+from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
 
 OVERRIDES = [part for text in SMALL for part in ("--set", text)]
@@ -55,10 +56,12 @@ def test_a_client_that_lost_its_cluster_is_replaced(monkeypatch: pytest.MonkeyPa
     assert executor.connect(None) is None
 
 
-def test_a_cluster_gives_what_one_machine_gives(cluster: Cluster) -> None:
-    away, here = (_call("expect", *EXPECT, *m) for m in (["--cluster", cluster.address], []))
+def test_a_cluster_gives_what_one_machine_gives(
+    cluster: Cluster, dogshape: Callable[..., Said]
+) -> None:
+    away = _call("expect", *EXPECT, "--cluster", cluster.address)
     assert away.returncode == 0, away.stderr
-    assert json.loads(away.stdout) == json.loads(here.stdout)
+    assert json.loads(away.stdout) == dogshape("expect", *EXPECT, "--jobs", 1).json
     # One worker must do it, and not this machine in its place.
     busy = sum(float(t) for t in _times(cluster.workers[0].pid))
     assert busy > 1.0
@@ -69,9 +72,9 @@ def _times(pid: int) -> list[float]:
     return [int(fields[k]) / os.sysconf("SC_CLK_TCK") for k in (11, 12)]
 
 
-def test_a_killed_worker_loses_no_trial(tmp_path: Path) -> None:
+def test_a_killed_worker_loses_no_trial(short: Finished, tmp_path: Path) -> None:
     """Its shifts run again on the other one; the result is that of one machine."""
-    outs = [tmp_path / "away", tmp_path / "here"]
+    outs = [tmp_path / "away", short.folder]
     size = ["--set", "search.trials=4"]
     with dask_cluster(2) as two:
         process = subprocess.Popen(
@@ -84,8 +87,6 @@ def test_a_killed_worker_loses_no_trial(tmp_path: Path) -> None:
         two.workers[0].wait()
         _, err = process.communicate(timeout=240)
         assert process.returncode == 0, err.decode()
-    here = _call("study", *STUDY, "--out", str(outs[1]), *size)
-    assert here.returncode == 0, here.stderr
     away, alone = (json.loads((out / "result.json").read_text()) for out in outs)
     assert away == alone
     rows = [sorted(_keys(out)) for out in outs]
@@ -166,6 +167,7 @@ sys.modules["dogshape.pipeline.simulate.executor"] = None
         (OTHER_DRAKE, "has drake 1.2.3, but here it is"),
         (NO_DOGSHAPE, "does not have Dogshape"),
     ],
+    ids=["other version", "none"],
 )
 def test_workers_with_other_programs_are_refused(prepared: str, words: str) -> None:
     with dask_cluster(1, prepared) as other:

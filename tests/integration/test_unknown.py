@@ -11,7 +11,7 @@ from dogshape.pipeline.search.confirmation import resimulated
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.estimate import Estimate, mean_over
-from tests.unit.test_operating import _run, _tiny
+from tests.integration.test_objective_studies import _run, _tiny
 
 
 def test_a_mean_of_nothing_is_unknown_and_a_point_of_nothing_is_left_out() -> None:

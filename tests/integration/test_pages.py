@@ -69,7 +69,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a small study by a sampler that also proposes infeasible designs."""
     folder = tmp_path_factory.mktemp("report")
     study = load_study("mq200", [*SMALL, "search.sampler=tpe"])
-    run_study(study, Run(StudyFolder(folder), jobs=2))
+    run_study(study, Run(StudyFolder(folder), jobs=1))
     return folder
 
 

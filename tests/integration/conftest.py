@@ -1,0 +1,25 @@
+"""Fixtures: studies that have ended, which tests of the whole program share."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.integration.studies import Finished, finished_study
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The small study, run to its end by one worker."""
+    return finished_study(tmp_path_factory, "small")
+
+
+@pytest.fixture(scope="session")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The small study with four designs, of which no surrogate is fitted."""
+    return finished_study(tmp_path_factory, "short", trials=4)
+
+
+@pytest.fixture(scope="session")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """Four designs drawn at random, on a machine that had time."""
+    return finished_study(tmp_path_factory, "calm", trials=4, sampler="random")

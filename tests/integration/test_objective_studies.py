@@ -1,0 +1,106 @@
+"""Bundled studies with other objectives, run at smoke size."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.schema import QUANTILE
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.reports.study.publish import write_report
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import run_study
+from tests.conftest import searching
+
+
+def _tiny(name: str, *more: str) -> Study:
+    """A bundled study of two operating points, three angles and few designs."""
+    points = "operating={points=[{mismatch_rpm=100, force_N=469, weight=2}, "
+    points += "{mismatch_rpm=-149, force_N=469}]}"
+    budget = ["expectation.angles=3", "search.confirm_angles=3", "search.trials=4"]
+    return load_study(name, [points, *budget, "search.sampler=space_filling", *more])
+
+
+def _run(study: Study, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    result = run_study(study, searching(folder, jobs=1))
+    lines = (folder / "shifts.jsonl").read_text().splitlines()
+    return result, [json.loads(line) for line in lines]
+
+
+def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
+    study = _tiny("mq200_robust")
+    result, shifts = _run(study, tmp_path)
+    assert result["leading"] == "shift_time_quantile_s"
+    assert study.file.search.quantile == QUANTILE
+    rows = [row for row in result["trials"] if row["feasible"]]
+    assert result["best"] == min(rows, key=lambda row: row["shift_time_quantile_s"])
+    assert {row["force_factor"] for row in shifts} != {1.0}
+    # The prototype's chamfer would not slide from rest at the upper end of the friction.
+    assert result["trials"][0]["failed"] == ["chamfer_release"]
+    for row in result["trials"][1:]:
+        assert row["standard_errors"]["shift_time_quantile_s"] > 0.0
+        assert row["shift_time_quantile_s"] > row["expected_shift_time_s"]
+        # Three angles at two points: beyond all other times stands the slowest shift.
+        mine = [s for s in shifts if all(s[v] == pytest.approx(row[v]) for v in study.variables)]
+        if all(s["outcome"] == "engaged" for s in mine):
+            slowest = max(s["shift_time_s"] for s in mine if s["accuracy"] == 3e-4)
+            assert row["shift_time_quantile_s"] <= slowest + 1e-12
+    gain = result["confirmation"]["gains"]["shift_time_quantile_s"]
+    both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
+    told = [one["shift_time_quantile_s"]["value"] for one in both]
+    assert gain["value"] == pytest.approx(told[0] - told[1])
+    assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
+    resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
+    assert resumed["trials"] == result["trials"]
+    assert resumed["n_simulated_shifts"] == len(shifts)
+
+
+def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
+    study = _tiny("mq200_three")
+    result, shifts = _run(study, tmp_path)
+    names = ["expected_shift_time_s", "axial_length_mm", "peak_impact_force_N"]
+    assert result["objectives"] == names
+    values = {row["trial"]: [row[name] for name in names] for row in result["trials"]}
+    feasible = [row["trial"] for row in result["trials"] if row["feasible"]]
+    best = {
+        trial
+        for trial in feasible
+        if not any(
+            all(a <= b for a, b in zip(values[o], values[trial], strict=True))
+            and values[o] != values[trial]
+            for o in feasible
+        )
+    }
+    assert {row["trial"] for row in result["front"]} == best
+    row = result["trials"][1]
+    peaks: dict[float, list[float]] = {}
+    for shift in shifts:
+        if shift["height_mm"] == pytest.approx(row["height_mm"]) and shift["seed"] == 1:
+            force = np.hypot(shift["peak_axial_force_N"], shift["peak_tangential_force_N"])
+            peaks.setdefault(round(shift["mismatch_rpm"]), []).append(force)
+    assert {len(found) for found in peaks.values()} == {3}
+    mean = (2.0 * np.mean(peaks[100]) + np.mean(peaks[-149])) / 3.0
+    assert row["peak_impact_force_N"] == pytest.approx(mean)
+
+
+def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
+    """Fourteen designs, so that the sampler's own process is used for what is not a time."""
+    budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
+    points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
+    more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
+    study = _tiny("mq200", *more, "shift.timeout_s=1.1")
+    result, _ = _run(study, tmp_path)
+    rows = [row for row in result["trials"] if row["feasible"]]
+    assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)
+    margins = [row["smallest_margin"] for row in result["front"]]
+    lengths = [row["axial_length_mm"] for row in result["front"]]
+    assert margins == sorted(margins, reverse=True)
+    assert lengths == sorted(lengths, reverse=True)
+    assert result["maximised"] == ["smallest_margin"]
+    for row in result["trials"]:
+        if row["margins"]:
+            assert row["smallest_margin"] == min(row["margins"].values())
