@@ -1,6 +1,7 @@
 # Two targets do everything on a fresh Debian 12 with Python 3.11:
 #   make study   environment, default study, report
-#   make test    environment, lint, types, tests
+#   make test    environment, lint, types, tests (ten minutes on two idle cores)
+# make test-fast runs tests/unit alone: no server, browser or study (two minutes on two idle cores).
 # make surrogate simulates and fits the surrogate that the package brings (1.5 hours).
 # make bank simulates the bank that the package brings for the published data sets (four hours).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
@@ -24,13 +25,21 @@ EXTRAS := dev,blind,cad,docs,fem,machines,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test lint docs evidence blind surrogate bank studies samplers gaps figures picture constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
 
+# A process for each core, and no threads of linear algebra beside it. Files are taken in their
+# order: the long ones of tests/acceptance and tests/integration first.
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n auto \
+  --dist loadfile --no-loadscope-reorder
+
 test: $(VENV)/complete lint
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(PYTEST)
+
+test-fast: $(VENV)/complete
+	$(PYTEST) tests/unit
 
 # The type checker knows no mapping of package folders: it is shown them under one name.
 ROOMS := sim surrogate diagnosis validation pipeline

@@ -92,6 +92,23 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
 
 
+#: Two points at which the wait for the next slot scatters most.
+HARD_POINTS = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force_N=[469, 641.5]")
+
+
+def test_expect_to_a_precision(dogshape: Call) -> None:
+    wide = dogshape("expect", "mq200", *HARD_POINTS, "--precision", 0.2, "--json", "--jobs", 1)
+    fine = dogshape("expect", "mq200", *HARD_POINTS, "--precision", 0.02, "--json", "--jobs", 1)
+    assert wide.status == fine.status == 0
+    for said, goal in ((wide, 0.2), (fine, 0.02)):
+        found: Any = said.json
+        assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
+        assert 0.0 <= found["numerical_error_s"] < 1e-3
+    shifts = [sum(p["n"] for p in said.json["points"]) for said in (wide, fine)]
+    assert shifts[0] < shifts[1]
+    assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
+
+
 @pytest.fixture
 def studied(finished: Finished, tmp_path: Path) -> Path:
     """A folder with the results of a study at smoke size."""

@@ -20,10 +20,26 @@ def found() -> ds.Diagnosis:
 
 
 def test_a_diagnosis_is_what_the_command_line_prints(
-    found: ds.Diagnosis, dogshape: Dogshape
+    found: ds.Diagnosis, dogshape: Dogshape, tmp_path: Path
 ) -> None:
-    said = json.loads(dogshape("gap", "mq200_adams", "--json").out)
-    assert said == json.loads(json.dumps(found.to_dict()))
+    """Its files say the same as the record that is printed."""
+    said = dogshape("gap", "mq200_adams", "--bank", tmp_path, "--out", tmp_path / "out", "--json")
+    assert said.status == 0
+    assert said.json == json.loads(json.dumps(found.to_dict()))
+    kept = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
+    assert kept["hypotheses"] == said.json["hypotheses"]
+    assert (tmp_path / "out" / "report.html").stat().st_size > 1_000_000
+    assert (tmp_path / "out" / "cells.csv").read_text(encoding="utf-8").count("\n") == 29
+
+
+def test_the_published_model_needs_no_effect_that_matters(found: ds.Diagnosis) -> None:
+    record = found.to_dict()
+    assert record["gap"]["baseline_rmse_s"] < record["gap"]["floor_rmse_s"]
+    chances = {tuple(h["effects"]): h["probability"] for h in record["hypotheses"]}
+    assert sum(chances.values()) == pytest.approx(1.0)
+    assert chances[("unknown",)] < 0.05
+    # A dry friction that matters on the stand would be seen at once.
+    assert record["bounds"]["sleeve_friction"]["high"] < 15.0
 
 
 def test_probabilities_are_those_of_the_record(found: ds.Diagnosis) -> None:

@@ -18,8 +18,6 @@ from tests.conftest import Said
 Point = Callable[[float, float], OperatingPoint]
 Dogshape = Callable[..., Said]
 
-SMALL = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force_N=[469.0, 641.5]")
-
 
 def _row(time: float | None) -> Record:
     return {"outcome": "engaged" if time else "timed_out", "shift_time_s": time}
@@ -69,19 +67,6 @@ def test_rounds_of_angles_hold_the_rounds_before() -> None:
         more = even_phases(6 * factor, seed=4, index=1, base=6)
         assert np.diff(more) == pytest.approx(np.full(6 * factor - 1, 1 / (6 * factor)))
         assert all(np.abs(more - phase).min() < 1e-12 for phase in first)
-
-
-def test_expect_to_a_precision(dogshape: Dogshape) -> None:
-    wide = dogshape("expect", "mq200", *SMALL, "--precision", 0.2, "--json", "--jobs", 1)
-    fine = dogshape("expect", "mq200", *SMALL, "--precision", 0.01, "--json", "--jobs", 1)
-    assert wide.status == fine.status == 0
-    for said, goal in ((wide, 0.2), (fine, 0.01)):
-        found: Any = said.json
-        assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
-        assert 0.0 <= found["numerical_error_s"] < 1e-3
-    shifts = [sum(p["n"] for p in said.json["points"]) for said in (wide, fine)]
-    assert shifts[0] < shifts[1]
-    assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
 
 
 @pytest.mark.parametrize(

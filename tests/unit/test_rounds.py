@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import optuna
@@ -69,6 +70,15 @@ def _go_on(search: Search, sampler_of: Callable[[int], BaseSampler]) -> list[dic
     return [trial.params for trial in search.trials()]
 
 
+@cache
+def _whole(sampler: str) -> Search:
+    """A search that nothing cut off, to be read alone."""
+    study = _study(sampler)
+    search = _opened(study)
+    _go_on(search, sampler_factory(study))
+    return search
+
+
 def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[int], BaseSampler]:
     """Return what ends the process where proposal ``number`` would be asked."""
 
@@ -83,9 +93,8 @@ def _ending(sampler_of: Callable[[int], BaseSampler], number: int) -> Callable[[
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("number", [2, 6])
 def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: int) -> None:
-    study = _study(sampler)
+    study, whole = _study(sampler), [trial.params for trial in _whole(sampler).trials()]
     sampler_of = sampler_factory(study)
-    whole = _go_on(_opened(study), sampler_of)
     search = _opened(study)
     with pytest.raises(CutOffError):
         _go_on(search, _ending(sampler_of, number))
@@ -98,9 +107,8 @@ def test_a_round_cut_off_while_it_was_asked_asks_the_same(sampler: str, number: 
 @pytest.mark.parametrize("told", [1, 3])
 def test_a_round_cut_off_while_it_was_told_asks_no_more(sampler: str, told: int) -> None:
     """The rounds after it begin where they would have."""
-    study = _study(sampler)
-    whole = _opened(study)
-    params = _go_on(whole, sampler_factory(study))
+    study, whole = _study(sampler), _whole(sampler)
+    params = [trial.params for trial in whole.trials()]
     search, sampler_of = _opened(study), sampler_factory(study)
     _tell(search, next_round(search, sampler_of))
     second = next_round(search, sampler_of)
@@ -133,9 +141,7 @@ def test_a_trial_that_was_cut_off_while_it_was_asked_keeps_its_number(
     sampler: str, number: int
 ) -> None:
     """Whatever of its design had been drawn, designs have the numbers that they would have had."""
-    study = _study(sampler)
-    whole = _opened(study)
-    _go_on(whole, sampler_factory(study))
+    study, whole = _study(sampler), _whole(sampler)
     for drawn in (0, 2):
         search = _opened(study)
         with _cut_off_in_suggestion(number, drawn), pytest.raises(CutOffError):
