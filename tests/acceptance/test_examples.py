@@ -29,9 +29,8 @@ def test_the_table_lists_all_scripts() -> None:
 
 def test_a_clutch_of_ones_own() -> None:
     found = _main("own_clutch")(angles=3)
-    # A free flight of 5 mm under 300 to 600 N takes some 60 ms, and one pitch passes in 130 ms.
-    assert 0.05 < found["variant_s"] < 0.3
-    assert found["variant_s"] != found["expected_s"]
+    assert found["expected_s"] == pytest.approx(0.0739, rel=0.02)
+    assert found["variant_s"] == pytest.approx(0.0687, rel=0.02)
 
 
 def test_a_bench_of_ones_own() -> None:
@@ -50,4 +49,4 @@ def test_an_effect_of_ones_own() -> None:
 def test_a_sampler_in_a_study_of_ones_own() -> None:
     study = _main("own_sampler")(trials=2, angles=3)
     assert len(study.trials) == 2
-    assert 0.02 < study.best_value < 0.3
+    assert 0.05 < study.best_value < 0.2

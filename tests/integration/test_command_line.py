@@ -38,10 +38,10 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
     said = dogshape("shift", "mq200", *ONE_SHIFT, "--html", "a.html", "--trace", "a.csv", "--json")
     assert said.status == 0
     assert said.json["outcome"] == "engaged"
-    assert 0.02 < said.json["shift_time_s"] < 0.2
+    assert said.json["shift_time_s"] == pytest.approx(0.0826, rel=0.02)
     assert said.json["phases"][0]["name"] == "free fly"
     assert said.json["phases"][-1]["end"] == pytest.approx(said.json["shift_time_s"])
-    assert said.json["peak_axial_force_N"] > 469
+    assert 469 < said.json["peak_axial_force_N"] < 2 * 1090
     loads = said.json["loads"]
     assert loads["torque_peak_Nm"] > loads["torque_peak_strike_Nm"] > 0.0
     assert loads["torque_peak_closing_Nm"] > 0.0

@@ -63,8 +63,8 @@ def test_data_that_can_show_no_effect_are_no_evidence_of_none() -> None:
     record = found.as_dict()
     assert record["no_information"] == ["drag_torque"]
     assert (record["verdict"], record["causes"]) == ("ambiguous", [])
-    assert record["headline"] == "Not settled: these data cannot show any effect"
-    assert "These data cannot show any effect: each of those known" in record["summary"]
+    for text in (record["headline"], record["summary"]):
+        assert "cannot show any effect" in text
     seen = _found({}, names=("drag_torque", "actuation_delay"))
     assert seen.verdict.kind == "none"
     assert "cannot show any" not in seen.as_dict()["summary"]

@@ -84,7 +84,8 @@ def _said(study: Study, result: Row, report: Path | None = None) -> str:
 
 def test_the_end_table_shows_the_objectives_of_the_study(study: Study, result: Row) -> None:
     lines = _said(study, result | {"objectives": [TIME, LENGTH, FORCE]}).splitlines()
-    assert lines[0] == "Design 2 shifts 20 % faster than the prototype."
+    assert "Design 2" in lines[0]
+    assert "20 % faster" in lines[0]
     for name, values in (
         ("expected shift time, ms", "100.0 (98.8 to 101.2) 80.0 (78.8 to 81.2) 20.0 ± 1.0 ms less"),
         ("axial length, root to root, mm", "8 7 1 mm less (12 %)"),
@@ -96,7 +97,9 @@ def test_the_end_table_shows_the_objectives_of_the_study(study: Study, result: R
     front = [" ".join(line.split()) for line in lines if line.startswith(("prototype", "2, cho"))]
     assert "100.0 (98.0 to 102.0) 8 8000 1.0 % tip width" in front[0]
     assert "70.0 (68.0 to 72.0) 7 7000 3.0 % tip width" in front[1]
-    assert "There are three objectives: the expected shift time, which leads;" in "\n".join(lines)
+    (leads,) = [line for line in lines if "leads" in line]
+    assert "three objectives" in leads
+    assert "expected shift time" in leads
     assert "report: none yet, 'dogshape report' makes it" in lines[-1]
 
 

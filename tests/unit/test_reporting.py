@@ -136,27 +136,27 @@ def test_margins_in_percent(margin: float, words: str) -> None:
     assert percent(margin) == words
 
 
+def in_words(sentence: str, *facts: str) -> bool:
+    """Whether a sentence has all these facts, in this order."""
+    places = [sentence.find(fact) for fact in facts]
+    return min(places) >= 0 and places == sorted(places)
+
+
 def test_summary_says_what_was_found(result: Row) -> None:
-    assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
+    assert in_words(headline(result), "Design 2", "20 % faster", "prototype")
     sure, hung, limit, slower = points_of(result)
-    assert "Clear: the gain is 20 times its standard error. 100 shifts" in sure
-    said = "8 of 32 shifts of the prototype did not engage there and are tried again."
-    assert hung == said
+    assert in_words(sure, "20 times its standard error", "100 shifts")
+    assert in_words(hung, "8 of 32 shifts", "prototype", "not engage")
     assert "tip width, with a margin of 3.0 %" in limit
-    assert (
-        "\N{MINUS SIGN}2.0 % with every tolerance at its worst, so such a part may break" in limit
-    )
-    assert slower == (
-        "Slower than the prototype at 1 of 2 operating points, clearly at 1: "
-        "100 1/min with 235.2 N by 10.0 ± 3.6 ms."
-    )
+    assert in_words(limit, "\N{MINUS SIGN}2.0 %", "tolerance")
+    assert in_words(slower, "1 of 2 operating points", "100 1/min with 235.2 N", "10.0 ± 3.6 ms")
     gains = {TIME: {"value": 0.001, "standard_error": 0.001}}
     unclear = result["confirmation"] | {"gains": gains}
     assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
     assert "not been confirmed" in headline(result | {"confirmation": None})
     assert "No design" in headline(result | {"best": None})
     own = result | {"best": result["trials"][0]}
-    assert headline(own) == "No design of this search is faster than the prototype."
+    assert in_words(headline(own), "No design", "faster than the prototype")
     assert [line.split()[0] for line in points_of(own)] == ["100", "What"]
 
 
@@ -230,20 +230,17 @@ def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
     worse = c["best"] | {"checks": [{**check, "margin": -0.02}]}
     c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **worse}]
     assert failures_of(result) == [], "nobody chose them"
-    assert passed_over(result) == (
-        "Designs 1, 3, found by the search, are out: they fail at the fresh angles by 2.0 % to "
-        "10 % (edge pressure impact)."
-    )
+    assert in_words(passed_over(result), "Designs 1, 3", "2.0 % to 10 %", "edge pressure impact")
     c["designs"] = [{"trial": 1, **failing}, own]
-    assert passed_over(result).startswith("Design 1 is out: it fails at the fresh angles by 10 %")
-    assert headline(result) == "Design 2 shifts 20 % faster than the prototype."
+    assert in_words(passed_over(result), "Design 1 ", "10 %")
+    assert in_words(headline(result), "Design 2", "20 % faster")
 
 
 def test_a_prototype_that_fails_is_said_on_the_first_page(result: Row) -> None:
     own = next(row for row in result["trials"] if row["prototype"])
     own["failed"], own["margins"] = ["contact_ratio"], {"contact_ratio": -0.028}
     (said,) = failures_of(result)
-    assert said == "The prototype itself fails: contact ratio (\N{MINUS SIGN}2.8 %)."
+    assert in_words(said, "prototype", "fails", "contact ratio", "\N{MINUS SIGN}2.8 %")
 
 
 def test_a_best_design_at_the_end_of_its_range_is_said(result: Row) -> None:
