@@ -73,10 +73,23 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("width", [1280, 800])
-def test_report_in_a_browser(reported: Path, tmp_path: Path, width: int) -> None:
-    window = f"{width},900"
-    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE, window=window)
+@pytest.fixture(scope="module")
+def seen_wide(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What a wide window shows of the report."""
+    folder = tmp_path_factory.mktemp("wide")
+    return look(reported / "report.html", folder, PROBE + REPORT_PROBE, window="1280,900")
+
+
+@pytest.fixture(scope="module")
+def seen_narrow(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """What a narrow window shows of the report."""
+    folder = tmp_path_factory.mktemp("narrow")
+    return look(reported / "report.html", folder, PROBE + REPORT_PROBE, window="800,900")
+
+
+@pytest.mark.parametrize("window", ["seen_wide", "seen_narrow"])
+def test_report_in_a_browser(request: pytest.FixtureRequest, window: str) -> None:
+    seen: dict[str, str] = request.getfixturevalue(window)
     assert "error" not in seen
     assert seen["figures"] == seen["drawn"]
     assert seen["ids"].split() == [
@@ -92,9 +105,8 @@ def test_report_in_a_browser(reported: Path, tmp_path: Path, width: int) -> None
         assert words in seen["dom"]
 
 
-def test_report_brings_its_designs_as_a_table(reported: Path, tmp_path: Path) -> None:
-    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE)
-    kind, _, data = seen["csv"].partition(",")
+def test_report_brings_its_designs_as_a_table(reported: Path, seen_wide: dict[str, str]) -> None:
+    kind, _, data = seen_wide["csv"].partition(",")
     assert kind.startswith("data:text/csv")
     table = pd.read_csv(io.StringIO(unquote(data)))
     trials = json.loads((reported / "result.json").read_text())["trials"]
@@ -105,9 +117,10 @@ def test_report_brings_its_designs_as_a_table(reported: Path, tmp_path: Path) ->
     assert pd.read_csv(reported / "designs.csv").equals(table)
 
 
-def test_report_links_pages_of_shifts_that_are_there(reported: Path, tmp_path: Path) -> None:
-    seen = look(reported / "report.html", tmp_path, PROBE + REPORT_PROBE)
-    links = json.loads(seen["links"])
+def test_report_links_pages_of_shifts_that_are_there(
+    reported: Path, seen_wide: dict[str, str], tmp_path: Path
+) -> None:
+    links = json.loads(seen_wide["links"])
     result = json.loads((reported / "result.json").read_text())
     assert len(links) == 2 * len({0} | {row["trial"] for row in result["front"]})
     assert all((reported / link).is_file() for link in links)

@@ -62,9 +62,9 @@ def designs(seed: int, number: int) -> list[Design]:
     return found
 
 
-@pytest.fixture(scope="module")
-def many() -> list[Design]:
-    return designs(1, 1500)
+@pytest.fixture(scope="module", params=[500, pytest.param(1500, marks=pytest.mark.slow)])
+def many(request: pytest.FixtureRequest) -> list[Design]:
+    return designs(1, request.param)
 
 
 def open_edges(cells: np.ndarray) -> int:
