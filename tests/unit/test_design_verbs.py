@@ -11,11 +11,9 @@ from xml.etree import ElementTree
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.export.cad import cad_available
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.strength.checks import GROUPS
-from dogshape.validation.finite_elements.root_stress import fem_available
-from tests.conftest import Said, needed
+from tests.conftest import Said
 
 Call = Callable[..., Said]
 
@@ -78,17 +76,6 @@ def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     assert "no dog" in text
 
 
-def test_finite_elements_on_request(dogshape: Call) -> None:
-    needed(fem_available(), "scikit-fem")
-    said = dogshape("strength", "mq200", "--no-simulation", "--fem", "--json").json
-    rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
-    assert len(rows) == 6
-    for row in rows.values():
-        assert row["closed_form_MPa"] == pytest.approx(row["finite_elements_MPa"], rel=0.1)
-    bending = next(c for c in said["checks"] if c["name"] == "root_bending_traction")
-    assert rows["traction", "load"]["closed_form_MPa"] == pytest.approx(bending["value"])
-
-
 def test_export_of_a_weak_design_warns(dogshape: Call) -> None:
     said = dogshape("export", "mq200", "--svg", "a.svg", "--set", "load.torque_Nm=900")
     assert said.status == 0
@@ -129,14 +116,6 @@ def test_drawing_carries_every_dimension() -> None:
         "15 dogs on Ø52.00 ±0.15 / Ø44.00 ±0.15 mm", "travel 4.70 mm", "16MnCr5",
     ):  # fmt: skip
         assert text in words
-
-
-def test_export_to_cad(dogshape: Call) -> None:
-    needed(cad_available(), "build123d")
-    said = dogshape("export", "mq200", "--step", "rings.step")
-    assert said.status == 0
-    assert "wrote rings.step (both rings)" in said.out
-    assert Path("rings.step").read_text().startswith("ISO-10303-21;")
 
 
 @pytest.mark.parametrize(

@@ -220,6 +220,18 @@ def test_a_quick_answer_loads_nothing_slow(arguments: list[str]) -> None:
     assert done.stderr.splitlines()[-1] == "slow:"
 
 
+def test_a_check_loads_nothing_slow() -> None:
+    code = f"""
+import sys, dogshape
+found = dogshape.Study("mq200").check()
+print(found, found.to_dict().keys(), file=sys.stderr)
+print(*sorted({set(SLOW)} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+    assert "predicted shift time" in done.stderr
+
+
 def test_one_place_makes_consoles() -> None:
     """It turns markup off: names and paths of users have square brackets."""
     making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
@@ -241,11 +253,10 @@ def test_no_room_asks_for_the_time_of_day() -> None:
 
 def test_unit_tests_start_no_study_server_or_browser() -> None:
     """What does is a test of ``tests/integration``, where finished studies are shared."""
-    slow = {"tests.browser", "tests.server", "tests.integration"}
-    runs = ("run_study(", ".search(out", "LocalCluster", "pip wheel")
+    slow = ("tests.browser", "tests.server", "tests.integration", "subprocess", "distributed")
+    runs = ("run_study(", ".search(out")
     found = []
-    for path in sorted((ROOT / "tests" / "unit").glob("*.py")):
-        found += [(path.name, name) for name in _imports(path) if name in slow]
-        text = path.read_text(encoding="utf-8") if path.name != Path(__file__).name else ""
-        found += [(path.name, call) for call in runs if call in text]
+    for path in set((ROOT / "tests" / "unit").glob("*.py")) - {Path(__file__)}:
+        found += [(path.name, name) for name in _imports(path) if name.startswith(slow)]
+        found += [(path.name, run) for run in runs if run in path.read_text(encoding="utf-8")]
     assert not found

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import FrozenInstanceError
 from pathlib import Path
@@ -14,7 +12,6 @@ import pytest
 
 import dogshape as ds
 from tests.conftest import Said
-from tests.unit.test_house import SLOW
 
 Dogshape = Callable[..., Said]
 
@@ -117,18 +114,6 @@ def test_a_check_carries_its_problem_and_does_not_change(check: ds.Check) -> Non
     assert all(name in check._repr_html_() for name in check.failed)
     with pytest.raises(FrozenInstanceError):
         check.answer = None  # type: ignore[assignment,misc]
-
-
-def test_a_check_loads_nothing_slow() -> None:
-    code = f"""
-import sys, dogshape
-found = dogshape.Study("mq200").check()
-print(found, found.to_dict().keys(), file=sys.stderr)
-print(*sorted({set(SLOW)} & set(sys.modules)))
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
-    assert "predicted shift time" in done.stderr
 
 
 def drawn_margins(

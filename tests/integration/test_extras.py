@@ -1,0 +1,33 @@
+"""Verbs that need an extra: finite elements of the root, and solids for CAD."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from dogshape.pipeline.export.cad import cad_available
+from dogshape.validation.finite_elements.root_stress import fem_available
+from tests.conftest import Said, needed
+
+Call = Callable[..., Said]
+
+
+def test_finite_elements_on_request(dogshape: Call) -> None:
+    needed(fem_available(), "scikit-fem")
+    said = dogshape("strength", "mq200", "--no-simulation", "--fem", "--json").json
+    rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
+    assert len(rows) == 6
+    for row in rows.values():
+        assert row["closed_form_MPa"] == pytest.approx(row["finite_elements_MPa"], rel=0.1)
+    bending = next(c for c in said["checks"] if c["name"] == "root_bending_traction")
+    assert rows["traction", "load"]["closed_form_MPa"] == pytest.approx(bending["value"])
+
+
+def test_export_to_cad(dogshape: Call) -> None:
+    needed(cad_available(), "build123d")
+    said = dogshape("export", "mq200", "--step", "rings.step")
+    assert said.status == 0
+    assert "wrote rings.step (both rings)" in said.out
+    assert Path("rings.step").read_text().startswith("ISO-10303-21;")
