@@ -25,7 +25,9 @@ def test_a_diagnosis_is_what_the_command_line_prints(
     """Its files say the same as the record that is printed."""
     said = dogshape("gap", "mq200_adams", "--bank", tmp_path, "--out", tmp_path / "out", "--json")
     assert said.status == 0
-    assert said.json == json.loads(json.dumps(found.to_dict()))
+    record = json.loads(json.dumps(found.to_dict()))
+    assert record["report"] is None
+    assert said.json == record | {"report": str(tmp_path / "out" / "report.html")}
     kept = json.loads((tmp_path / "out" / "gap.json").read_text(encoding="utf-8"))
     assert kept["hypotheses"] == said.json["hypotheses"]
     assert (tmp_path / "out" / "report.html").stat().st_size > 1_000_000
