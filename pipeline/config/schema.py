@@ -10,7 +10,13 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
-from dogshape.sim.clutch_tables import DogSection, OutputSection, Section, SlidingSection
+from dogshape.sim.clutch_tables import (
+    DogSection,
+    MechanismSection,
+    OutputSection,
+    Section,
+    SlidingSection,
+)
 from dogshape.sim.statistics.distribution import Distribution
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
@@ -280,6 +286,8 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
+    mechanism: MechanismSection | None = Field(default=None, exclude_if=_absent)
+    effects: dict[str, Any] | None = Field(default=None, exclude_if=_absent)
     uncertain: UncertainSection | None = Field(default=None, exclude_if=_absent)
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()

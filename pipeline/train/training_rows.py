@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study, physics_of, rise_table
+from dogshape.pipeline.config.study_file import Study, physics_of
 from dogshape.pipeline.store.result_records import number_or_none
-from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.shift_records import (
     OPTIONAL,
@@ -28,15 +28,15 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
 
     What else a journal holds (repeats with a finer tolerance, another rise time) is left out.
     """
-    programs, physics = engine(), study.physics_hash
+    programs, physics, table = engine(), study.physics_hash, study.actuation.table
     keys = {*clutch_record(study.clutch), *OPTIONAL, *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):
             return False
         record = {key: shift[key] for key in keys if key in shift}
-        given = physics_of(record, list(study.variables), study.file)
-        return content_key(given) == physics and _rises_as(study, shift)
+        given = physics_of(record, list(study.variables), table)
+        return content_key(given) == physics and _rises_as(table, shift)
 
     own = [shift for shift in shifts if is_of(shift)]
     return with_rows(study, rows_of(tuple(study.variables), own))
@@ -54,9 +54,8 @@ def row_record(rows: Array) -> list[list[float | None]]:
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
-def _rises_as(study: Study, shift: Record) -> bool:
+def _rises_as(table: RiseTable, shift: Record) -> bool:
     """Tell whether the force of a shift rose as the study's table says, drawn or not."""
-    table = rise_table(study.file)
     kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
     profiles = [ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds]
     return all(table.gives(profile) for profile in profiles)
