@@ -79,6 +79,15 @@ def with_mechanism(
     return changed, replace(actuation, **_table(found, "actuation"))
 
 
+def mechanism_record(clutch: Clutch, actuation: Actuation) -> dict[str, float]:
+    """Return what differs from no mechanism, keys and units as in ``[mechanism]``."""
+    own = clutch.mechanism.record.items()
+    found = {key.removeprefix("mechanism_"): value for key, value in own}
+    late = {"delay_s": actuation.delay, "lag_s": actuation.lag}
+    found |= {key: value for key, value in late.items() if value != 0.0}
+    return found if actuation.factor == 1.0 else {**found, "force_factor": actuation.factor}
+
+
 def _merged(sources: list[Source]) -> Fields:
     """Return all fields that are set; one that is set twice raises InputError."""
     found: Fields = {}

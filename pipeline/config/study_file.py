@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.pipeline.config.actuation import Actuation
-from dogshape.pipeline.config.mechanism import with_mechanism
+from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
 from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.bundled import bundled_root
@@ -100,6 +100,11 @@ class Study:
     @property
     def _axes(self) -> list[list[float]]:
         return axes_of(self.file.operating, self.points, self.actuation.factor)
+
+    @property
+    def mechanism(self) -> Record:
+        """What the shift mechanism has, keys as in ``[mechanism]``; empty where there is none."""
+        return mechanism_record(self.clutch, self.actuation)
 
     def dog_with(self, params: dict[str, float]) -> Dog:
         """Return the study's dog with some keys replaced, given in edge units.

@@ -81,7 +81,10 @@ def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mi
 
 
 def _gap_time(study: Study, mix: Mix, tolerance: float) -> float:
-    """Return the free flight that a wider gap adds, s, mean over the operating points."""
+    """Return the free flight that a wider gap adds, s, mean over the operating points.
+
+    Of all masses that move with the ring; what rubs on it changes this by less than its error.
+    """
     clutch, gap = study.clutch, study.clutch.dog.axial_gap
     mass = clutch.rings.mass + clutch.mechanism.added_mass
     ends = (gap + tolerance, max(0.0, gap - tolerance))
