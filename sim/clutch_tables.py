@@ -191,16 +191,16 @@ def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
         if name.isdecimal():
             continue  # the place in a list
         field = model.model_fields.get(name)
-        section = _section_in(field.annotation) if field else None
+        section = section_in(field.annotation) if field else None
         if section is None:
             return []
         model = section
     return list(model.model_fields)
 
 
-def _section_in(annotation: Any) -> type[BaseModel] | None:
+def section_in(annotation: Any) -> type[BaseModel] | None:
     """Return the section that an annotation allows, alone or beside other kinds of value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_section_in(one) for one in get_args(annotation))
+    found = (section_in(one) for one in get_args(annotation))
     return next((section for section in found if section is not None), None)

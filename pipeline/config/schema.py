@@ -16,6 +16,7 @@ from dogshape.sim.clutch_tables import (
     OutputSection,
     Section,
     SlidingSection,
+    section_in,
 )
 from dogshape.sim.statistics.distribution import Distribution
 from dogshape.sim.strength.load_case import LoadCase
@@ -307,7 +308,8 @@ def keys_like(stem: str) -> list[str]:
     Of the sections the first in the file that has such keys.
     """
     for section, field in StudyFile.model_fields.items():
-        keys = getattr(field.annotation, "model_fields", {})
+        inner = section_in(field.annotation)
+        keys = inner.model_fields if inner else {}
         found = [f"{section}.{name}" for name in keys if name.lower().startswith(stem)]
         if found and len(stem) > 2:
             return found[:3]

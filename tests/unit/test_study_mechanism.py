@@ -12,6 +12,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.check import check_design
+from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import time_spread
 from dogshape.pipeline.store.folder import StudyFolder, read_json
@@ -64,6 +65,11 @@ def _mechanism(**keys: float) -> dict[str, float]:
 def test_every_field_of_a_mechanism_has_its_key() -> None:
     keys = set(MechanismSection.model_fields)
     assert keys == {*FIELDS, "delay_s", "lag_s", "force_factor"}
+
+
+def test_an_option_that_is_a_key_is_told() -> None:
+    assert keys_like("spline") == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
+    assert keys_like("chamfer")[0] == "dog.chamfer_deg"
 
 
 def test_studies_without_a_mechanism_are_what_they_were() -> None:
