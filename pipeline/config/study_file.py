@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.pipeline.config.actuation import Actuation
+from dogshape.pipeline.config.contact import contact_of, own_contact, solver_of
 from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
 from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
@@ -23,15 +24,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
-from dogshape.sim.shift.clutch import (
-    PLANAR_ACCURACY,
-    SCHEMES,
-    Clutch,
-    OperatingPoint,
-    Solver,
-    solver_for,
-)
-from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads
@@ -248,7 +241,7 @@ def build_study(file: StudyFile) -> Study:
             "convert the file or use the version that wrote it"
         )
     _require_parts(file)
-    contact, shift = _contact(file), file.shift
+    contact, shift = contact_of(file.contact), file.shift
     clutch = Clutch(
         dog=file.dog.dog(),
         rings=rings(file.sliding, file.output),
@@ -256,9 +249,9 @@ def build_study(file: StudyFile) -> Study:
         timeout=shift.timeout_s,
         seated_tolerance=shift.seated_tolerance_mm * MM,
         rebound=shift.rebound_mm * MM,
-        solver=_solver(file, contact),
+        solver=solver_of(file.solver, contact),
     )
-    own, parts = _own_contact(file), (file.mechanism, file.effects)
+    own, parts = own_contact(file.contact), (file.mechanism, file.effects)
     clutch, actuation = with_mechanism(clutch, Actuation(_rises(file)), *parts, own)
     points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
@@ -271,7 +264,7 @@ def _require_parts(file: StudyFile) -> None:
     parts: tuple[Callable[[], object], ...] = (
         file.dog.dog,
         lambda: rings(file.sliding, file.output),
-        lambda: _solver(file, _contact(file)),
+        lambda: solver_of(file.solver, contact_of(file.contact)),
         lambda: _require_shift(file),
         lambda: _require_stiffness(file),
         lambda: points_of(file.operating, Actuation(_rises(file)).profile),
@@ -335,34 +328,6 @@ def _positive(key: str, value: float, most: float) -> None:
         unit = unit_of(key)
         rule = f"it must be positive and at most {most:.6g} {unit}"
         raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
-
-
-def _contact(file: StudyFile) -> ContactSet:
-    return replace(contact_set(file.contact.set), **_own_contact(file))  # type: ignore[arg-type]
-
-
-def _own_contact(file: StudyFile) -> dict[str, float]:
-    """Return the fields of the contact set that the file gives beside its name."""
-    return si_fields(file.contact.model_dump(exclude={"set"}, exclude_none=True))
-
-
-def _solver(file: StudyFile, contact: ContactSet) -> Solver:
-    solver, section = solver_for(contact), file.solver
-    if section.scheme is not None:
-        solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
-    if section.engine is not None:
-        planar = section.engine == "planar"
-        accuracy = PLANAR_ACCURACY if planar else solver.accuracy
-        solver = replace(solver, engine=section.engine, accuracy=accuracy)
-    if section.accuracy is not None:
-        solver = replace(solver, accuracy=section.accuracy)
-    if section.max_step_s is not None:
-        solver = replace(solver, max_step=section.max_step_s)
-    if section.max_steps is not None:
-        solver = replace(solver, max_steps=section.max_steps)
-    if section.time_limit_s is not None:
-        solver = replace(solver, time_limit=section.time_limit_s)
-    return solver
 
 
 def _rises(file: StudyFile) -> RiseTable:

@@ -9,23 +9,25 @@ import pytest
 from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.engagement import Engagement, engage
-from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.trace import crossing
 from dogshape.sim.statistics.expectation import ShiftResult, expect_point
 from dogshape.sim.units import DEG, RPM
 
+ENGINES = ("drake", "planar")
 NEAR = 0.9e-3  #: m, way within the gap of 1 mm in which nothing is touched
 
 
-def _study(**mechanism: float) -> Study:
-    return load_study("mq200", {f"mechanism.{key}": value for key, value in mechanism.items()})
+def _study(engine: str = "drake", **mechanism: float) -> Study:
+    keys = {f"mechanism.{key}": value for key, value in mechanism.items()}
+    return load_study("mq200", {**keys, "solver.engine": engine})
 
 
 def _shift(study: Study, mismatch: float, force: float, angle: float) -> Engagement:
     point = OperatingPoint(mismatch * RPM, study.actuation.profile(force))
-    return engage(ClutchPlant(study.clutch), point, angle * DEG)
+    return engage(study.clutch, point, angle * DEG)
 
 
 def _flight(result: Engagement) -> float:
@@ -36,11 +38,10 @@ def _flight(result: Engagement) -> float:
     return found
 
 
-def test_no_mechanism_is_bit_identical() -> None:
-    plain, none = (
-        _shift(one, 50, 469.0, 10)
-        for one in (_study(), _study(friction_N=0.0, spline_friction=0.0, drag_torque_Nm=0.0))
-    )
+@pytest.mark.parametrize("engine", ENGINES)
+def test_no_mechanism_is_bit_identical(engine: str) -> None:
+    noughts = _study(engine, friction_N=0.0, spline_friction=0.0, drag_torque_Nm=0.0)
+    plain, none = (_shift(one, 50, 469.0, 10) for one in (_study(engine), noughts))
     assert none.shift_time == plain.shift_time
     for name, series in vars(plain.trace).items():
         assert np.array_equal(getattr(none.trace, name), series), name
@@ -95,8 +96,10 @@ def test_drag_slows_a_ring_that_turns_and_not_its_flight() -> None:
     assert _flight(result) == pytest.approx(_flight(_shift(plain, 50, 235.2, 0)), rel=1e-3)
 
 
-def test_a_dead_time_moves_all_times_by_itself() -> None:
-    delay, plain, late = 0.05, *(_shift(s, 50, 469.0, 10) for s in (_study(), _study(delay_s=0.05)))
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_dead_time_moves_all_times_by_itself(engine: str) -> None:
+    delay, studies = 0.05, (_study(engine), _study(engine, delay_s=0.05))
+    plain, late = (_shift(study, 50, 469.0, 10) for study in studies)
     assert plain.shift_time is not None
     assert late.shift_time == plain.shift_time + delay
     assert late.actuator_time == plain.actuator_time + delay
@@ -176,11 +179,11 @@ def test_a_spline_takes_its_share_of_what_a_flank_strike_throws_back() -> None:
     assert free - rubbing == pytest.approx(_leverage(0.0) - _leverage(0.05), rel=0.02)
 
 
-def test_a_spline_that_locks_holds_the_ring_in_a_flank_strike() -> None:
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_spline_that_locks_holds_the_ring_in_a_flank_strike(engine: str) -> None:
     """tan(beta - rho) < mu_s (1 - m r^2/J1) r/r_s at 0.1, not at 0.05."""
     assert _leverage(0.05) > 0.0 > _leverage(0.1)
-    free, held = (
-        _shift(_study(spline_friction=mu), 249, 469.0, 14).events.rebound for mu in (0.05, 0.1)
-    )
+    studies = [_study(engine, spline_friction=friction) for friction in (0.05, 0.1)]
+    free, held = (_shift(study, 249, 469.0, 14).events.rebound for study in studies)
     assert free > 3e-3
     assert held < 5e-5
