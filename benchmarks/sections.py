@@ -177,6 +177,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "": DEFINITIONS,
         "Operating points": DEFINITIONS,
         "Uncertainty": ONCE,
+        "Mechanism and effects": DEFINITIONS,
         "Objectives": ONCE,
         "Shifts of a command that was stopped": DEFINITIONS,
         "Keys of `result.json`": "units and meanings of keys",

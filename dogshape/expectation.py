@@ -59,7 +59,9 @@ class Expectation(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""
-        return {"engine": self.config.clutch.solver.engine, **expectation_record(self.mean)}
+        engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
+        more = {"mechanism": mechanism} if mechanism else {}
+        return {"engine": engine, **expectation_record(self.mean), **more}
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""

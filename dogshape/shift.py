@@ -89,6 +89,7 @@ class Shift(Result):
                 "dogs": result.clutch.dog.count if solver.all_dogs else 1,
                 "contact_set": result.clutch.contact.name,
             },
+            **({"mechanism": self.config.mechanism} if self.config.mechanism else {}),
         }
 
     def to_frame(self) -> pd.DataFrame:

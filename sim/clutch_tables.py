@@ -6,15 +6,17 @@ business of the physics that uses it; here only keys and types.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.rules import broken_rule
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
 from dogshape.sim.units import RPM, suffix_of, to_si
 
@@ -56,6 +58,60 @@ class OutputSection(Section):
     """The ring that it engages."""
 
     inertia_kgm2: float
+
+
+def _absent() -> Any:
+    """Return the default of a key that is no part of a file's hash unless it is given."""
+    return Field(default=None, exclude_if=lambda value: value is None)
+
+
+class MechanismSection(Section):
+    """What acts on the ring beside force and dogs (``sim.shift.mechanism``); absent is none."""
+
+    spline_friction: float | None = _absent()
+    spline_radius_mm: float | None = _absent()
+    friction_N: float | None = _absent()
+    drag_torque_Nm: float | None = _absent()
+    added_mass_kg: float | None = _absent()
+    damping_Ns_m: float | None = _absent()
+    compliance_mm_kN: float | None = _absent()
+    free_play_mm: float | None = _absent()
+    detent_N: float | None = _absent()
+    detent_position_mm: float | None = _absent()
+    detent_width_mm: float | None = _absent()
+    delay_s: float | None = _absent()
+    lag_s: float | None = _absent()
+    force_factor: float | None = _absent()
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Keys that the file gives, with their values."""
+        return self.model_dump(exclude_none=True)
+
+    def mechanism(self, dog: Dog) -> Mechanism:
+        """Build the mechanism around a ring with this dog.
+
+        What says where a part acts is dropped with that part, so that nothing has one key.
+        Raises InputError for a value out of range, or a place of a part that is not given.
+        """
+        given = {FIELDS[key]: to_si(key, v) for key, v in self.given.items() if key in FIELDS}
+        for place, part in PLACES.items():
+            if place in given and part not in given:
+                key, other = (f"mechanism.{_KEYS[name]}" for name in (place, part))
+                raise InputError(f"{key} says where {other} acts, which is not given; give it too")
+        given.setdefault("spline_radius", SPLINE * dog.inner_radius)
+        whole = Mechanism(**given)
+        parts = [place for place, part in PLACES.items() if getattr(whole, part) == 0.0]
+        return replace(whole, **{name: getattr(NOTHING, name) for name in parts})
+
+
+#: What says where a part of a mechanism acts, and that part.
+PLACES = {
+    "spline_radius": "spline_friction",
+    "detent_position": "detent",
+    "detent_width": "detent",
+}
+_KEYS = {name: key for key, name in FIELDS.items()}
 
 
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
@@ -135,16 +191,16 @@ def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
         if name.isdecimal():
             continue  # the place in a list
         field = model.model_fields.get(name)
-        section = _section_in(field.annotation) if field else None
+        section = section_in(field.annotation) if field else None
         if section is None:
             return []
         model = section
     return list(model.model_fields)
 
 
-def _section_in(annotation: Any) -> type[BaseModel] | None:
+def section_in(annotation: Any) -> type[BaseModel] | None:
     """Return the section that an annotation allows, alone or beside other kinds of value."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
-    found = (_section_in(one) for one in get_args(annotation))
+    found = (section_in(one) for one in get_args(annotation))
     return next((section for section in found if section is not None), None)

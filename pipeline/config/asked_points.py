@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dogshape.pipeline.config.study_file import Study, profile_for
+from dogshape.pipeline.config.study_file import Study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.passing import require_stiff_enough
@@ -12,12 +12,12 @@ from dogshape.sim.units import RPM
 def point_of(
     study: Study, mismatch: float, force: float, rise: float | None, other_way: str = ""
 ) -> OperatingPoint:
-    """Return an operating point from 1/min, N and a rise time in s, None for the study's.
+    """Return an operating point from 1/min, nominal N and a rise time in s, None for the study's.
 
     ``other_way`` is what the verb offers for a force that the study's table lacks.
     """
-    point = OperatingPoint(mismatch * RPM, profile_for(study.file, force, rise, other_way))
-    require_stiff_enough(study.clutch, force)
+    point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))
+    require_stiff_enough(study.clutch, point.profile.force)
     return point
 
 

@@ -21,7 +21,7 @@ from dogshape.sim.units import RPM
 AXES = ("mismatch_rpm", "force_N")
 SAMPLES = 24  #: points that are drawn where the study does not say
 DECIMALS = 3  #: of drawn speeds and forces
-Profiles = Callable[[float], ForceProfile]  #: the force profile of a final force in N
+Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
 Weighted = list[tuple[float, float]]  #: values in edge units with their weights
 
 
@@ -40,11 +40,16 @@ def points_of(section: OperatingSection, profile: Profiles) -> tuple[OperatingPo
     )
 
 
-def axes_of(section: OperatingSection, points: Sequence[OperatingPoint]) -> list[list[float]]:
-    """Return mismatches in 1/min and forces in N of a study, each once, in their order."""
+def axes_of(
+    section: OperatingSection, points: Sequence[OperatingPoint], factor: float = 1.0
+) -> list[list[float]]:
+    """Return mismatches in 1/min and nominal forces in N of a study, each once, in their order.
+
+    ``factor`` is the share of the nominal force that the points have.
+    """
     found = (
         [round(point.mismatch / RPM, 9) for point in points],
-        [point.profile.force for point in points],
+        [point.profile.force / factor for point in points],
     )
     axes = []
     for name, values in zip(AXES, found, strict=True):

@@ -10,7 +10,14 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
-from dogshape.sim.clutch_tables import DogSection, OutputSection, Section, SlidingSection
+from dogshape.sim.clutch_tables import (
+    DogSection,
+    MechanismSection,
+    OutputSection,
+    Section,
+    SlidingSection,
+    section_in,
+)
 from dogshape.sim.statistics.distribution import Distribution
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
@@ -280,6 +287,8 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
+    mechanism: MechanismSection | None = Field(default=None, exclude_if=_absent)
+    effects: dict[str, Any] | None = Field(default=None, exclude_if=_absent)
     uncertain: UncertainSection | None = Field(default=None, exclude_if=_absent)
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()
@@ -299,7 +308,8 @@ def keys_like(stem: str) -> list[str]:
     Of the sections the first in the file that has such keys.
     """
     for section, field in StudyFile.model_fields.items():
-        keys = getattr(field.annotation, "model_fields", {})
+        inner = section_in(field.annotation)
+        keys = inner.model_fields if inner else {}
         found = [f"{section}.{name}" for name in keys if name.lower().startswith(stem)]
         if found and len(stem) > 2:
             return found[:3]

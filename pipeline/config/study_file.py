@@ -15,21 +15,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dogshape.pipeline.config.actuation import Actuation
+from dogshape.pipeline.config.contact import contact_of, own_contact, solver_of
+from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
 from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
-from dogshape.sim.shift.actuation import ForceProfile, RiseTable
-from dogshape.sim.shift.clutch import (
-    PLANAR_ACCURACY,
-    SCHEMES,
-    Clutch,
-    OperatingPoint,
-    Solver,
-    solver_for,
-)
-from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.actuation import RiseTable
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads
@@ -57,7 +52,8 @@ VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 class Study:
     """A study as values: what is built, how it is operated and what is searched.
 
-    ``variables`` maps each searched key of the dog to its range, in edge units;
+    ``variables`` maps each searched key of the dog to its range, in edge units; ``clutch`` has
+    the mechanism and what effects make of the contact, ``actuation`` the way of the shift force;
     ``uncertainty`` is None where nothing but the relative angle is uncertain.
     """
 
@@ -66,6 +62,7 @@ class Study:
     limits: Limits
     points: tuple[OperatingPoint, ...]
     variables: dict[str, tuple[float, float]]
+    actuation: Actuation
     uncertainty: Uncertainty | None = None
 
     @property
@@ -75,24 +72,32 @@ class Study:
 
     @property
     def retraction(self) -> float:
-        """Time to pull back before a retry, s."""
-        return self.file.shift.retraction_s
+        """Time to pull back before a retry, s, and the dead time of that."""
+        return self.file.shift.retraction_s + self.actuation.delay
 
     @property
     def mismatches(self) -> list[float]:
         """Mismatches of the operating points, each once, 1/min."""
-        return axes_of(self.file.operating, self.points)[0]
+        return self._axes[0]
 
     @property
     def forces(self) -> list[float]:
-        """Shift forces of the operating points, each once, N."""
-        return axes_of(self.file.operating, self.points)[1]
+        """Shift forces of the operating points at the sleeve, each once, N."""
+        return [self.actuation.factor * force for force in self._axes[1]]
 
     @property
     def operating_text(self) -> str:
-        """The operating points in words."""
-        section = self.file.operating
-        return operating_text(section, axes_of(section, self.points), len(self.points))
+        """The operating points in words, with the nominal forces."""
+        return operating_text(self.file.operating, self._axes, len(self.points))
+
+    @property
+    def _axes(self) -> list[list[float]]:
+        return axes_of(self.file.operating, self.points, self.actuation.factor)
+
+    @property
+    def mechanism(self) -> Record:
+        """What the shift mechanism has, keys as in ``[mechanism]``; empty where there is none."""
+        return mechanism_record(self.clutch, self.actuation)
 
     def dog_with(self, params: dict[str, float]) -> Dog:
         """Return the study's dog with some keys replaced, given in edge units.
@@ -129,7 +134,8 @@ class Study:
         The rise of the force belongs to it: it follows from the final force by a table.
         """
         unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
-        return physics_of({**clutch_record(self.clutch), **unsure}, list(self.variables), self.file)
+        record = {**clutch_record(self.clutch), **self.actuation.record, **unsure}
+        return physics_of(record, list(self.variables), self.actuation.table)
 
     @property
     def physics_hash(self) -> str:
@@ -142,14 +148,14 @@ class Study:
         return content_key(self.file.model_dump())
 
 
-def physics_of(record: Record, variables: Sequence[str], file: StudyFile) -> Record:
+def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Record:
     """Return what ``record`` fixes beside the variables, and the rise table.
 
-    ``record`` is that of a clutch, with the distributions of what is uncertain.
+    ``record`` is that of a clutch, with dead time and lag of the force and with the distributions
+    of what is uncertain.
     """
     fixed = {key: value for key, value in record.items() if key not in variables}
-    table = file.actuation
-    return {**fixed, "rise_force_N": table.force_N, "rise_s": table.rise_s}
+    return {**fixed, "rise_force_N": list(table.forces), "rise_s": list(table.rises)}
 
 
 def load_study(
@@ -235,7 +241,7 @@ def build_study(file: StudyFile) -> Study:
             "convert the file or use the version that wrote it"
         )
     _require_parts(file)
-    contact, shift = _contact(file), file.shift
+    contact, shift = contact_of(file.contact), file.shift
     clutch = Clutch(
         dog=file.dog.dog(),
         rings=rings(file.sliding, file.output),
@@ -243,16 +249,14 @@ def build_study(file: StudyFile) -> Study:
         timeout=shift.timeout_s,
         seated_tolerance=shift.seated_tolerance_mm * MM,
         rebound=shift.rebound_mm * MM,
-        solver=_solver(file, contact),
+        solver=solver_of(file.solver, contact),
     )
-    points = _points(file)
+    own, parts = own_contact(file.contact), (file.mechanism, file.effects)
+    clutch, actuation = with_mechanism(clutch, Actuation(_rises(file)), *parts, own)
+    points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
-    unsure = _uncertainty(file, clutch, points)
-    return Study(file, clutch, _limits(file), points, _variables(file), unsure)
-
-
-def _points(file: StudyFile) -> tuple[OperatingPoint, ...]:
-    return points_of(file.operating, lambda force: profile_for(file, force))
+    unsure = _uncertainty(file, clutch, points, actuation.table)
+    return Study(file, clutch, _limits(file), points, _variables(file), actuation, unsure)
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -260,10 +264,10 @@ def _require_parts(file: StudyFile) -> None:
     parts: tuple[Callable[[], object], ...] = (
         file.dog.dog,
         lambda: rings(file.sliding, file.output),
-        lambda: _solver(file, _contact(file)),
+        lambda: solver_of(file.solver, contact_of(file.contact)),
         lambda: _require_shift(file),
         lambda: _require_stiffness(file),
-        lambda: _points(file),
+        lambda: points_of(file.operating, Actuation(_rises(file)).profile),
         lambda: LoadCase(**si_fields(file.load.model_dump())),
         lambda: _material(file),
         lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
@@ -297,14 +301,14 @@ def _require_stiffness(file: StudyFile) -> None:
 
 
 def _uncertainty(
-    file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]
+    file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint], table: RiseTable
 ) -> Uncertainty | None:
     """Return what is uncertain, None where nothing is; its ends must be shifts that exist."""
     given = [] if file.uncertain is None else [*file.uncertain]
     found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
     if not found:
         return None
-    unsure = Uncertainty(found, rise_table(file))
+    unsure = Uncertainty(found, table)
     for end in (0, 1):
         friction, inertia = (unsure.bounds(n)[end] for n in ("friction_factor", "inertia_factor"))
         Variant(friction, 1.0, inertia, 0.1, ()).clutch(clutch)
@@ -312,7 +316,7 @@ def _uncertainty(
     forces = [point.profile.force for point in points]
     for force in (low * min(forces), high * max(forces)):
         if not unsure.rise.covers(force):
-            known = file.actuation.force_N
+            known = table.forces
             rule = f"the rise times of the study cover {min(known):.6g} to {max(known):.6g} N"
             remedy = "extend actuation.force_N and rise_s, or narrow uncertain.force_factor"
             raise InputError(refusal("shift force by its factor", force, "N", rule, remedy))
@@ -326,43 +330,7 @@ def _positive(key: str, value: float, most: float) -> None:
         raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
 
 
-def _contact(file: StudyFile) -> ContactSet:
-    given = file.contact.model_dump(exclude={"set"}, exclude_none=True)
-    return replace(contact_set(file.contact.set), **si_fields(given))  # type: ignore[arg-type]
-
-
-def _solver(file: StudyFile, contact: ContactSet) -> Solver:
-    solver, section = solver_for(contact), file.solver
-    if section.scheme is not None:
-        solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
-    if section.engine is not None:
-        planar = section.engine == "planar"
-        accuracy = PLANAR_ACCURACY if planar else solver.accuracy
-        solver = replace(solver, engine=section.engine, accuracy=accuracy)
-    if section.accuracy is not None:
-        solver = replace(solver, accuracy=section.accuracy)
-    if section.max_step_s is not None:
-        solver = replace(solver, max_step=section.max_step_s)
-    if section.max_steps is not None:
-        solver = replace(solver, max_steps=section.max_steps)
-    if section.time_limit_s is not None:
-        solver = replace(solver, time_limit=section.time_limit_s)
-    return solver
-
-
-def profile_for(
-    file: StudyFile, force: float, rise: float | None = None, other_way: str = ""
-) -> ForceProfile:
-    """Return the force profile for ``force`` in N; ``rise`` in s overrides the table.
-
-    ``other_way`` is what a user may do beside extending the table where it lacks the force.
-    """
-    profile = ForceProfile(force, rise if rise is not None else 0.1)
-    return profile if rise is not None else rise_table(file).profile(force, other_way)
-
-
-def rise_table(file: StudyFile) -> RiseTable:
-    """Return the study's rise times by force; lists of unequal length raise InputError."""
+def _rises(file: StudyFile) -> RiseTable:
     return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Study, profile_for
+from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.simulate.design import Design
 from dogshape.pipeline.store.result_records import check_record, number_or_none
 from dogshape.sim.strength.dog_strength import margin_losses
@@ -81,10 +81,14 @@ def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mi
 
 
 def _gap_time(study: Study, mix: Mix, tolerance: float) -> float:
-    """Return the free flight that a wider gap adds, s, mean over the operating points."""
-    mass, gap = study.clutch.rings.mass, study.clutch.dog.axial_gap
+    """Return the free flight that a wider gap adds, s, mean over the operating points.
+
+    Of all masses that move with the ring; what rubs on it changes this by less than its error.
+    """
+    clutch, gap = study.clutch, study.clutch.dog.axial_gap
+    mass = clutch.rings.mass + clutch.mechanism.added_mass
     ends = (gap + tolerance, max(0.0, gap - tolerance))
-    profiles = [profile_for(study.file, force) for force in mix.points[:, 1].tolist()]
+    profiles = [study.actuation.at_sleeve(force) for force in mix.points[:, 1].tolist()]
     times = [
         [profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
         for profile in profiles

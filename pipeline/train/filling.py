@@ -20,7 +20,7 @@ from itertools import count, islice
 import numpy as np
 from scipy.stats import qmc
 
-from dogshape.pipeline.config.study_file import Study, profile_for
+from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.simulate.design import worth_simulating
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -101,7 +101,7 @@ def filling_point(study: Study, seed: int, index: int) -> OperatingPoint:
     steps = np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])
     u, v = 0.5 - 0.5 * np.cos(math.pi * ((start + index * steps) % 1.0))
     mismatch, force = _between(study.mismatches, float(u)), _between(study.forces, float(v))
-    return OperatingPoint(mismatch * RPM, profile_for(study.file, force))
+    return OperatingPoint(mismatch * RPM, study.actuation.at_sleeve(force))
 
 
 def _between(values: Sequence[float], share: float) -> float:

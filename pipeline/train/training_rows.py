@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study, physics_of, rise_table
+from dogshape.pipeline.config.study_file import Study, physics_of
 from dogshape.pipeline.store.result_records import number_or_none
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -28,14 +28,14 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
 
     Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
     """
-    programs, physics, table = engine(), study.physics_hash, rise_table(study.file)
+    programs, physics, table = engine(), study.physics_hash, study.actuation.table
     keys = {*clutch_record(study.clutch), *OPTIONAL, *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):
             return False
         record = {key: shift[key] for key in keys if key in shift}
-        given = physics_of(record, list(study.variables), study.file)
+        given = physics_of(record, list(study.variables), table)
         kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
         profiles = (ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds)
         return content_key(given) == physics and all(table.gives(one) for one in profiles)

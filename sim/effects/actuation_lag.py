@@ -11,7 +11,8 @@ def _change(setting: Setting, values: Values) -> Setting:
     lag, profile = values["lag_s"], setting.point.profile
     if lag == 0.0:
         return setting
-    return setting.with_point(profile=LaggedProfile(profile.force, profile.rise, lag))
+    lagged = LaggedProfile(profile.force, profile.rise, lag, delay=profile.delay)
+    return setting.with_point(profile=lagged)
 
 
 EFFECT = Effect(

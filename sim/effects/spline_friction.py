@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
-
-SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs
+from dogshape.sim.shift.mechanism import SPLINE
 
 
 def _change(setting: Setting, values: Values) -> Setting:

@@ -8,13 +8,14 @@ A mass that nothing touches has travelled
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, refusal, require_between
 
 Series = NDArray[np.float64]
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
@@ -29,10 +30,15 @@ def cubic_step(share: Times, full: Times | float) -> Times:
 
 @dataclass(frozen=True)
 class ForceProfile:
-    """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s)."""
+    """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s).
+
+    ``delay`` is the dead time from the command to the start of the force, s. Times of all methods
+    count from the start of the force, before which nothing moves along the shaft.
+    """
 
     force: float
     rise: float
+    delay: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.force <= 1e5:
@@ -42,6 +48,8 @@ class ForceProfile:
             rule = "it must lie between 0.0001 and 10 s"
             remedy = "give the rise time in seconds"
             raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
+        remedy = "give the dead time in seconds"
+        require_between("mechanism.delay_s", self.delay, 0.0, 10.0, remedy)
 
     def at(self, time: Times) -> Times:
         """Return the force in N at ``time`` in s after the start."""
@@ -57,7 +65,8 @@ class ForceProfile:
     @property
     def record(self) -> dict[str, float]:
         """The profile as a flat record in the edge's units."""
-        return {"force_N": self.force, "force_rise_s": self.rise}
+        late = {} if self.delay == 0.0 else {"force_delay_s": self.delay}
+        return {"force_N": self.force, "force_rise_s": self.rise, **late}
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
@@ -162,6 +171,15 @@ class LaggedProfile(ForceProfile):
             short = self.free_flight(middle, mass) < way
             early, late = (middle, late) if short else (early, middle)
         return late
+
+
+def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
+    """Build the profile that a flat record describes."""
+    force, rise = record["force_N"], record["force_rise_s"]
+    delay, lag = record.get("force_delay_s", 0.0), record.get("force_lag_s")
+    if lag is None:
+        return ForceProfile(force, rise, delay=delay)
+    return LaggedProfile(force, rise, lag, delay=delay)
 
 
 @dataclass(frozen=True)

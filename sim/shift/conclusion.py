@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.dead_time import later, later_phases, later_trace
 from dogshape.sim.shift.events import Events, events_of
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.outcome import Outcome
@@ -65,7 +66,8 @@ class Run:
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
     """Work a result out of a run.
 
-    An engaged shift whose dogs passed through each other is ``Outcome.DIVERGED``.
+    An engaged shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
+    count from the start of the force, those of the result from the command: a dead time later.
     """
     trace = trace_of(clutch, point, run.times, run.states)
     outcome, failure = _outcome(clutch, run, trace), run.failure
@@ -77,7 +79,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
     end = float(trace.time[-1]) if done is None else done
     phases = phases_of(clutch, trace, end)
-    return Engagement(
+    found = Engagement(
         clutch=clutch,
         point=point,
         relative_angle=angle,
@@ -91,6 +93,20 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         evaluations=run.evaluations,
         detail=failure or outcome.message,
         trace=trace,
+    )
+    return _delayed(found, point.profile.delay)
+
+
+def _delayed(found: Engagement, delay: float) -> Engagement:
+    """Return a shift whose force starts after a dead time in s, of one that starts at once."""
+    if delay == 0.0:
+        return found
+    return replace(
+        found,
+        shift_time=later(found.shift_time, delay),
+        actuator_time=later(found.actuator_time, delay),
+        phases=later_phases(found.phases, delay),
+        trace=later_trace(found.trace, delay),
     )
 
 

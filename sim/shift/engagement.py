@@ -95,13 +95,14 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
 
     Dogs that are fast enough pass through each other within one step; such a shift
     (``sim.shift.passing``) is simulated again with steps of at most a tenth, and has diverged only
-    if it does so again. Ordinary shifts are simulated once.
+    if it does so again. Ordinary shifts are simulated once. Times count from the command: a dead
+    time comes before the phases, while the time-out counts from the start of the force.
 
     Parameters
     ----------
     plant : built once for a clutch and used again.
     point : mismatch and force.
-    relative_angle : output ring's lead over dogs facing dogs, rad.
+    relative_angle : output ring's lead over dogs facing dogs at the start of the force, rad.
 
     Returns
     -------

@@ -48,6 +48,7 @@ TURN = 0.05  #: rad/s below which the drag torque is smooth
 FORK = 0.1  #: share of the ring's mass that stands on the actuator's side of a linkage
 DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of a slow blow
 STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
+SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs, where none is given
 DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
 
 
@@ -180,5 +181,7 @@ _RANGES = {
     "free_play": ("free_play_mm", 0.0, 100.0),
 }
 NOTHING = Mechanism()  #: no mechanism at all
+#: Field by key at the edge.
+FIELDS = {key: name for name, (key, _, _) in _RANGES.items()}
 #: Keys of a record that describe a mechanism; a shift without one has none.
 MECHANISM_KEYS = tuple(f"mechanism_{key}" for key, _, _ in _RANGES.values())

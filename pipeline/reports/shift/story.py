@@ -8,6 +8,7 @@ import numpy as np
 
 from dogshape.pipeline.reports.kit.text import in_ms, minus
 from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.dead_time import DEAD_TIME
 from dogshape.sim.shift.loads import peak_duration
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.phases import Phase, crests_cross
@@ -118,6 +119,10 @@ def _in_flight(result: Engagement, phase: Phase) -> str:
     )
 
 
+def _before_the_force(result: Engagement, phase: Phase) -> str:
+    return "the shift force had not begun"
+
+
 def _on_flanks(result: Engagement, phase: Phase) -> str:
     way = np.interp(phase.start, result.trace.time, result.trace.displacement) / MM
     travel = result.clutch.shift_travel / MM
@@ -132,6 +137,7 @@ def _in_slots(result: Engagement, phase: Phase) -> str:
 
 
 _REASONS: dict[str, Callable[[Engagement, Phase], str]] = {
+    DEAD_TIME: _before_the_force,
     "free fly": _in_flight,
     "face contact": _on_faces,
     "entry": _in_slots,
@@ -141,7 +147,7 @@ _REASONS: dict[str, Callable[[Engagement, Phase], str]] = {
 
 def _meeting(result: Engagement) -> list[str]:
     """Describe the first contact of the rings; without a face it is their crests that pass."""
-    flight, face = result.phases[:2]
+    flight, face = [phase for phase in result.phases if phase.name != DEAD_TIME][:2]
     if flight.end >= result.trace.time[-1]:
         return []
     speed = np.interp(flight.end, result.trace.time, result.trace.axial_speed)

@@ -12,7 +12,7 @@ from dogshape.pipeline.reports.study.designs import design_name
 from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
@@ -86,8 +86,7 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     study, row = shifts.study, one.shift
     design = {name: row[name] for name in study.variables}
     clutch = study.clutch.with_dog(study.dog_with(design))
-    profile = ForceProfile(row["force_N"], row["force_rise_s"])
-    point = OperatingPoint(row["mismatch_rpm"] * RPM, profile)
+    point = OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row))
     variant = drawn_variant(row)
     if variant is not None:
         clutch, point = variant.clutch(clutch), variant.point(point)

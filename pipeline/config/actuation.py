@@ -1,0 +1,55 @@
+"""Shift force of a study: what reaches the sleeve of a nominal force, and when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, RiseTable
+
+
+@dataclass(frozen=True)
+class Actuation:
+    """Rise times by the final force, and how the sleeve's force differs from the nominal one.
+
+    Parameters
+    ----------
+    nominal : rise time by the nominal final force.
+    delay, lag : dead time before the force starts and lag of first order behind its course, s.
+    factor : of the force that reaches the sleeve; the rise keeps its time.
+    """
+
+    nominal: RiseTable
+    delay: float = 0.0
+    lag: float = 0.0
+    factor: float = 1.0
+
+    @property
+    def table(self) -> RiseTable:
+        """Rise time by the final force at the sleeve."""
+        forces = tuple(self.factor * force for force in self.nominal.forces)
+        return RiseTable(forces, self.nominal.rises)
+
+    def profile(self, force: float, rise: float | None = None, other_way: str = "") -> ForceProfile:
+        """Return what a nominal final ``force`` in N gives at the sleeve.
+
+        ``rise`` in s overrides the table; ``other_way`` is what a user may do beside extending it
+        where it lacks the force.
+        """
+        if rise is None:
+            rise = self.nominal.profile(force, other_way).rise
+        return self._shaped(self.factor * ForceProfile(force, rise).force, rise)
+
+    def at_sleeve(self, force: float) -> ForceProfile:
+        """Return the profile of a final ``force`` at the sleeve, N."""
+        return self._shaped(force, self.table.profile(force).rise)
+
+    def _shaped(self, force: float, rise: float) -> ForceProfile:
+        if self.lag == 0.0:
+            return ForceProfile(force, rise, delay=self.delay)
+        return LaggedProfile(force, rise, self.lag, delay=self.delay)
+
+    @property
+    def record(self) -> dict[str, float]:
+        """Dead time and lag as the record of a shift has them; empty where there are none."""
+        late = {} if self.delay == 0.0 else {"force_delay_s": self.delay}
+        return late if self.lag == 0.0 else {**late, "force_lag_s": self.lag}

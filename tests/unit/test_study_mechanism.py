@@ -1,0 +1,358 @@
+"""``[mechanism]`` and ``[effects]`` of a study: keys, mistakes, hashes, and what they end in."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dogshape as ds
+from dogshape.check import check_design
+from dogshape.pipeline.config.schema import keys_like
+from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
+from dogshape.pipeline.search.tolerance_effects import time_spread
+from dogshape.pipeline.store.folder import StudyFolder, read_json
+from dogshape.pipeline.study import run_study
+from dogshape.pipeline.train.filling import filling_blocks
+from dogshape.pipeline.train.found_surrogates import joining, known_surrogate, stored_surrogate
+from dogshape.pipeline.train.training_rows import dataset_of, study_mix
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.clutch_tables import MechanismSection
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, recorded_profile
+from dogshape.sim.shift.mechanism import FIELDS, NOTHING
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.surrogate.query import require_same_physics
+from tests.conftest import SMALL, Said, searching
+
+Call = Callable[..., Said]
+EFFECTS = load()
+
+#: Effects that a study takes, with the keys of ``[mechanism]`` that say the same.
+PAIRS: dict[str, tuple[Any, dict[str, float]]] = {
+    "actuation_delay": (0.05, {"delay_s": 0.05}),
+    "actuation_lag": (0.02, {"lag_s": 0.02}),
+    "detent_force": (
+        {"detent_N": 40.0, "position_mm": 1.5},
+        {"detent_N": 40.0, "detent_position_mm": 1.5},
+    ),
+    "drag_torque": (0.3, {"drag_torque_Nm": 0.3}),
+    "force_scale": (0.83, {"force_factor": 0.83}),
+    "free_play": (0.4, {"free_play_mm": 0.4}),
+    "linkage_compliance": (3.7, {"compliance_mm_kN": 3.7}),
+    "moving_mass": (0.7, {"added_mass_kg": 0.7}),
+    "sleeve_friction": (30.0, {"friction_N": 30.0}),
+    "spline_friction": (0.1, {"spline_friction": 0.1}),
+    "viscous_damping": (60.0, {"damping_Ns_m": 60.0}),
+}
+PARTS = ("friction_N", "spline_friction", "added_mass_kg", "drag_torque_Nm", "damping_Ns_m",
+         "compliance_mm_kN", "free_play_mm", "detent_N", "delay_s", "lag_s")  # fmt: skip
+PLACES = {"spline_radius_mm": 15.0, "detent_position_mm": 2.0, "detent_width_mm": 3.0}
+NONE = {**dict.fromkeys(PARTS, 0.0), **PLACES, "force_factor": 1.0}
+
+
+def _mechanism(**keys: float) -> dict[str, float]:
+    return {f"mechanism.{key}": value for key, value in keys.items()}
+
+
+def test_every_field_of_a_mechanism_has_its_key() -> None:
+    keys = set(MechanismSection.model_fields)
+    assert keys == {*FIELDS, "delay_s", "lag_s", "force_factor"}
+
+
+def test_an_option_that_is_a_key_is_told() -> None:
+    assert keys_like("spline") == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
+    assert keys_like("chamfer")[0] == "dog.chamfer_deg"
+
+
+def test_studies_without_a_mechanism_are_what_they_were() -> None:
+    """Hashes of the kept results are those of the studies today."""
+    for name in bundled_studies():
+        study = load_study(name)
+        kept = bundled_root() / name / "result.json"
+        if kept.is_file():
+            result = read_json(kept, "")
+            assert study.config_hash == result["config_hash"]
+            assert study.physics_hash == result["physics_hash"]
+        dumped = study.file.model_dump()
+        assert "mechanism" not in dumped
+        assert "effects" not in dumped
+
+
+def test_a_mechanism_of_noughts_is_none() -> None:
+    plain, study = load_study("mq200"), load_study("mq200", _mechanism(**NONE))
+    assert study.clutch == plain.clutch
+    assert study.clutch.mechanism == NOTHING
+    assert study.points == plain.points
+    assert study.physics_hash == plain.physics_hash
+    assert study.mechanism == {}
+    assert even_block(study.clutch, study.points[3], 3, (1, 3)).keys == (
+        even_block(plain.clutch, plain.points[3], 3, (1, 3)).keys
+    )
+
+
+@pytest.mark.parametrize("name", PAIRS)
+def test_effect_and_mechanism_are_one_physics(name: str) -> None:
+    value, keys = PAIRS[name]
+    effect, mechanism = (
+        load_study("mq200", given) for given in ({f"effects.{name}": value}, _mechanism(**keys))
+    )
+    assert effect.clutch == mechanism.clutch
+    assert effect.points == mechanism.points
+    assert effect.physics == mechanism.physics != load_study("mq200").physics
+    assert effect.mechanism.items() >= keys.items()
+
+
+@pytest.mark.parametrize("name", [*PAIRS, "contact_friction", "contact_dissipation"])
+def test_a_study_has_the_shifts_that_the_diagnosis_has(name: str) -> None:
+    """The bank's way: the effect applied to a setting of the plain study."""
+    plain, effect = load_study("mq200"), EFFECTS[name]
+    values = {one.name: one.at(0.4) for one in effect.parameters}
+    study = load_study("mq200", {f"effects.{name}": values})
+    setting = effect.apply(Setting(plain.clutch, plain.points[5]), values)
+    point = study.points[5]
+    prompt = replace(point, profile=replace(point.profile, delay=0.0))
+    angles = (0.05, 0.2)
+    assert setting.block(angles).keys == Setting(study.clutch, prompt).block(angles).keys
+    assert point.profile.delay == setting.delay
+
+
+def test_effects_join_in_one_study() -> None:
+    given = {"effects.spline_friction": 0.1, "effects.drag_torque": 0.2, **_mechanism(delay_s=0.03)}
+    study = load_study("mq200", given)
+    assert study.mechanism == {
+        "spline_friction": 0.1,
+        "spline_radius_mm": pytest.approx(17.6),
+        "drag_torque_Nm": 0.2,
+        "delay_s": 0.03,
+    }
+    neutral = load_study("mq200", {"effects.sleeve_friction": 0, **_mechanism(friction_N=30.0)})
+    assert neutral.clutch.mechanism.friction == 30.0
+
+
+MISTAKES = {
+    "'mechanism.spline_fricton' is not a known key; did you mean 'mechanism.spline_friction'": {
+        "mechanism.spline_fricton": 0.1
+    },
+    "'effects.spline_fricton' is not a known effect; did you mean 'spline_friction'": {
+        "effects.spline_fricton": 0.1
+    },
+    "mechanism.spline_friction is 2, but it must lie between 0 and 1.5; correct": {
+        "mechanism.spline_friction": 2.0
+    },
+    "mechanism.friction_N is -3 N, but it must lie between 0 and 100000 N": {
+        "mechanism.friction_N": -3.0
+    },
+    "effects.sleeve_friction: mechanism.friction_N is -3 N, but it must": {
+        "effects.sleeve_friction": -3
+    },
+    "mechanism.delay_s is -1 s, but it must lie between 0 and 10 s": {"mechanism.delay_s": -1.0},
+    "effects.actuation_delay: mechanism.delay_s is -0.1 s, but": {"effects.actuation_delay": -0.1},
+    "mechanism.lag_s is 1e-07 s, but it must lie between 1e-05 and 10 s": {"mechanism.lag_s": 1e-7},
+    "mechanism.force_factor is 0, but it must lie between 0.01 and 10": {
+        "mechanism.force_factor": 0.0
+    },
+    "mechanism.detent_position_mm says where mechanism.detent_N acts, which is not given": {
+        "mechanism.detent_position_mm": 1.0
+    },
+    "mechanism.friction_N and effects.sleeve_friction both set mechanism.friction_N; leave out": {
+        "mechanism.friction_N": 30.0,
+        "effects.sleeve_friction": 30.0,
+    },
+    "contact.dynamic_friction and effects.contact_friction both set contact.dynamic_friction": {
+        "contact.dynamic_friction": 0.11,
+        "effects.contact_friction": {"static_friction": 0.2, "dynamic_friction": 0.1},
+    },
+    "'static' is not a parameter of contact_friction; did you mean 'static_friction'": {
+        "effects.contact_friction": {"static": 0.2, "dynamic": 0.1}
+    },
+    "effects.contact_friction is 0.1, but it must be a table of numbers; write effects.contact": {
+        "effects.contact_friction": 0.1
+    },
+    "effects.drag_torque is 'low', but it must be a number, its drag_Nm; write": {
+        "effects.drag_torque": "low"
+    },
+    "effects.reversed_mismatch is 1, but it must be true or false; write": {
+        "effects.reversed_mismatch": 1
+    },
+    "effects.reversed_mismatch changes the mismatch, which .operating. gives": {
+        "effects.reversed_mismatch": True
+    },
+    "effects.axial_gap changes the dog, which .dog. and .variables. give": {
+        "effects.axial_gap": 0.1
+    },
+    "effects.relative_angle changes how often each relative angle comes": {
+        "effects.relative_angle": {"concentration": 2.0, "centre_pitch": 0.3}
+    },
+    "effects is 3, but it must be a table of keys": {"effects": 3},
+}
+
+
+@pytest.mark.parametrize("words", MISTAKES)
+def test_mistakes_are_sentences(words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        load_study("mq200", MISTAKES[words])
+
+
+def test_force_at_the_sleeve_is_known_everywhere() -> None:
+    study = load_study("mq200", _mechanism(force_factor=0.8))
+    plain = load_study("mq200")
+    assert study.forces == [0.8 * force for force in plain.forces]
+    assert [p.profile.force for p in study.points] == [0.8 * p.profile.force for p in plain.points]
+    assert [p.profile.rise for p in study.points] == [p.profile.rise for p in plain.points]
+    assert study.operating_text == plain.operating_text
+    middle = plain.actuation.profile(400.0)
+    assert study.actuation.profile(400.0) == replace(middle, force=0.8 * 400.0)
+    at_sleeve = study.actuation.at_sleeve(0.8 * 400.0)
+    assert (at_sleeve.force, at_sleeve.rise) == pytest.approx((320.0, middle.rise))
+
+
+@pytest.mark.parametrize(
+    "profile",
+    [
+        ForceProfile(300.0, 0.2),
+        ForceProfile(300.0, 0.2, delay=0.05),
+        LaggedProfile(300.0, 0.2, 0.03, delay=0.05),
+    ],
+)
+def test_a_record_knows_its_profile(profile: ForceProfile) -> None:
+    assert recorded_profile(profile.record) == profile
+
+
+def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
+    factor = {"distribution": "uniform", "low": 0.9, "high": 1.1}
+    spread = {
+        "uncertain.force_factor": factor,
+        "actuation.force_N": [100.0, 1000.0],
+        "actuation.rise_s": [0.3, 0.1],
+    }
+    study = load_study("mq200", {**spread, **_mechanism(delay_s=0.05, lag_s=0.02)})
+    assert study.uncertainty is not None
+    variant = study.uncertainty.variants(study.points[0], 3, 1, 0)[0]
+    drawn = variant.point(study.points[0]).profile
+    assert isinstance(drawn, LaggedProfile)
+    assert (drawn.delay, drawn.lag) == (0.05, 0.02)
+    assert drawn.force == pytest.approx(variant.force * study.points[0].profile.force)
+    assert drawn.rise == pytest.approx(study.actuation.at_sleeve(drawn.force).rise)
+
+
+def test_rows_of_another_actuation_do_not_meet() -> None:
+    keys = _mechanism(delay_s=0.05, lag_s=0.02, force_factor=0.8)
+    study, plain = load_study("mq200", keys), load_study("mq200")
+    blocks = [even_block(one.clutch, one.points[-1], 3, (1, 27)) for one in (study, plain)]
+    rows = [list(run_block(block)) for block in blocks]
+    shifts = [row for mine in rows for row in mine]
+    for one, mine in zip((study, plain), rows, strict=True):
+        data = dataset_of(one, shifts)
+        times = [row["shift_time_s"] for row in mine]
+        assert len(data.rows) == 1
+        assert data.column("mean_s")[0] == pytest.approx(sum(times) / 3)
+
+
+def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
+    """The package's is refused, and no search begins with its rows."""
+    for key, value in (("mechanism.spline_friction", 0.1), ("effects.contact_dissipation", 3.0),
+                       ("mechanism.delay_s", 0.05), ("mechanism.lag_s", 0.01),
+                       ("mechanism.force_factor", 0.9)):  # fmt: skip
+        study = load_study("mq200", {key: value})
+        assert known_surrogate(study) is None
+        assert joining(study, print) is None
+        stored, _ = stored_surrogate(study, None)
+        with pytest.raises(InputError, match=r"other physics than the study's: .* 'dogshape fit'"):
+            require_same_physics(stored.surrogate.data, study.physics)
+    said = dogshape("check", "mq200", "--set", "mechanism.spline_friction=0.1")
+    assert said.status == 2
+    assert "mechanism_spline_friction is 0.1 here and absent there" in said.sentence
+
+
+def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
+    stored = known_surrogate(load_study("mq200"))
+    assert stored is not None
+    plain, heavy = load_study("mq200"), load_study("mq200", _mechanism(added_mass_kg=0.9))
+    gaps = [
+        time_spread(one, stored.surrogate, one.prototype, study_mix(one)).by_dimension["axial_gap"]
+        for one in (plain, heavy)
+    ]
+    assert gaps[1] > 1.2 * gaps[0]
+
+
+def test_a_study_file_may_hold_them(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    text = find_study("mq200").read_text()
+    path.write_text(
+        f"{text}\n[mechanism]\nspline_friction = 0.1\ndelay_s = 0.05\n"
+        "\n[effects]\ndrag_torque = 0.2\ncontact_dissipation = 3.0\n"
+    )
+    study = load_study(path)
+    folder = StudyFolder(tmp_path / "results")
+    folder.root.mkdir()
+    folder.open(study, resume=False)
+    assert folder.stored_study().clutch == study.clutch
+    assert folder.stored_study().config_hash == study.config_hash
+    assert study.clutch.contact.dissipation == 3.0
+    assert study.retraction == pytest.approx(0.25)
+
+
+def test_what_a_surrogate_learns_from_has_them() -> None:
+    """Designs and operating points that ``fit`` simulates; forces of a range at the sleeve."""
+    keys = _mechanism(spline_friction=0.1, lag_s=0.02, force_factor=0.8)
+    study, plain = load_study("mq200", keys), load_study("mq200")
+    ours, others = (filling_blocks(one, one.prototype, 1, 1) for one in (study, plain))
+    for block, other in zip(ours, others, strict=True):
+        assert block.clutch.mechanism == study.clutch.mechanism
+        profile = block.point.profile
+        assert isinstance(profile, LaggedProfile)
+        assert profile.force == pytest.approx(0.8 * other.point.profile.force, rel=1e-3)
+        assert profile.rise == pytest.approx(other.point.profile.rise, rel=1e-3)
+
+
+def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> None:
+    """Search, confirmation, surrogate and what the folder holds."""
+    keys = ["mechanism.spline_friction=0.1", "mechanism.delay_s=0.05", "effects.drag_torque=0.2"]
+    study = load_study("mq200", [*SMALL, *keys])
+    result = run_study(study, searching(tmp_path, jobs=1))
+    assert result["physics_hash"] == study.physics_hash
+    assert result["confirmation"] is not None
+    rows = [json.loads(line) for line in (tmp_path / "shifts.jsonl").read_text().splitlines()]
+    seeds = {row["seed"] for row in rows}
+    assert len(seeds) > 1
+    for row in rows:
+        assert row["mechanism_spline_friction"] == 0.1
+        assert row["mechanism_drag_torque_Nm"] == 0.2
+        assert row["force_delay_s"] == 0.05
+        assert row["shift_time_s"] is None or row["shift_time_s"] > 0.06
+    stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
+    assert stored.surrogate.data.physics == study.physics
+    assert StudyFolder(tmp_path).stored_study().points == study.points
+    found = check_design(study, None, None, path)
+    assert found.to_dict()["low_s"] > 0.06
+    with pytest.raises(InputError, match="mechanism_spline_friction is absent here"):
+        check_design(load_study("mq200", SMALL), None, None, path)
+
+
+def test_every_verb_takes_them(dogshape: Call) -> None:
+    point = ("--mismatch-rpm", 50, "--force-N", 469)
+    keys = ("--set", "mechanism.spline_friction=0.1", "--set", "mechanism.delay_s=0.05")
+    shift = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, *keys, "--json").json
+    assert shift["mechanism"]["spline_friction"] == 0.1
+    assert shift["phases"][0] == {"name": "dead time", "start": 0.0, "end": 0.05}
+    ours = ds.Study("mq200", {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05})
+    assert ours.shift(mismatch_rpm=50, force_N=469, angle_deg=10).time_s == shift["shift_time_s"]
+    plain = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, "--json").json
+    assert "mechanism" not in plain
+    assert plain["shift_time_s"] != shift["shift_time_s"]
+    mean = dogshape(
+        "expect", "mq200", *point, "--angles", "3,10", *keys, "--jobs", 1, "--json"
+    ).json
+    assert mean["mechanism"]["delay_s"] == 0.05
+    alone = ours.expect(mismatch_rpm=50, force_N=469, angles=[3, 10], jobs=1)
+    assert mean["expected_shift_time_s"] == alone.mean.mean
+    text = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, *keys).out
+    assert "dead time" in text
