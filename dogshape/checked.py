@@ -1,4 +1,4 @@
-"""What a check and a strength have in common: the closed-form checks of one design."""
+"""Closed-form checks of one design, common to a check and a strength."""
 
 from __future__ import annotations
 

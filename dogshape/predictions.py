@@ -42,7 +42,7 @@ class Predictions(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """How many designs, how many of them in range, feasible and impossible; the best."""
+        """Numbers of designs in range, feasible and impossible; the best design."""
         record = self.to_dict()
         best = record["best_feasible"]
         return {

@@ -1,4 +1,4 @@
-"""What all results have in common: how they show themselves and become data."""
+"""Base of all results: repr, HTML, and conversion into data."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Result(ABC):
     @property
     @abstractmethod
     def facts(self) -> dict[str, str]:
-        """What one reads first, each with its unit."""
+        """Headline values, each with its unit."""
 
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value}" for name, value in self.facts.items())

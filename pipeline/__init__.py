@@ -1,1 +1,1 @@
-"""What a user runs: configuration, search, report and the command line."""
+"""Studies as a user runs them: configuration, search, report and the command line."""

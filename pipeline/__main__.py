@@ -44,7 +44,7 @@ def _given_nothing(arguments: list[str]) -> str | None:
 
 
 def _sentence(error: Exception, message: str) -> str:
-    """Return what is wrong with an option in the project's own words, where it has some."""
+    """Put a fault of an option into the project's own words, where it has some."""
     details = getattr(error.__cause__, "errors", None)
     names = getattr(getattr(error, "param", None), "opts", None)
     if details is not None and names:
@@ -58,7 +58,7 @@ def _sentence(error: Exception, message: str) -> str:
 
 
 def _keys_like(option: str) -> list[str]:
-    """Return how keys of a study that an unknown option resembles are set."""
+    """Point to the keys of a study that an unknown option resembles."""
     from dogshape.pipeline.config.schema import keys_like  # noqa: PLC0415
 
     given = [*sys.argv[1:], ""]

@@ -16,7 +16,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class Count:
-    """How far long work is.
+    """Progress of long work.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class WorkCounter:
 
     @contextmanager
     def kept_in(self, root: Path, how: str) -> Iterator[None]:
-        """Say on Ctrl-C where finished shifts are, and how to go on."""
+        """Name on Ctrl-C the folder of finished shifts and the way to go on."""
         try:
             yield
         except KeyboardInterrupt:

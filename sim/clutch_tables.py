@@ -66,7 +66,7 @@ def _absent() -> Any:
 
 
 class MechanismSection(Section):
-    """What acts on the ring beside force and dogs (``sim.shift.mechanism``); absent is none."""
+    """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism."""
 
     spline_friction: float | None = _absent()
     spline_radius_mm: float | None = _absent()

@@ -1,4 +1,4 @@
-"""What an effect is: physics that the simulation lacks, as a change of a setting.
+"""An effect: physics that the simulation lacks, as a change of a setting.
 
 Parameters have neutral values, with which the setting stays what it was. Their priors are
 uniform in the value or in its logarithm. ``sim.effects`` has one file for each effect.
@@ -158,7 +158,7 @@ class Effect:
             ) from error
 
     def possible(self, setting: Setting, values: Values) -> bool:
-        """Tell whether there is such a bench; dynamic above static friction, say, is none."""
+        """Decide whether such a bench can exist; one of dynamic above static friction cannot."""
         try:
             self.apply(setting, values)
         except EffectError:

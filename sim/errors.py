@@ -85,6 +85,6 @@ def meant_number(text: str) -> float | None:
 
 
 def number_rule(text: str) -> str:
-    """Return what a text has to be to be a number, with how to write it where that is plain."""
+    """Give the rule for a number that a text breaks, with the right spelling where it is plain."""
     meant = meant_number(text)
     return "a number" if meant is None else f"a number with a point and a plain minus, as {meant:g}"

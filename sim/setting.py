@@ -1,4 +1,4 @@
-r"""What a bench does at one operating point: what is simulated, and how it is read.
+r"""A bench at one operating point: the simulated clutch and load, and the reading.
 
 What is read of a shift needs no simulation of its own:
 

@@ -166,7 +166,7 @@ def _named(head: list[str], names: Iterable[str]) -> list[str]:
 
 
 def _separator(lines: list[str]) -> str:
-    """Return what parts the head into most cells."""
+    """Choose the separator that parts the head into most cells."""
     head = next((line for line in lines if line.strip()), "")
     return max(SEPARATORS, key=lambda one: len(next(csv.reader([head], delimiter=one), [])))
 

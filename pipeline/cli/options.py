@@ -39,7 +39,7 @@ OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismat
 
 
 def angles_of(text: str | None) -> int | tuple[float, ...] | None:
-    """Return how many angles, or the angles in degrees where they are listed."""
+    """Read a number of angles, or the angles in degrees where they are listed."""
     if text is None:
         return None
     try:

@@ -30,7 +30,7 @@ class Actuation:
         return RiseTable(forces, self.nominal.rises)
 
     def profile(self, force: float, rise: float | None = None, other_way: str = "") -> ForceProfile:
-        """Return what a nominal final ``force`` in N gives at the sleeve.
+        """Compute the force at the sleeve, N, from a nominal final ``force`` in N.
 
         ``rise`` in s overrides the table; ``other_way`` is what a user may do beside extending it
         where it lacks the force.

@@ -80,7 +80,7 @@ def with_mechanism(
 
 
 def mechanism_record(clutch: Clutch, actuation: Actuation) -> dict[str, float]:
-    """Return what differs from no mechanism, keys and units as in ``[mechanism]``."""
+    """List values that differ from no mechanism, keys and units as in ``[mechanism]``."""
     own = clutch.mechanism.record.items()
     found = {key.removeprefix("mechanism_"): value for key, value in own}
     late = {"delay_s": actuation.delay, "lag_s": actuation.lag}

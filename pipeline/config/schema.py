@@ -68,7 +68,7 @@ class ActuationSection(Section):
 
 
 def _absent(value: Any) -> bool:
-    """Tell that a key is not given; such are left out of what is stored and hashed."""
+    """Recognise a key that is not given; such keys are neither stored nor hashed."""
     return value is None
 
 
@@ -130,14 +130,14 @@ class UncertainSection(Section):
 
 
 class ExpectationSection(Section):
-    """How many relative angles an operating point gets, and the seed of their draw."""
+    """Number of relative angles of an operating point, and the seed of their draw."""
 
     angles: Annotated[int, Field(ge=3)] = 6
     seed: Annotated[int, Field(ge=0)] = 1
 
 
 class DrivelineSection(Section):
-    """What stands between the clutch and the vehicle; for the torque peak only."""
+    """Shafts between the clutch and the vehicle; for the torque peak only."""
 
     stiffness_Nm_rad: float | None = None
 
@@ -171,7 +171,7 @@ class MaterialSection(Section):
 
 
 class ManufacturingSection(Section):
-    """What the workshop can do (``sim.strength.manufacture``)."""
+    """Limits of the workshop (``sim.strength.manufacture``)."""
 
     tip_width_mm: float = ManufacturingLimits.tip_width / MM
     slot_width_mm: float = ManufacturingLimits.slot_width / MM
@@ -220,7 +220,7 @@ class SearchSection(Section):
     """Objectives, sampler and budget of the search.
 
     ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
-    operating points that a new design is simulated at, the others being foretold; all if absent.
+    operating points that a new design is simulated at, the others are predicted; all if absent.
     ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
     """
 
@@ -256,7 +256,7 @@ class SolverSection(Section):
 
 
 class SurrogateSection(Section):
-    """What ``fit`` simulates: designs that fill their space, and references to judge it by.
+    """Simulations of ``fit``: designs that fill their space, and references to judge it by.
 
     ``references`` fill the space too, ``best_references`` are of the tenth found best.
 

@@ -96,7 +96,7 @@ class Study:
 
     @property
     def mechanism(self) -> Record:
-        """What the shift mechanism has, keys as in ``[mechanism]``; empty where there is none."""
+        """Values of the shift mechanism, keys as in ``[mechanism]``; empty where there is none."""
         return mechanism_record(self.clutch, self.actuation)
 
     def dog_with(self, params: dict[str, float]) -> Dog:
@@ -149,7 +149,7 @@ class Study:
 
 
 def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Record:
-    """Return what ``record`` fixes beside the variables, and the rise table.
+    """Collect the fields of ``record`` beside the variables, and the rise table.
 
     ``record`` is that of a clutch, with dead time and lag of the force and with the distributions
     of what is uncertain.
@@ -303,7 +303,7 @@ def _require_stiffness(file: StudyFile) -> None:
 def _uncertainty(
     file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint], table: RiseTable
 ) -> Uncertainty | None:
-    """Return what is uncertain, None where nothing is; its ends must be shifts that exist."""
+    """Read the uncertain quantities, None without any; their ends must be shifts that exist."""
     given = [] if file.uncertain is None else [*file.uncertain]
     found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
     if not found:

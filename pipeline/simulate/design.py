@@ -100,7 +100,7 @@ def notes_of(study: Study) -> list[str]:
 
 
 def worth_simulating(study: Study, params: dict[str, float]) -> bool:
-    """Tell whether a design passes every check that needs no simulation, cheap ones first."""
+    """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
         return keeps_limits(study.dog_with(params), study.limits)
     except GeometryError:
@@ -137,7 +137,7 @@ class Objective:
 
     @property
     def sign(self) -> float:
-        """What turns the value into a loss: all that compares designs minimises losses."""
+        """Factor that turns the value into a loss: every comparison of designs minimises losses."""
         return -1.0 if self.maximise else 1.0
 
 

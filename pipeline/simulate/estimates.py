@@ -14,7 +14,7 @@
     failed it is NaN: the design counts as not simulated.
 ``smallest_margin``
     of all checks, the hardest simulated landing among them. Most margins are exact and the
-    landing's is an extreme, so no standard error is given: it is nought.
+    landing's is an extreme, so no standard error is given: it is zero.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ NEW_ANGLES = 7919  #: added to the seed of the search for relative angles that i
 
 @dataclass(frozen=True)
 class Simulated:
-    """What the shifts of a design gave.
+    """Expectation and loads from the shifts of a design.
 
     Expected shift time over the operating points that were simulated, hardest landing, a row for
     the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
@@ -58,7 +58,7 @@ def evaluate(
     base: int | None = None,
     checked: bool = False,
 ) -> list[Simulated]:
-    """Return what the shifts of several designs give, simulated side by side.
+    """Simulate the shifts of several designs side by side and evaluate them.
 
     ``plans`` say what is simulated of each, with ``base`` as for
     ``sim.statistics.expectation.even_phases``. ``checked`` adds the numerical error, from an eighth

@@ -75,7 +75,7 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
-        """Return what is left of blocks, without shifts that are finished, and each once."""
+        """Reduce blocks to the shifts that are not finished, each once."""
         left, taken = [], set(self.journal.rows)
         for block in blocks:
             keys = dict(zip(block.keys, range(len(block.angles)), strict=True))

@@ -1,4 +1,4 @@
-"""What is simulated of a design: how many angles at which of the study's operating points."""
+"""Plan of a design's simulations: numbers of angles at the study's operating points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def whole_plan(study: Study, angles: int | None = None) -> Plan:
 
 
 def is_whole(plan: Sequence[int]) -> bool:
-    """Tell whether every operating point is simulated."""
+    """Decide whether every operating point is simulated."""
     return all(count > 0 for count in plan)
 
 
@@ -39,7 +39,7 @@ def blocks_of(
 
 
 def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -> int:
-    """Return how many shifts so many designs take at most; one that fails a check takes none.
+    """Count the shifts of so many designs, at most; one that fails a check takes none.
 
     With ``partial`` they are simulated at ``search.points`` operating points, but for the
     ``prototype`` where it is among them.
@@ -51,17 +51,17 @@ def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -
 
 
 def most_to_replicate(study: Study, shifts: int) -> int:
-    """Return how many shifts replication may take after a search of so many."""
+    """Count the shifts that replication may take after a search of so many."""
     return int(study.file.search.replicate * shifts)
 
 
 def most_confirmed(study: Study) -> int:
-    """Return how many designs are simulated at new angles at most, the prototype apart."""
+    """Count the designs that are simulated at new angles, at most, the prototype apart."""
     return MOST_CONFIRMED * study.file.search.confirm_designs
 
 
 def most_to_confirm(study: Study, designs: int) -> int:
-    """Return how many shifts it takes at most to confirm the prototype and so many designs.
+    """Count the shifts that confirm the prototype and so many designs, at most.
 
     For prototype and chosen design those for the numerical error come on top.
     """

@@ -45,7 +45,7 @@ class Lines:
     directions: Vertices
 
     def at(self, radius: float) -> Vertices:
-        """Return where the lines leave the cylinder of ``radius`` (m), (n, 3)."""
+        """Intersect the lines with the cylinder of ``radius`` (m), (n, 3)."""
         p, d = self.points[:, :2], self.directions[:, :2]
         a, b = (d * d).sum(1), (p * d).sum(1)
         root = b * b - a * ((p * p).sum(1) - radius * radius)
@@ -150,7 +150,7 @@ def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) 
 
 
 def lands(dog: Dog, root_radius: float) -> NDArray[np.float64]:
-    """Return what is left of the four :data:`STRIPS` at inner and outer radius, (2, 4), m.
+    """Compute the remaining widths of the four :data:`STRIPS` at inner and outer radius, (2, 4), m.
 
     Negative where the roundings or fillets on either side overlap.
     """

@@ -188,7 +188,7 @@ def part_volume(dog: Dog, root_radius: float, body: float) -> float:
 
 
 def chamfer_volume(dog: Dog) -> float:
-    """Return what the chamfer takes from one sharp dog, m3.
+    """Compute the volume that the chamfer takes from one sharp dog, m3.
 
     On a cylinder of radius r it is a curved triangle: level with the crest, along the
     face, along the braking flank. Its area is the integral of height over angle.
@@ -219,7 +219,7 @@ def _chamfer_area(dog: Dog, radius: float, end: Vertices) -> float:
 
 
 def corner_volume(dog: Dog, corner: Corner) -> float:
-    """Return what a rounding takes from the sharp dog, m3; negative for a fillet.
+    """Compute the volume that a rounding takes from the sharp dog, m3; negative for a fillet.
 
     A fan of straight fibres parallel to the edge, each as long as the annulus leaves it.
     """

@@ -204,7 +204,7 @@ class RiseTable:
             )
 
     def covers(self, force: float) -> bool:
-        """Tell whether a force in N lies within the table."""
+        """Decide whether a force in N lies within the table."""
         return min(self.forces) <= force <= max(self.forces)
 
     def profile(self, force: float, other_way: str = "") -> ForceProfile:
@@ -222,6 +222,6 @@ class RiseTable:
         return ForceProfile(force, float(np.interp(force, known, rises)))
 
     def gives(self, profile: ForceProfile) -> bool:
-        """Tell whether a profile rises as the table says."""
+        """Compare the rise of a profile with the table's."""
         known = self.covers(profile.force)
         return known and abs(self.profile(profile.force).rise - profile.rise) < 1e-9

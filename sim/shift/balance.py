@@ -1,4 +1,4 @@
-r"""What the contact of the dogs gave in each step of a run, by balance of momentum.
+r"""Contact force of the dogs in each step of a run, by balance of momentum.
 
 Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
 

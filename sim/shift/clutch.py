@@ -49,7 +49,7 @@ MAX_STEPS = 400_000  #: steps of a shift where the study gives no other number
 
 @dataclass(frozen=True)
 class Solver:
-    """How the motion is integrated.
+    """Engine, scheme, accuracy and limits of the integration.
 
     ``runge_kutta3``, error-controlled, is the reference and the cheapest at equal
     error: sliding contact limits its step by stability, which a higher order does

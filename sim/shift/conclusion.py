@@ -44,7 +44,7 @@ class Engagement:
 
 @dataclass(frozen=True)
 class Run:
-    """What an engine recorded of one shift.
+    """Record of one shift by an engine.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What happened in a shift: face contacts, slots passed, rebound, holding, sliding."""
+"""Events of a shift: face contacts, slots passed, rebound, holding, sliding."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def stands_still(
 
 
 def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool:
-    """Tell whether rings stand still, and creep and its growth would not free them in time.
+    """Decide whether rings stand still, and creep and its growth would not free them in time.
 
     Parameters
     ----------

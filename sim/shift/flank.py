@@ -37,7 +37,7 @@ def side_angle(dog: Dog, flank: Flank) -> float:
 
 @dataclass(frozen=True)
 class FlankContact:
-    """What of a flank touches at full depth.
+    """Part of a flank that touches at full depth.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class FlankContact:
 
 
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
-    """Return where two flanks touch at full depth; ``root_radius`` in m."""
+    """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
     inner, mean, outer = (
         _lost(dog, root_radius, flank, r)
         for r in (dog.inner_radius, dog.mean_radius, dog.outer_radius)
@@ -76,13 +76,13 @@ def _lost(dog: Dog, root_radius: float, flank: Flank, radius: float) -> float:
 
 
 def _cut(dog: Dog, flank: Flank) -> float:
-    """Return what a tip's rounding takes along either side of it, over its radius."""
+    """Compute the lengths that a tip's rounding takes along its sides, over its radius."""
     corner = dog.traction - dog.chamfer if flank == "traction" else dog.chamfer + dog.braking
     return 1.0 / math.tan(0.25 * math.pi + 0.5 * corner)
 
 
 def crest_loss(dog: Dog, root_radius: float) -> float:
-    """Return by how much the rounding takes the crest down, m.
+    """Compute the height that the rounding takes from the crest, m.
 
     Centre of the rounding on the bisector of the crest, its top a radius higher.
     """
@@ -92,12 +92,12 @@ def crest_loss(dog: Dog, root_radius: float) -> float:
 
 
 def crest_cut(dog: Dog, root_radius: float) -> float:
-    """Return what the rounding of the crest takes of the face, m."""
+    """Compute the width of the face that the rounding of the crest takes, m."""
     return root_radius * _cut(dog, "traction")
 
 
 def _fillet(lean: float) -> float:
-    """Return what a root's fillet takes along floor and flank, over its radius."""
+    """Compute the lengths that a root's fillet takes along floor and flank, over its radius."""
     return 1.0 / math.tan(0.25 * math.pi + 0.5 * lean)
 
 

@@ -1,4 +1,4 @@
-r"""What stands between actuator and sliding ring, and around the ring: unmodelled by default.
+r"""Mechanism between actuator and sliding ring, and around the ring: none by default.
 
 Axial motion of the ring (displacement *x*, mass :math:`m_s`) and of the actuator
 (:math:`y`, :math:`m_a`), turn of the ring (:math:`\omega`, inertia :math:`J_1`):
@@ -146,7 +146,7 @@ class Mechanism:
 
     @property
     def record(self) -> dict[str, float]:
-        """What differs from nothing, flat and in the edge's units."""
+        """Values that differ from no mechanism, flat and in the edge's units."""
         return {
             f"mechanism_{key}": from_si(key, getattr(self, name))
             for name, (key, _, _) in _RANGES.items()

@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """How a shift ended."""
+    """End of a shift."""
 
     ENGAGED = "engaged"
     BLOCKED = "blocked"
@@ -15,7 +15,7 @@ class Outcome(Enum):
 
     @property
     def message(self) -> str:
-        """What the outcome means, in words."""
+        """Meaning of the outcome, in words."""
         return _MESSAGES[self]
 
 
@@ -32,5 +32,5 @@ HUNG = "hung"
 
 
 def depends_on_clock(reason: str) -> bool:
-    """Tell whether a failure for this reason may not happen when the shift is simulated again."""
+    """Decide whether a failure for this reason may not happen when the shift is simulated again."""
     return reason.startswith((TIME_LIMIT, HUNG))

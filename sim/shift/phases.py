@@ -40,7 +40,7 @@ class Phase:
 
 
 def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:
-    """Return how far two faces overlap along the circumference, (n,), and the most, m.
+    """Compute the overlap of two faces along the circumference, (n,), and its maximum, m.
 
     At the mean radius ``L = c + a r``: *c* is the overlap of the crests at dogs
     facing dogs, *a* the angle from there. Faces part at L = 0, crest on crest, and
@@ -53,7 +53,7 @@ def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]
 
 
 def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
-    """Tell where the position allows a face to touch a face, (n,).
+    """Mark positions that allow a face to touch a face, (n,).
 
     Faces that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth
     of the height is allowed for the turn of one face against the other.
@@ -74,9 +74,9 @@ def face_left(clutch: Clutch, relative_angle: float, displacement: float) -> flo
 
 
 def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
-    """Tell where two crests cross within both dogs, at the depth where they meet, (n,).
+    """Mark positions in which two crests cross within both dogs, at their depth, (n,).
 
-    Crests are straight; where their overlap is nought at the mean radius they stand
+    Crests are straight; where their overlap is zero at the mean radius they stand
     ``height tan(traction) / radius`` out of parallel. There the common normal is the axis, and
     friction holds whatever the chamfer (``benchmarks/crest_hang.py``).
     """
@@ -89,14 +89,14 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
 
 
 def touching(trace: Trace) -> Flags:
-    """Tell during which steps there is a contact, (n,)."""
+    """Mark steps with a contact, (n,)."""
     pressed = trace.contact_force > 0.5 + 0.01 * trace.shift_force
     turned = np.abs(np.diff(trace.sliding_speed, prepend=trace.sliding_speed[0])) > 1e-6
     return pressed | turned
 
 
 def on_face(clutch: Clutch, trace: Trace) -> Flags:
-    """Tell during which steps faces touch faces, (n,)."""
+    """Mark steps in which faces touch faces, (n,)."""
     return touching(trace) & faces_meet(clutch, trace.relative_angle, trace.displacement)
 
 

@@ -94,7 +94,7 @@ class ClutchPlant:
 
         ``relative_angle`` (rad) is the output ring's lead over the position in
         which dogs face dogs; it grows with the mismatch. The integrator is
-        configured afresh, or its step size would carry over. Where friction alone holds the
+        configured again, or its step size would carry over. Where friction alone holds the
         sliding ring at first, the run begins when it lets go; ``held`` has what was before.
         """
         solver = self.clutch.solver

@@ -34,7 +34,7 @@ class Release:
 
 
 def release(clutch: Clutch, profile: ForceProfile) -> Release:
-    """Return when friction lets the ring of a clutch go; at once where it need not hold."""
+    """Find the time at which friction lets the ring go; at once where it need not hold."""
     mechanism = clutch.mechanism
     held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
     slows = clutch.rings.initial_speed != 0.0 and mechanism.drag_torque > 0.0
@@ -46,7 +46,7 @@ def release(clutch: Clutch, profile: ForceProfile) -> Release:
 
 
 def _reached(clutch: Clutch, profile: ForceProfile) -> float:
-    """Return when the shift force reaches the friction, s."""
+    """Find the time at which the shift force reaches the friction, s."""
     low, high = 0.0, LAST * clutch.timeout
     friction = clutch.mechanism.friction
     if profile.at(high) < friction:

@@ -83,7 +83,7 @@ def trace_of(
 
 
 def crossing(time: Series, displacement: Series, speed: Series, way: float) -> float | None:
-    """Return when a displacement first reaches ``way``, s; None where it does not.
+    """Find the time at which a displacement first reaches ``way``, s; None where it never does.
 
     Cubic between the two states (Hermite), solved by bisection. Series (n,).
     """

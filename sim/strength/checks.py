@@ -20,7 +20,7 @@ GROUPS: dict[Group, str] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """What a check asks.
+    """Question of a check.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class Check:
 
 
 def feasible(checks: Iterable[Check]) -> bool:
-    """Tell whether every check passes."""
+    """Decide whether every check passes."""
     return all(check.passed for check in checks)
 
 

@@ -125,12 +125,12 @@ def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
 
 
 def keeps_limits(dog: Dog, limits: Limits) -> bool:
-    """Tell whether every check passes; the cheap ones first, no further than the first failure."""
+    """Decide whether every check passes; cheap ones first, no further than the first failure."""
     return all(feasible(group(dog, limits)) for group in _GROUPS)
 
 
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
-    """Return by how much each margin can fall within the tolerances, by the check's name.
+    """Compute the largest loss of each margin within the tolerances, by the check's name.
 
     Contact ratio and clearance are left out: they have the tolerances in them already.
     """

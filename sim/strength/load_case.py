@@ -35,7 +35,7 @@ from dogshape.sim.shift.geometry import Dog
 
 @dataclass(frozen=True)
 class LoadCase:
-    """What a dog has to carry, hold and let go.
+    """Loads that a dog has to carry, hold and let go.
 
     Parameters
     ----------

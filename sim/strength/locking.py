@@ -67,7 +67,7 @@ def separating_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:
-    """Return what the blocking mechanism has to hold, N; 0 where both flanks hold themselves."""
+    """Compute the force on the blocking mechanism, N; 0 where both flanks hold themselves."""
     return max(0.0, *(separating_force(dog, load, flank) for flank in FLANKS))
 
 

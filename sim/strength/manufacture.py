@@ -1,4 +1,4 @@
-"""What can be made: limits on the shape, before anything is loaded or simulated.
+"""Limits of manufacture on the shape, before anything is loaded or simulated.
 
 A search left to itself runs to dogs that the chamfer has eaten and calls free
 flight a shift. These rules are checked first and cost nothing.
@@ -17,7 +17,7 @@ from dogshape.sim.units import MM
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """What the workshop can do; lengths in m.
+    """Limits of the workshop; lengths in m.
 
     Parameters
     ----------

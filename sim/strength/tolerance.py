@@ -1,4 +1,4 @@
-r"""What is left of a design within its manufacturing tolerances.
+r"""Margins of a design within its manufacturing tolerances.
 
 Every dimension *i* may be off by its tolerance either way, which takes at most
 :math:`d_i` from a margin. For independent deviations :math:`\sqrt{\sum d_i^2}` is the usual
@@ -69,7 +69,7 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Spread:
-    """How far a quantity moves within the tolerances, by dimension and at the worst."""
+    """Move of a quantity within the tolerances, by dimension and at the worst."""
 
     by_dimension: dict[str, float]
     worst_case: float
@@ -102,7 +102,7 @@ def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tupl
 
 
 def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values) -> list[Spread]:
-    """Return by how much each of ``values`` can fall.
+    """Compute the largest loss of each of ``values``.
 
     A deviation that leaves no dog makes every loss infinite.
     """

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("diagnosis", "surrogate", "validation", "sim/statistics", "pipeline/diagnose")
+ROOMS = ("sim", "surrogate", "diagnosis", "pipeline", "dogshape", "validation")
 #: First words that name no thing: what a value is has a noun.
 EMPTY = re.compile(
-    r"(Return (what|which|whether|how|when|where|by how|that|those|it)\b|Tell |What |Whether |Say )"
+    r"(Return (what|which|whether|how|when|where|by how|that|those|it)\b|Tell |What |Say )"
 )
 #: Words with a better one in the glossary: predict, posterior, outlier, new, zero.
 WORN = re.compile(

@@ -14,7 +14,7 @@ Record = Mapping[str, Any]
 
 
 def made_lines(folder: Path, manifest: Record) -> RenderableType:
-    """Return how many cases were made and the hash of their key."""
+    """Write the number of cases that were made and the hash of their key."""
     return Group(
         f"{len(manifest['cases'])} cases in {folder / 'cases'}",
         f"key sealed with SHA-256 {manifest['key_sha256']}",

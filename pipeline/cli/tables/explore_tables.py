@@ -1,4 +1,4 @@
-"""What the page of a surrogate shows, in a few lines."""
+"""The page of a surrogate in a few lines."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def root_table(roots: Sequence[RootCheck]) -> RenderableType:
 
 
 def export_text(written: dict[str, str], volume: float) -> RenderableType:
-    """Return which files were written; ``volume`` of one ring in mm3."""
+    """List the files that were written; ``volume`` of one ring in mm3."""
     words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings"}
     lines = [f"wrote {path} ({words[kind]})" for kind, path in written.items()]
     return Group(*lines, f"volume of a ring {volume:.1f} mm3")

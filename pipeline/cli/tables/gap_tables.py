@@ -71,7 +71,7 @@ def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
 
 
 def _classes(found: Diagnosis) -> list[str]:
-    """Return what cannot be told apart, by the names of the page with the record's keys."""
+    """List causes that cannot be told apart, by the names of the page with the record's keys."""
     groups = [group for group in found.confusion.classes if len(group) > 1]
     lines = [class_in_words(group, found.effects, keys=True) for group in groups]
     named = {n for h in found.confusion.hypotheses if h != UNKNOWN for n in h}

@@ -1,4 +1,4 @@
-"""What the surrogate says of a design."""
+"""Predictions of the surrogate for a design."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def answer_text(
 
 
 def many_text(data: dict[str, Any]) -> str:
-    """Return what was asked of a table of designs."""
+    """Write the question that was put to a table of designs."""
     best, many = data["best_feasible"], len(data["impossible"])
     lines = [f"row {one['row']} is no design: {one['reason']}" for one in data["impossible"][:TOLD]]
     lines += [f"and {many - TOLD} more rows are no designs"] if many > TOLD else []
@@ -56,7 +56,7 @@ def many_text(data: dict[str, Any]) -> str:
 
 
 def filled_lines(data: dict[str, Any]) -> list[str]:
-    """Return what the study filled in for a table of designs, and what was only copied."""
+    """List columns that the study filled in for a table of designs, and those only copied."""
     filled = ", ".join(f"{name} = {value:.6g}" for name, value in data["filled"].items())
     lines = [f"the table has no column for, and the study gives, {filled}"] if filled else []
     kept = ", ".join(data["kept"])

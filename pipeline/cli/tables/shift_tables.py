@@ -1,4 +1,4 @@
-"""What one shift did, and the mean of many."""
+"""Result of one shift, and the mean of many."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def expectation_table(result: Expectation) -> RenderableType:
 
 
 def _lost(result: Expectation) -> str:
-    """Say how many shifts did not engage, and what their retries make of the mean."""
+    """Count the shifts that did not engage, and give the mean with their retries."""
     text = f"{result.lost} of {result.shifts} shifts did not engage"
     if result.blocked:
         text += f", {result.blocked} held dog on dog by friction"

@@ -1,4 +1,4 @@
-"""What a search found, and how good its surrogate is."""
+"""Result of a search, and the quality of its surrogate."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Row = dict[str, Any]
 
 
 def study_table(study: Study, result: Row, report: Path | None) -> RenderableType:
-    """Return what a study found: its result, prototype beside chosen design, and the front.
+    """Show the result of a study: prototype beside chosen design, and the front.
 
     ``report`` is None where none was made.
     """
