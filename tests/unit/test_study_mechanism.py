@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -11,12 +10,10 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.check import check_design
 from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import time_spread
 from dogshape.pipeline.store.folder import StudyFolder, read_json
-from dogshape.pipeline.study import run_study
 from dogshape.pipeline.train.filling import filling_blocks
 from dogshape.pipeline.train.found_surrogates import joining, known_surrogate, stored_surrogate
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
@@ -30,7 +27,7 @@ from dogshape.sim.shift.mechanism import FIELDS, NOTHING
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.surrogate.query import require_same_physics
-from tests.conftest import SMALL, Said, searching
+from tests.conftest import Said
 
 Call = Callable[..., Said]
 EFFECTS = load()
@@ -311,30 +308,6 @@ def test_what_a_surrogate_learns_from_has_them() -> None:
         assert isinstance(profile, LaggedProfile)
         assert profile.force == pytest.approx(0.8 * other.point.profile.force, rel=1e-3)
         assert profile.rise == pytest.approx(other.point.profile.rise, rel=1e-3)
-
-
-def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> None:
-    """Search, confirmation, surrogate and what the folder holds."""
-    keys = ["mechanism.spline_friction=0.1", "mechanism.delay_s=0.05", "effects.drag_torque=0.2"]
-    study = load_study("mq200", [*SMALL, *keys])
-    result = run_study(study, searching(tmp_path, jobs=1))
-    assert result["physics_hash"] == study.physics_hash
-    assert result["confirmation"] is not None
-    rows = [json.loads(line) for line in (tmp_path / "shifts.jsonl").read_text().splitlines()]
-    seeds = {row["seed"] for row in rows}
-    assert len(seeds) > 1
-    for row in rows:
-        assert row["mechanism_spline_friction"] == 0.1
-        assert row["mechanism_drag_torque_Nm"] == 0.2
-        assert row["force_delay_s"] == 0.05
-        assert row["shift_time_s"] is None or row["shift_time_s"] > 0.06
-    stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
-    assert stored.surrogate.data.physics == study.physics
-    assert StudyFolder(tmp_path).stored_study().points == study.points
-    found = check_design(study, None, None, path)
-    assert found.to_dict()["low_s"] > 0.06
-    with pytest.raises(InputError, match="mechanism_spline_friction is absent here"):
-        check_design(load_study("mq200", SMALL), None, None, path)
 
 
 def test_every_verb_takes_them(dogshape: Call) -> None:
