@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from benchmarks.blind_table import SCORE, score_of
@@ -14,6 +15,9 @@ README = "README.md"
 RESULTS = "docs/results.md"
 COMMANDS = "docs/commands.md"
 MODEL = "docs/model.md"
+PLANAR = "docs/planar.md"
+#: Effects that move the mean by half a millisecond or less.
+SMALL_EFFECTS = ("contact_dissipation", "detent_force", "spline_friction")
 MS = 1e3
 PERCENT = 100.0
 #: Settings of the contact that the best designs were simulated under.
@@ -108,6 +112,11 @@ def _gain(name: str) -> list[float]:
 def _restitution(name: str) -> list[float]:
     """Give the restitution of one of the contact sets, from the head of its table."""
     return [numbers("contact_sets", name)[-2]]
+
+
+def _deviations(speed: str) -> list[float]:
+    """Give median and 90 % quantile of a shift's deviation, and the variance left, in percent."""
+    return [numbers("engines", speed)[k] for k in (2, 3, 5)]
 
 
 def _table(name: str, key: str) -> Callable[[], Sequence[float]]:
@@ -765,5 +774,58 @@ ENTRIES: list[Entry] = [
         "docs/blind.md",
         "(median; {:.1f} % root mean square)",
         lambda: numbers("blind_rest", "all cases:")[1:2],
+    ),
+    # docs/planar.md
+    Entry(PLANAR, "has {:.0f} single shifts", lambda: numbers("engines", "all")[:1]),
+    Entry(
+        PLANAR,
+        "The outcome is the same in {:.2f} %. The time of a shift differs by {:.3f} % (median), "
+        "its peak force by {:.2f} % and its landing load by {:.2f} %; the mean of eight angles by "
+        "{:.3f} %",
+        lambda: [numbers("engines", "all")[k] for k in (1, 2, 7, 8, 6)],
+    ),
+    *(
+        Entry(
+            PLANAR,
+            f"| {speed} 1/min | {{:.3f}} % | {{:.2f}} % | {{:.2f}} % |",
+            partial(_deviations, f"{speed} "),
+        )
+        for speed in (5, 50, 100, 149, 249)
+    ),
+    Entry(
+        PLANAR,
+        "With the design set the median is at most {:.3f} %",
+        lambda: [
+            max(
+                numbers("engines", f"{size}, lubricated_steel", "504")[1]
+                for size in ("prototype", "small", "large")
+            )
+        ],
+    ),
+    Entry(
+        PLANAR,
+        "These differ by up to {:.2f} ms",
+        lambda: [max(abs(numbers("engine_effects", name)[2]) for name in SMALL_EFFECTS)],
+    ),
+    Entry(
+        PLANAR,
+        "within {:.1f} % of the move, but for three",
+        lambda: [
+            max(
+                numbers("engine_effects", name)[3]
+                for name in (
+                    "actuation_lag",
+                    "contact_friction",
+                    "contact_stiffness",
+                    "drag_torque",
+                    "free_play",
+                    "linkage_compliance",
+                    "moving_mass",
+                    "reversed_mismatch",
+                    "sleeve_friction",
+                    "viscous_damping",
+                )
+            )
+        ],
     ),
 ]

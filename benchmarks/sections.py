@@ -66,6 +66,13 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"28 operating points, 40 designs", "what was held out"),
         ),
     },
+    "docs/planar.md": {
+        "How well both agree": (
+            (r"\(40 to 120 mm, 0\.2 to 2 kg\)", "sizes of the benchmark's clutches"),
+            (r"\| 90 % \|", "a quantile"),
+            (r"one\s+percent off", "as test_planar.py holds it"),
+        ),
+    },
     "docs/search.md": {
         "How sure the front is": ((r"5 and 95 %|\(0\.2\)|96 angles", "rules of replication"),),
         "Against other samplers": (
@@ -163,6 +170,9 @@ OTHERS: dict[str, dict[str, str]] = {
     "docs/mismatch.md": dict.fromkeys(
         ("", "Which ring is the sliding one", "In the simulation", "Where it is not known"),
         "a definition",
+    ),
+    "docs/planar.md": dict.fromkeys(
+        ("", "What is the same, and what is not", "The first start"), DEFINITIONS
     ),
     "docs/search.md": {
         **dict.fromkeys(("", "What is proposed", "What is simulated", "Checked"), DEFINITIONS),

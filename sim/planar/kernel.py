@@ -37,6 +37,7 @@ from numba import njit
 #: A rigid plane meets the pressure of a plane only where it presses against it: cosine between
 #: its normal and the pressure's gradient, at least (112.5 degrees).
 OPPOSED = math.cos(0.625 * math.pi)
+MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
 ROOM = 12  #: corners of a cut quadrilateral, at most
 SIZE = 8  #: angles of both rings, way, their rates; way and speed of the actuator
 #: Why ``advance`` returned.
@@ -106,12 +107,14 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     tuple of float
         Force against the shift, N, and torque on the sliding ring, N m; of one dog.
     """
-    half, pitch = surfaces[3], surfaces[4]
+    pitch, ahead, behind = surfaces[4], surfaces[3][0], surfaces[3][1]
     axial, torque = 0.0, 0.0
     base = angle - pitch * np.round(angle / pitch)
     for dog in range(-1, 2):
         place = base + dog * pitch
-        if abs(place) >= 2.0 * half:
+        # Flanks of one kind lie half a pitch from each other less what they lean, and MARGIN.
+        free = 0.5 * pitch * MARGIN
+        if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
         c, s = math.cos(place), math.sin(place)
         for quad in range(3):
@@ -132,7 +135,8 @@ def _meets(quad, c, s, distance, surfaces, polygon):
     for i in range(4):
         x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
         polygon[i, 0], polygon[i, 1], polygon[i, 2] = c * x - s * y, -(s * x + c * y), distance - z
-    for plane in range(3):
+    for turn in range(3):
+        plane = (quad + turn) % 3  # its like is the one that it most often lies outside of
         nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
         deepest = -1.0
         for i in range(4):

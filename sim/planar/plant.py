@@ -14,6 +14,7 @@ from dogshape.sim.shift.mechanism import DEEP, SLIP, TURN
 from dogshape.sim.shift.mesh import dog_planes, rigid_dog
 
 Floats = NDArray[np.float64]
+Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
 
 TOUCHING = ("traction", "face", "braking")
 #: Corners of the same three surfaces in ``rigid_dog``.
@@ -28,13 +29,14 @@ class PlanarClutch:
     ----------
     clutch : what is simulated.
     surfaces : corners of the rigid surfaces, m, (3, 4, 3); outward normals, (3, 3); offsets of the
-        compliant dog's planes, m, (3,); half angle of a dog, pitch, rad; gap and travel, m.
+        compliant dog's planes, m, (3,); lean of a traction and a braking flank, rad/m, (2,);
+        pitch, rad; gap and travel, m.
     numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
     law : of the contact, (5,).
     """
 
     clutch: Clutch
-    surfaces: tuple[Floats, Floats, Floats, float, float, float, float]
+    surfaces: Surfaces
     numbers: Floats
     law: Floats
 
@@ -44,14 +46,14 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     return PlanarClutch(clutch, surfaces_of(clutch.dog), _numbers(clutch), law_of(clutch))
 
 
-def surfaces_of(dog: Dog) -> tuple[Floats, Floats, Floats, float, float, float, float]:
+def surfaces_of(dog: Dog) -> Surfaces:
     """Describe where dogs touch (``PlanarClutch.surfaces``)."""
     vertices, planes = rigid_dog(dog).vertices, dog_planes(dog)
     corners = np.array([vertices[list(quad)] for quad in QUADS])
     normals = np.array([planes[name].normal for name in TOUCHING])
     offsets = np.array([planes[name].offset for name in TOUCHING])
-    half = float(np.abs(np.arctan2(vertices[:, 1], vertices[:, 0])).max())
-    return corners, normals, offsets, half, dog.pitch_angle, dog.axial_gap, dog.travel
+    lean = np.tan([dog.traction, dog.braking]) / dog.outer_radius
+    return corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
 
 
 def law_of(clutch: Clutch) -> Floats:

@@ -11,7 +11,7 @@ from dogshape.sim.shift.events import Events, events_of
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.passing import passing_through
-from dogshape.sim.shift.phases import Phase, phases_of
+from dogshape.sim.shift.phases import Phase, phases_of, touches_of
 from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
 
 FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
@@ -76,9 +76,12 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         outcome = Outcome.DIVERGED if failure else outcome
     way = clutch.shift_travel
     done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
-    far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
+    far = done
+    if clutch.mechanism.has_linkage:
+        far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
     end = float(trace.time[-1]) if done is None else done
-    phases = phases_of(clutch, trace, end)
+    touched = touches_of(clutch, trace)
+    phases = phases_of(clutch, trace, touched, end)
     found = Engagement(
         clutch=clutch,
         point=point,
@@ -87,8 +90,8 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         shift_time=done if outcome is Outcome.ENGAGED else None,
         actuator_time=None if outcome is Outcome.DIVERGED else far,
         phases=phases,
-        events=events_of(clutch, trace),
-        loads=loads_of(clutch, trace, phases),
+        events=events_of(clutch, trace, touched),
+        loads=loads_of(clutch, trace, touched, phases),
         steps=len(trace.time),
         evaluations=run.evaluations,
         detail=failure or outcome.message,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.phases import Flags, face_left, face_overlap, on_face
+from dogshape.sim.shift.phases import Flags, Touches, face_left, face_overlap
 from dogshape.sim.shift.trace import Series, Trace
 
 LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
@@ -43,10 +43,9 @@ class Events:
         return self.face_slide > SLID
 
 
-def events_of(clutch: Clutch, trace: Trace) -> Events:
+def events_of(clutch: Clutch, trace: Trace, touched: Touches) -> Events:
     """Return the events of a shift."""
-    faces = on_face(clutch, trace)
-    steps = np.diff(trace.time, prepend=trace.time[0])
+    faces, steps = touched.faces, trace.steps
     slip = np.abs(trace.relative_speed) * clutch.dog.mean_radius
     held = slip < STILL
     deepest = np.maximum.accumulate(trace.displacement)
@@ -100,20 +99,16 @@ def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool
 
 
 def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
-    """Count touches of a face after a flight that parted it; ``faces`` (n,) as ``on_face``."""
+    """Count touches of a face after a flight that parted it; ``faces`` (n,) as in ``Touches``."""
     overlap, most = face_overlap(clutch, trace.relative_angle)
     level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
     apart = np.where(
         (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
     )
-    count, left = 0, None
-    for here in np.flatnonzero(faces).tolist():
-        flown = math.inf
-        if left is not None:
-            flown = 0.0 if here == left + 1 else apart[left : here + 1].max() - apart[left]
-        count += bool(flown > LIFT)
-        left = here
-    return count
+    here = np.flatnonzero(faces)
+    flights = np.flatnonzero(here[1:] > here[:-1] + 1)
+    flown = (apart[here[k] : here[k + 1] + 1].max() - apart[here[k]] for k in flights.tolist())
+    return int(here.size > 0) + sum(bool(one > LIFT) for one in flown)
 
 
 def _skipped(clutch: Clutch, trace: Trace) -> int:

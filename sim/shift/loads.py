@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.phases import Phase, face_overlap, on_face
+from dogshape.sim.shift.phases import Phase, Touches, face_overlap
 from dogshape.sim.shift.trace import Series, Trace
 
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
@@ -67,7 +67,7 @@ class Loads:
     landing: Landing
 
 
-def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
+def loads_of(clutch: Clutch, trace: Trace, touched: Touches, phases: tuple[Phase, ...]) -> Loads:
     """Return the loads of a shift."""
     seating = phases[-1]
     before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
@@ -82,7 +82,7 @@ def loads_of(clutch: Clutch, trace: Trace, phases: tuple[Phase, ...]) -> Loads:
         energy_dissipated=float(energy_lost(clutch, trace)[-1]),
         strike_mismatch=struck / clutch.rings.reduced_inertia,
         residual_mismatch=float(trace.relative_speed[before]) if closed else None,
-        landing=_dog_on_dog(clutch, trace),
+        landing=_dog_on_dog(clutch, trace, touched),
     )
 
 
@@ -99,9 +99,9 @@ def peak_duration(trace: Trace) -> float:
     return float(end - start)
 
 
-def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
+def _dog_on_dog(clutch: Clutch, trace: Trace, touched: Touches) -> Landing:
     dog = clutch.dog
-    landed = on_face(clutch, trace) & (trace.contact_force > np.abs(trace.tangential_force))
+    landed = touched.faces & (trace.contact_force > np.abs(trace.tangential_force))
     load = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
     overlap, most = face_overlap(clutch, trace.relative_angle)
     # Past the middle the braking edge parts the faces.
@@ -113,8 +113,7 @@ def _dog_on_dog(clutch: Clutch, trace: Trace) -> Landing:
 
 def _within_impact(trace: Trace, force: Series) -> Series:
     """Return the impulse of a force (n,) over an impact's length from each time on, N s, (n,)."""
-    steps = np.diff(trace.time, prepend=trace.time[0])
-    impulse = np.cumsum(force * steps)
+    impulse = np.cumsum(force * trace.steps)
     gained: Series = np.interp(trace.time + IMPACT, trace.time, impulse) - impulse
     return gained
 

@@ -91,18 +91,29 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
 def touching(trace: Trace) -> Flags:
     """Mark steps with a contact, (n,)."""
     pressed = trace.contact_force > 0.5 + 0.01 * trace.shift_force
-    turned = np.abs(np.diff(trace.sliding_speed, prepend=trace.sliding_speed[0])) > 1e-6
-    return pressed | turned
+    turned = np.abs(trace.sliding_speed[1:] - trace.sliding_speed[:-1]) > 1e-6
+    pressed[1:] |= turned
+    return pressed
 
 
-def on_face(clutch: Clutch, trace: Trace) -> Flags:
-    """Mark steps in which faces touch faces, (n,)."""
-    return touching(trace) & faces_meet(clutch, trace.relative_angle, trace.displacement)
+@dataclass(frozen=True)
+class Touches:
+    """Steps of a shift with any contact, and with faces on faces, each (n,)."""
+
+    any: Flags
+    faces: Flags
 
 
-def phases_of(clutch: Clutch, trace: Trace, end: float) -> tuple[Phase, ...]:
+def touches_of(clutch: Clutch, trace: Trace) -> Touches:
+    """Mark steps with a contact."""
+    touches = touching(trace)
+    near = faces_meet(clutch, trace.relative_angle, trace.displacement)
+    return Touches(touches, touches & near)
+
+
+def phases_of(clutch: Clutch, trace: Trace, touched: Touches, end: float) -> tuple[Phase, ...]:
     """Return the phases of a shift that ends at ``end``, s."""
-    touches, faces = touching(trace), on_face(clutch, trace)
+    touches, faces = touched.any, touched.faces
     if faces.any():
         first = float(trace.time[np.argmax(touches)])
         last = float(trace.time[len(faces) - 1 - np.argmax(faces[::-1])])

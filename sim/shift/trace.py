@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +43,11 @@ class Trace:
     actuator_displacement: Series
     actuator_speed: Series
 
+    @cached_property
+    def steps(self) -> Series:
+        """Time since the step before, s, (n,); 0 at the start."""
+        return np.concatenate([[0.0], self.time[1:] - self.time[:-1]])
+
     @property
     def relative_speed(self) -> Series:
         """Output less sliding speed, rad/s, (n,); at the start it is the mismatch."""
@@ -63,8 +69,9 @@ def trace_of(
         linkage also displacement and speed of the actuator, (8,).
     """
     time, state = np.array(times), np.array(states)
-    keep = np.concatenate([[True], np.diff(time) > 0.0])
-    time, state = time[keep], state[keep]
+    keep = np.concatenate([[True], time[1:] > time[:-1]])
+    if not keep.all():
+        time, state = time[keep], state[keep]
     mean_force, torque = contact_means(clutch, point.profile, time, state)
     far = state[:, 6:] if clutch.mechanism.has_linkage else state[:, [1, 4]]
     return Trace(
