@@ -788,6 +788,11 @@ ENTRIES: list[Entry] = [
         lambda: numbers("blind_rest", "all cases:")[1:2],
     ),
     # docs/planar.md
+    Entry(
+        PLANAR,
+        "it takes 1/{:.0f} of Drake's processor time",
+        lambda: numbers("engines", "all")[-1:],
+    ),
     Entry(PLANAR, "has {:.0f} single shifts", lambda: numbers("engines", "all")[:1]),
     Entry(
         PLANAR,

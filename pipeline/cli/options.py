@@ -18,7 +18,7 @@ Sets = Annotated[
 ]
 Engine = Annotated[
     str | None,
-    typer.Option(help="drake, or planar: compiled, some fifty times faster; default: the study's"),
+    typer.Option(help="drake, or planar: compiled, many times faster; default: the study's"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
 Cluster = Annotated[
