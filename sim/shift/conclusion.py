@@ -10,7 +10,7 @@ from dogshape.sim.shift.dead_time import later, later_phases, later_trace
 from dogshape.sim.shift.events import Events, events_of
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.passing import passing_through
+from dogshape.sim.shift.passing import passing_through, path_of
 from dogshape.sim.shift.phases import Phase, phases_of, touches_of
 from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
 
@@ -66,13 +66,13 @@ class Run:
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
     """Work a result out of a run.
 
-    An engaged shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
+    A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
     count from the start of the force, those of the result from the command: a dead time later.
     """
     trace = trace_of(clutch, point, run.times, run.states)
     outcome, failure = _outcome(clutch, run, trace), run.failure
-    if outcome is Outcome.ENGAGED:
-        failure = passing_through(clutch, trace.displacement, trace.relative_angle)
+    if outcome is not Outcome.DIVERGED:
+        failure = passing_through(clutch, *path_of(clutch, trace))
         outcome = Outcome.DIVERGED if failure else outcome
     way = clutch.shift_travel
     done = crossing(trace.time, trace.displacement, trace.axial_speed, way)

@@ -15,9 +15,11 @@ from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import MM
 
 Series = NDArray[np.float64]
+LONG = 0.05  #: pitches, by which a step may turn without a look at what is between
 COVERED = (
     1.0 / 3.0
 )  #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
@@ -59,8 +61,36 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
     return deepest
 
 
+def path_of(clutch: Clutch, trace: Trace) -> tuple[Series, Series]:
+    """Follow a shift between its steps too: way in m and relative angle in rad, each (m,).
+
+    A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
+    turn by more than ``LONG`` are divided into parts that do not, with the cubic through both ends.
+    """
+    way, angle, speed, turn = (
+        trace.displacement, trace.relative_angle, trace.axial_speed, trace.relative_speed,
+    )  # fmt: skip
+    turned = np.abs(angle[1:] - angle[:-1]) / clutch.dog.pitch_angle
+    long = np.flatnonzero(turned > LONG)
+    if not long.size:
+        return way, angle
+    parts = int(np.ceil(turned.max() / LONG))
+    s = np.arange(1, parts)[:, None] / parts
+    step = trace.time[long + 1] - trace.time[long]
+
+    def between(place: Series, rate: Series) -> Series:
+        start, end = place[long], place[long + 1]
+        cubic: Series = (
+            (1 + 2 * s) * (1 - s) ** 2 * start + s * (1 - s) ** 2 * step * rate[long]
+            + s * s * (3 - 2 * s) * end + s * s * (s - 1) * step * rate[long + 1]
+        )  # fmt: skip
+        return cubic.ravel()
+
+    return np.append(way, between(way, speed)), np.append(angle, between(angle, turn))
+
+
 def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series) -> str:
-    """Describe why an engaged shift is not valid; empty where it is.
+    """Describe why a shift is not valid; empty where it is.
 
     Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
     all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. At full
