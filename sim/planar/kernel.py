@@ -39,9 +39,12 @@ from numba import njit
 OPPOSED = math.cos(0.625 * math.pi)
 MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
 ROOM = 12  #: corners of a cut quadrilateral, at most
+VALUES = 3  #: place for values at corners behind a polygon and two cut ones
 SIZE = 8  #: angles of both rings, way, their rates; way and speed of the actuator
 #: Why ``advance`` returned.
 ENGAGED, PAUSED, FULL, LOST = range(4)
+#: Kept on disk; a division by zero gives an infinity, which ``advance`` looks for.
+COMPILED = {"cache": True, "error_model": "numpy"}
 LEAST = 1e-12  #: s, a step below which the integration is lost
 
 # Places in ``plain``, the numbers of a clutch.
@@ -52,31 +55,45 @@ NUMBERS = 23
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
-@njit(cache=True)
-def _cut(polygon, count, a, b, spare):
-    """Keep of a polygon (ROOM, 6) what has more in column ``a`` than in ``b``; b < 0: than 0."""
-    kept = 0
-    last = count - 1
-    before = polygon[last, a] - (polygon[last, b] if b >= 0 else 0.0)
-    for here in range(count):
-        value = polygon[here, a] - (polygon[here, b] if b >= 0 else 0.0)
+@njit(**COMPILED)
+def _cut(work, here, count, a, b):
+    """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; b < 0: than 0.
+
+    Returns the number of corners that are left, and where: in the same place if all are, else in
+    the one of the two places for cut polygons that is free.
+    """
+    values = work[VALUES]
+    more, less = False, False
+    for i in range(count):
+        value = work[here, i, a] - (work[here, i, b] if b >= 0 else 0.0)
+        values[i, 0] = value
+        more |= value > 0.0
+        less |= value <= 0.0
+    if not more:
+        return 0, here
+    if not less:
+        return count, here
+    there = 2 if here == 1 else 1
+    kept, last = 0, count - 1
+    before = values[last, 0]
+    for i in range(count):
+        value = values[i, 0]
         if (value > 0.0) != (before > 0.0):
             share = before / (before - value)
             for column in range(6):
-                spare[kept, column] = polygon[last, column] + share * (
-                    polygon[here, column] - polygon[last, column]
-                )
+                start = work[here, last, column]
+                work[there, kept, column] = start + share * (work[here, i, column] - start)
             kept += 1
         if value > 0.0:
             for column in range(6):
-                spare[kept, column] = polygon[here, column]
+                work[there, kept, column] = work[here, i, column]
             kept += 1
         before = value
-        last = here
-    return kept
+        last = i
+    return kept, there
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def friction_at(slip, law):
     """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
     ratio = slip / law[3]
@@ -88,7 +105,7 @@ def friction_at(slip, law):
     return held * ratio / math.sqrt(1.0 + ratio * ratio)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def contact(angle, distance, turn, speed, surfaces, law, work):
     """Compute force along and torque about the shaft on the compliant dog.
 
@@ -100,7 +117,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     speed : of the sliding ring into engagement, m/s.
     surfaces : of ``PlanarClutch``.
     law : of ``PlanarClutch``; equal coefficients select the law of Drake's continuous plant.
-    work : room for three polygons, (3, ROOM, 6).
+    work : room for polygons, (VALUES + 1, ROOM, 6): whole, two cut ones, and values at corners.
 
     Returns
     -------
@@ -118,37 +135,47 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
             continue
         c, s = math.cos(place), math.sin(place)
         for quad in range(3):
-            if _meets(quad, c, s, distance, surfaces, work[0]):
+            if _meets(quad, c, s, distance, surfaces, work):
                 force, moment = _surface(quad, c, s, turn, speed, surfaces, law, work)
                 axial += force
                 torque += moment
     return axial, torque
 
 
-@njit(cache=True)
-def _meets(quad, c, s, distance, surfaces, polygon):
+@njit(**COMPILED)
+def _meets(quad, c, s, distance, surfaces, work):
     """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
 
-    ``polygon`` (ROOM, 6) gets corners and their depths below the three planes, m.
+    ``work[0]`` gets corners and their depths below the three planes, m.
     """
     corners, normals, offsets = surfaces[0], surfaces[1], surfaces[2]
     for i in range(4):
         x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
-        polygon[i, 0], polygon[i, 1], polygon[i, 2] = c * x - s * y, -(s * x + c * y), distance - z
+        work[0, i, 0], work[0, i, 1], work[0, i, 2] = c * x - s * y, -(s * x + c * y), distance - z
     for turn in range(3):
         plane = (quad + turn) % 3  # its like is the one that it most often lies outside of
         nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
         deepest = -1.0
         for i in range(4):
-            along = nx * polygon[i, 0] + ny * polygon[i, 1] + nz * polygon[i, 2]
-            polygon[i, 3 + plane] = offsets[plane] - along
-            deepest = max(deepest, polygon[i, 3 + plane])
+            along = nx * work[0, i, 0] + ny * work[0, i, 1] + nz * work[0, i, 2]
+            work[0, i, 3 + plane] = offsets[plane] - along
+            deepest = max(deepest, work[0, i, 3 + plane])
         if deepest <= 0.0:
             return False
     return True
 
 
-@njit(cache=True)
+@njit(**COMPILED)
+def _is_least_somewhere(work, column, one, other):
+    """Decide whether a depth may be the least; not where another is at every corner."""
+    first, second = False, False
+    for i in range(4):
+        first |= work[0, i, one] > work[0, i, column]
+        second |= work[0, i, other] > work[0, i, column]
+    return first and second
+
+
+@njit(**COMPILED)
 def _surface(quad, c, s, turn, speed, surfaces, law, work):
     """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
     normals = surfaces[1]
@@ -160,26 +187,28 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
         along = mx * normals[plane, 0] + my * normals[plane, 1] + normal[2] * normals[plane, 2]
         if -along <= OPPOSED:
             continue
-        column = 3 + plane
-        count = _cut(work[0], 4, column, -1, work[1])
+        column, one, other = 3 + plane, 3 + (plane + 1) % 3, 3 + (plane + 2) % 3
+        if not _is_least_somewhere(work, column, one, other):
+            continue
+        count, where = _cut(work, 0, 4, column, -1)
         if count > 2:
-            count = _cut(work[1], count, 3 + (plane + 1) % 3, column, work[2])
+            count, where = _cut(work, where, count, one, column)
         if count > 2:
-            count = _cut(work[2], count, 3 + (plane + 2) % 3, column, work[1])
+            count, where = _cut(work, where, count, other, column)
         for i in range(1, count - 1):
-            force, moment = _triangle(work[1], i, column, normal, turn, speed, law)
+            force, moment = _triangle(work, where, i, column, normal, turn, speed, law)
             axial += force
             torque += moment
     return axial, torque
 
 
-@njit(cache=True)
-def _triangle(cut, i, column, normal, turn, speed, law):
+@njit(**COMPILED)
+def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
-    ax, ay, az = cut[i, 0] - cut[0, 0], cut[i, 1] - cut[0, 1], cut[i, 2] - cut[0, 2]
+    ax, ay, az = work[where, i, 0] - work[where, 0, 0], work[where, i, 1] - work[where, 0, 1], work[where, i, 2] - work[where, 0, 2]
     j = i + 1
-    bx, by, bz = cut[j, 0] - cut[0, 0], cut[j, 1] - cut[0, 1], cut[j, 2] - cut[0, 2]
+    bx, by, bz = work[where, j, 0] - work[where, 0, 0], work[where, j, 1] - work[where, 0, 1], work[where, j, 2] - work[where, 0, 2]
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
@@ -187,9 +216,9 @@ def _triangle(cut, i, column, normal, turn, speed, law):
         f0 = 2.0 / 3.0 if point == 0 else 1.0 / 6.0
         f1 = 2.0 / 3.0 if point == 1 else 1.0 / 6.0
         f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
-        x = f0 * cut[0, 0] + f1 * cut[i, 0] + f2 * cut[j, 0]
-        y = f0 * cut[0, 1] + f1 * cut[i, 1] + f2 * cut[j, 1]
-        depth = f0 * cut[0, column] + f1 * cut[i, column] + f2 * cut[j, column]
+        x = f0 * work[where, 0, 0] + f1 * work[where, i, 0] + f2 * work[where, j, 0]
+        y = f0 * work[where, 0, 1] + f1 * work[where, i, 1] + f2 * work[where, j, 1]
+        depth = f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
         vx, vy, vz = turn * y, -turn * x, -speed
         closing = vx * mx + vy * my + vz * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
@@ -201,7 +230,7 @@ def _triangle(cut, i, column, normal, turn, speed, law):
     return axial, torque
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def force_at(time, knots):
     """Evaluate a piecewise cubic: ``knots`` are times, values and slopes, (3, n); held beyond."""
     last = knots.shape[1] - 1
@@ -227,12 +256,12 @@ def force_at(time, knots):
     )
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _smooth(value, small):
     return value / math.sqrt(value * value + small * small)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _pull(stretch, rate, plain):
     """Compute the linkage's force on the ring, N (``Mechanism.pull``)."""
     stiff, loss, play = plain[STIFF], plain[LOSS], plain[PLAY]
@@ -243,7 +272,7 @@ def _pull(stretch, rate, plain):
     return push - max(behind * (stiff - loss * rate / (behind + plain[DEEP_STOP])), 0.0)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def rates(time, state, out, plain, knots, surfaces, law, work):
     """Write the rates of a state (8,) into ``out``."""
     way, speed = state[1], state[4]
@@ -281,7 +310,7 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
     out[5] = (about - drag) / plain[SLIDING]
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _stages(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     """Make a step of ``h`` into ``trial``, with the rates at its four stages."""
     k1, k2, k3, k4 = stages
@@ -296,7 +325,7 @@ def _stages(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     rates(time + h, trial, k4, plain, knots, surfaces, law, work)
 
 
-@njit(cache=True)
+@njit(**COMPILED)
 def _error(h, stages, plain, tolerance):
     """Compare both orders of a step: the largest error over its tolerance."""
     k1, k2, k3, k4 = stages
@@ -311,7 +340,7 @@ def _error(h, stages, plain, tolerance):
     return worst
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True, **COMPILED)
 def advance(
     time, step, state, until, plain, knots, surfaces, law, tolerance, max_step, times, states
 ):
@@ -330,7 +359,7 @@ def advance(
     tuple
         Why it ended, time, next step, number of recorded steps, evaluations.
     """
-    work = np.empty((3, ROOM, 6))
+    work = np.empty((VALUES + 1, ROOM, 6))
     k1, k2, k3, k4 = np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE)
     trial = np.empty(SIZE)
     linked = plain[LINKED] > 0.0

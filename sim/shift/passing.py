@@ -53,11 +53,10 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
             half * math.cos(chamfer) - crest * math.sin(chamfer),
         ),
     ]
-    deepest = np.zeros_like(along)
-    for turn in (-1, 0, 1):
-        y = across + turn * dog.pitch
-        overlaps = [2.0 * offset - (n_y * y + n_z * along) for n_y, n_z, offset in planes]
-        deepest = np.maximum(deepest, np.min(overlaps, axis=0))
+    y = across + dog.pitch * np.array([[-1.0], [0.0], [1.0]])  # the dogs on either side too
+    first, second, third = (2.0 * offset - (n_y * y + n_z * along) for n_y, n_z, offset in planes)
+    least = np.minimum(np.minimum(first, second), third)
+    deepest: Series = np.maximum(least.max(axis=0), 0.0)
     return deepest
 
 
