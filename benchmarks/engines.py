@@ -6,7 +6,9 @@ Clutches of three sizes (prototype, small, large), both contact sets, designs dr
 search space, seven mismatch speeds of either sign at a random force of the default study, eight
 even angles from a random start: 3 x 2 x designs x 7 x 8 shifts in each engine, in turn. The
 published set is Drake's ``cenic`` at its default accuracy; ``--fine`` makes its steps finer.
-One process; takes ten minutes.
+Where both differ by more than a percent, up to ``--causes`` shifts drawn at random are simulated
+again, one change at a time: finer steps of Drake, of the compiled engine, of both.
+One process; takes a quarter of an hour.
 """
 
 from __future__ import annotations
@@ -35,6 +37,8 @@ SIZES = {
     "small": (40e-3, 32e-3, Rings(0.2, 0.003, 0.2), (6, 28), (1.4e-3, 5e-3)),
     "large": (120e-3, 100e-3, Rings(2.0, 0.12, 4.0), (8, 36), (2e-3, 9e-3)),
 }
+HELD = 5e-3  #: s that friction holds faces on faces, from which a shift counts as held
+APART = 0.01  #: deviation from which two shifts count as different
 Pair = tuple[Engagement, Engagement]
 Series = NDArray[np.float64]
 
@@ -131,11 +135,83 @@ def row(groups: list[tuple[list[Pair], Series]]) -> str:
     )
 
 
+def events_alike(mine: Engagement, drake: Engagement) -> str:
+    """Name what a pair of shifts went through, the first that holds."""
+    own, other = mine.events, drake.events
+    kinds = {
+        "other outcome": mine.outcome is not drake.outcome,
+        "another slot": own.slots_skipped != other.slots_skipped,
+        "another bounce": own.face_contacts != other.face_contacts,
+        "slots skipped": other.slots_skipped > 0,
+        "faces, with bounces": other.face_contacts > 1,
+        "faces, held": other.time_blocked > HELD,
+        "faces, sliding": other.face_contacts > 0,
+        "flanks alone": True,
+    }
+    return next(name for name, holds in kinds.items() if holds)
+
+
+def print_events(pairs: list[Pair]) -> None:
+    """Print how both differ by what the shifts went through."""
+    print("\nwhat happens           shifts  median deviation   90 %   > 1 %  of all squares")
+    classes: dict[str, list[float]] = {}
+    for mine, drake in pairs:
+        if mine.shift_time and drake.shift_time:
+            off = mine.shift_time / drake.shift_time - 1.0
+            classes.setdefault(events_alike(mine, drake), []).append(off)
+    whole = sum(off**2 for offs in classes.values() for off in offs)
+    for name, offs in sorted(classes.items(), key=lambda item: -len(item[1])):
+        off = np.abs(offs)
+        print(
+            f"{name:20s} {len(off):8d} {np.median(off):17.3%} {np.quantile(off, 0.9):6.2%} "
+            f"{(off > APART).mean():7.2%} {(off**2).sum() / whole:15.1%}"
+        )
+
+
+def print_causes(pairs: list[Pair], most: int, seed: int) -> None:
+    """Refine either engine where both differ, and print what is left."""
+    apart = [(a, b) for a, b in pairs if off_of(a, b) > APART]
+    rng = np.random.default_rng(seed)
+    chosen = [apart[i] for i in rng.permutation(len(apart))[:most]]
+    found = []
+    for mine, drake in chosen:
+        fine = [
+            engage(one.clutch.refined(), one.point, one.relative_angle) for one in (mine, drake)
+        ]
+        both = (off_of(mine, fine[1]), off_of(fine[0], drake), off_of(*fine))
+        found.append((off_of(mine, drake), *both, off_of(fine[0], mine), off_of(fine[1], drake)))
+    print(f"\n{len(apart)} shifts differ by more than 1 % or in outcome; of {len(chosen)} of them")
+    print("                                                     median   > 1 %")
+    for name, offs in zip(
+        (
+            "compiled engine against Drake",
+            "compiled engine against Drake with finer steps",
+            "compiled engine with finer steps against Drake",
+            "both with finer steps",
+            "compiled engine against itself with finer steps",
+            "Drake against itself with finer steps",
+        ),
+        np.array(found).T,
+        strict=True,
+    ):
+        print(f"{name:50s} {np.median(offs):8.2%} {(offs > APART).mean():7.1%}")
+
+
+def off_of(one: Engagement, other: Engagement) -> float:
+    """Compare the times of two shifts; infinite where one of them has none."""
+    if one.outcome is not other.outcome:
+        return math.inf
+    if one.shift_time is None or other.shift_time is None:
+        return 0.0
+    return abs(one.shift_time / other.shift_time - 1.0)
+
+
 def main() -> None:
     """Simulate and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=20261123)
+    parser.add_argument("--seed", type=int, default=20261125)
     parser.add_argument("--designs", type=int, default=9)
+    parser.add_argument("--causes", type=int, default=100)
     parser.add_argument("--fine", action="store_true", help="Drake at its refined accuracy")
     given = parser.parse_args()
     study = default_study()
@@ -148,6 +224,9 @@ def main() -> None:
         for name in CONTACT_SETS:
             few = [(p, c) for s, n, _, p, c in groups if (s, n) == (size, name)]
             print(f"{size}, {name}\n      {row(few)}")
+    pairs = [pair for *_, group, _ in groups for pair in group]
+    print_events(pairs)
+    print_causes(pairs, given.causes, given.seed)
 
 
 if __name__ == "__main__":
