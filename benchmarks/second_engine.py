@@ -6,7 +6,8 @@ The first table has the mean shift time of either engine over even angles, the m
 difference of single shifts, the share of angles that flip (differ by more than a tenth:
 another slot, or another bounce) and the CPU time a shift; once at MuJoCo's default and
 once at its fine settings. The second changes one thing at a time in the cells that
-differ most. Takes about three minutes; needs the extra ``blind``.
+differ most. A last one has all three engines, each at its fine settings. Takes about five
+minutes; needs the extra ``blind``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
+from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM
@@ -126,6 +128,40 @@ def table(count: int, settings: EngineSettings) -> None:
         f"single shifts {np.nanmedian(singles) * 100:.2f} %, "
         f"{np.mean([r.flipped for r in rows]) * 100:.0f} % flipped"
     )
+
+
+def three(count: int) -> None:
+    """Print how all three engines agree, each at its fine settings."""
+    study = default_study()
+    cells: dict[str, list[Cell]] = {"Drake": [], "MuJoCo": [], "compiled": []}
+    for design in DESIGNS:
+        clutch = clutch_of(study, design)
+        plant, engine = ClutchPlant(clutch.refined()), SecondEngine(clutch, FINE)
+        compiled = clutch.with_engine("planar").refined()
+        for index, (mismatch, force) in enumerate(POINTS):
+            point, angles = point_of(study, mismatch, force), angles_of(clutch, count, index)
+            cells["Drake"].append(measure(plant, point, angles))
+            cells["MuJoCo"].append(measure_second(engine, point, angles))
+            cells["compiled"].append(measure_compiled(compiled, point, angles))
+    print(f"\nThree engines at finer steps, the same {count * len(DESIGNS) * len(POINTS)} shifts")
+    print("                     mean %  median %   90 %  flipped %")
+    for one, other in (("Drake", "MuJoCo"), ("Drake", "compiled"), ("MuJoCo", "compiled")):
+        rows = [Agreement(a, b) for a, b in zip(cells[one], cells[other], strict=True)]
+        off = np.abs(np.concatenate([row.single for row in rows]))
+        print(
+            f"{one + ', ' + other:<18}{np.mean([r.mean for r in rows]) * 100:>+9.2f}"
+            f"{np.nanmedian(off) * 100:>10.3f}{np.nanquantile(off, 0.9) * 100:>7.2f}"
+            f"{np.mean([r.flipped for r in rows]) * 100:>11.1f}",
+            flush=True,
+        )
+
+
+def measure_compiled(clutch: Clutch, point: OperatingPoint, angles: np.ndarray) -> Cell:
+    """Simulate shifts in the compiled engine and return their times and cost."""
+    start, found = time.process_time(), [engage(clutch, point, float(a)) for a in angles]
+    cpu = time.process_time() - start
+    times = np.array([np.nan if one.shift_time is None else one.shift_time for one in found])
+    return Cell(times, cpu / len(found), sum(one.evaluations for one in found) / len(found))
 
 
 def same(clutch: Clutch) -> Clutch:
@@ -246,6 +282,7 @@ def main() -> None:
     table(count, EngineSettings())
     table(count, FINE)
     causes(count)
+    three(count)
 
 
 if __name__ == "__main__":

@@ -74,6 +74,7 @@ class Check(Checked):
             "sd_s": expected.sd,
             "engaged": expected.engaged,
             "operating_points": len(self.mix.points),
+            "engine": self.config.clutch.solver.engine,
             "in_range": answer.in_range,
             "distance": answer.distance,
             "warnings": list(answer.warnings),

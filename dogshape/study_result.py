@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-TOLD = ("best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
+TOLD = ("engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
 
 
 @dataclass(frozen=True, repr=False)

@@ -171,6 +171,7 @@ def collect(
         }
     return {
         "study": study.name,
+        "engine": study.clutch.solver.engine,
         "objectives": study.file.search.objectives,
         "maximised": [o.name for o in objectives_of(study) if o.maximise],
         "leading": leading(study).name,

@@ -230,6 +230,7 @@ class StudyRecord(Section):
     """The whole record, ``result.json``."""
 
     study: str = key("name of the study")
+    engine: str = key("engine that simulated the shifts, `drake` or `planar`", "", "drake")
     objectives: list[str] = key("objectives, in the order of the study file")
     maximised: list[str] = key("objectives of which more is better")
     leading: str = key("objective that decides which design is best")

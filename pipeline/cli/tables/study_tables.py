@@ -17,6 +17,7 @@ from dogshape.pipeline.reports.study.replicated import replicated_words
 from dogshape.pipeline.reports.study.summary import (
     at_the_ends,
     choice,
+    engine_of,
     failures_of,
     gained,
     headline,
@@ -50,7 +51,9 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
     where = "none yet, 'dogshape report' makes it" if report is None else report
-    lines.append(f"{result['n_simulated_shifts']} shifts simulated; report: {where}")
+    lines.append(
+        f"{result['n_simulated_shifts']} shifts simulated by {engine_of(result)}; report: {where}"
+    )
     return Group(*lines)
 
 

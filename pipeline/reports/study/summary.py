@@ -89,6 +89,11 @@ def gained(result: Row) -> list[Gained]:
     return found
 
 
+def engine_of(result: Row) -> str:
+    """Name the engine that simulated the shifts of a study."""
+    return "Drake" if result.get("engine", "drake") == "drake" else "the compiled engine"
+
+
 def headline(result: Row) -> str:
     """Summarise the study in one sentence."""
     best, lead = result["best"], goals_of(result).leading
@@ -251,8 +256,9 @@ def _how_sure(result: Row) -> str:
 def _simulated(result: Row) -> str:
     angles = result["confirmation"]["angles"]
     return (
-        f"{result['n_simulated_shifts']} shifts were simulated; the figures above are from "
-        f"{angles} new relative angles at each operating point, which the search did not use."
+        f"{result['n_simulated_shifts']} shifts were simulated by {engine_of(result)}; the figures "
+        f"above are from {angles} new relative angles at each operating point, not used by the "
+        "search."
     )
 
 
