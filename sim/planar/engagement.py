@@ -58,14 +58,14 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     times, states = _begin(plant, point, angle)
     now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST, 0
     count, last, blocked, failure = len(times), None, False, ""
-    parts = [(times, states)]
+    parts, mode = [(times, states)], np.zeros(2)
     end = time.monotonic() + solver.time_limit
     while now < clutch.timeout:
         until = min(STILL_WINDOW * (math.floor(now / STILL_WINDOW + 1e-9) + 1), clutch.timeout)
         room, places = np.empty(ROOM), np.empty((ROOM, kernel.SIZE))
         why, now, step, made, tried = kernel.advance(
             now, step, state, until, plant.numbers, knots, plant.surfaces, plant.law, tolerance,
-            solver.max_step, room, places,
+            solver.max_step, mode, room, places,
         )  # fmt: skip
         parts.append((room[:made], places[:made]))
         count, spent = count + made, spent + tried

@@ -20,7 +20,10 @@ Elandt, Drumwright, Sherman and Ruina 2019 for a rigid and a compliant body).
 The motion between is integrated by Bogacki and Shampine's pair of orders 3 and 2 (1989), whose last
 stage is the next step's first, with the equations of ``sim.shift.mechanism``. The step follows the
 largest error of a speed (axial, or of either ring at the mean radius) and of the places, and never
-exceeds ``max_step``.
+exceeds ``max_step``. Dogs that stay in touch make that explicit pair crawl: friction near rest and
+the contact's own vibration are stiff. There Shampine and Reichelt's linearly implicit pair of
+orders 2 and 3 (1997, the formula of ``ode23s``) takes over, with slopes kept for some steps: its
+order does not need the exact ones. It goes as soon as dogs part or its steps gain nothing.
 
 All of it is one file: the compiler's cache on disk knows of changes in a function's own file alone.
 """
@@ -46,6 +49,14 @@ ENGAGED, PAUSED, FULL, LOST = range(4)
 #: Kept on disk; a division by zero gives an infinity, which ``advance`` looks for.
 COMPILED = {"cache": True, "error_model": "numpy"}
 LEAST = 1e-12  #: s, a step below which the integration is lost
+ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
+#: Changes of a place in m, a speed in m/s and a time in s by which slopes are measured.
+SMALL_WAY, SMALL_SPEED, SMALL_TIME = 1e-9, 1e-6, 1e-7
+KEPT = 8  #: steps for which slopes are kept
+PATIENCE = 60  #: steps in touch after which implicit ones are tried
+TOUCHED, BEATEN = range(
+    2
+)  #: in ``mode``: steps in touch; the step that implicit ones must exceed, s
 
 # Places in ``plain``, the numbers of a clutch.
 (SLEEVE, FAR, SLIDING, OUTPUT, DAMPING, FRICTION, DETENT, DETENT_AT, DETENT_WIDTH, SPLINE, DRAG,
@@ -206,9 +217,17 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
-    ax, ay, az = work[where, i, 0] - work[where, 0, 0], work[where, i, 1] - work[where, 0, 1], work[where, i, 2] - work[where, 0, 2]
+    ax, ay, az = (
+        work[where, i, 0] - work[where, 0, 0],
+        work[where, i, 1] - work[where, 0, 1],
+        work[where, i, 2] - work[where, 0, 2],
+    )
     j = i + 1
-    bx, by, bz = work[where, j, 0] - work[where, 0, 0], work[where, j, 1] - work[where, 0, 1], work[where, j, 2] - work[where, 0, 2]
+    bx, by, bz = (
+        work[where, j, 0] - work[where, 0, 0],
+        work[where, j, 1] - work[where, 0, 1],
+        work[where, j, 2] - work[where, 0, 2],
+    )
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
@@ -218,7 +237,9 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
         f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
         x = f0 * work[where, 0, 0] + f1 * work[where, i, 0] + f2 * work[where, j, 0]
         y = f0 * work[where, 0, 1] + f1 * work[where, i, 1] + f2 * work[where, j, 1]
-        depth = f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
+        depth = (
+            f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
+        )
         vx, vy, vz = turn * y, -turn * x, -speed
         closing = vx * mx + vy * my + vz * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
@@ -273,20 +294,24 @@ def _pull(stretch, rate, plain):
 
 
 @njit(**COMPILED)
-def rates(time, state, out, plain, knots, surfaces, law, work):
-    """Write the rates of a state (8,) into ``out``."""
+def _forces(state, plain, surfaces, law, work):
+    """Compute force along and torque about the shaft of all dogs at a state (8,), N and N m."""
+    if state[1] <= surfaces[5]:
+        return 0.0, 0.0
+    angle, turn = state[0] - state[2], state[3] - state[5]
+    distance = surfaces[6] - state[1]
+    along, about = contact(angle, distance, turn, state[4], surfaces, law, work)
+    return along * plain[DOGS], about * plain[DOGS]
+
+
+@njit(**COMPILED)
+def _motion(push, along, about, state, out, plain):
+    """Write the rates of a state (8,) into ``out``: ``push`` of the actuator, forces of contact."""
     way, speed = state[1], state[4]
-    along, about = 0.0, 0.0
-    if way > surfaces[5]:
-        angle, turn = state[0] - state[2], state[3] - state[5]
-        along, about = contact(angle, surfaces[6] - way, turn, speed, surfaces, law, work)
-        along *= plain[DOGS]
-        about *= plain[DOGS]
     behind = 0.0
     if way < -plain[REBOUND]:
         depth = -plain[REBOUND] - way
         behind = max(plain[STOP] * depth * (1.0 - STOP_LOSS * speed), 0.0)
-    push = force_at(time, knots)
     drive = push
     out[6], out[7] = speed, 0.0
     if plain[LINKED] > 0.0:
@@ -311,8 +336,119 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
 
 
 @njit(**COMPILED)
-def _stages(time, h, state, stages, trial, plain, knots, surfaces, law, work):
-    """Make a step of ``h`` into ``trial``, with the rates at its four stages."""
+def rates(time, state, out, plain, knots, surfaces, law, work):
+    """Write the rates of a state (8,) into ``out``; whether dogs touch."""
+    along, about = _forces(state, plain, surfaces, law, work)
+    _motion(force_at(time, knots), along, about, state, out, plain)
+    return along != 0.0 or about != 0.0
+
+
+@njit(**COMPILED)
+def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
+    """Write into ``slopes`` (9, 8) how the rates ``now`` change with each of a state, and in time.
+
+    Contact follows from relative angle and speed: of either ring's, one is looked at.
+    """
+    push, along, about = force_at(time, knots), 0.0, 0.0
+    changed = slopes[SIZE]
+    more, moved = np.zeros(SIZE), np.zeros(SIZE)
+    for j in (SIZE, 0, 1, 3, 4):  # the last one first: nothing is changed
+        small = _small(j, plain)
+        if j < SIZE:
+            state[j] += small
+        one, other = _forces(state, plain, surfaces, law, work)
+        if j == SIZE:
+            along, about = one, other
+            continue
+        state[j] -= small
+        more[j], moved[j] = one - along, other - about
+    more[2], moved[2], more[5], moved[5] = -more[0], -moved[0], -more[3], -moved[3]
+    for j in range(SIZE if plain[LINKED] > 0.0 else SIZE - 2):
+        small, was = _small(j, plain), state[j]
+        state[j] = was + small
+        _motion(push, along + more[j], about + moved[j], state, changed, plain)
+        state[j] = was
+        for i in range(SIZE):
+            slopes[j, i] = (changed[i] - now[i]) / small
+    _motion(force_at(time + SMALL_TIME, knots), along, about, state, changed, plain)
+    for i in range(SIZE):
+        changed[i] = (changed[i] - now[i]) / SMALL_TIME
+
+
+@njit(**COMPILED)
+def _small(j, plain):
+    """Give the change of a state's number ``j`` by which slopes are measured."""
+    small = SMALL_WAY if j < 3 or j == SIZE - 2 else SMALL_SPEED
+    return small / plain[RADIUS] if j in {0, 2, 3, 5} else small
+
+
+@njit(**COMPILED)
+def _factor(step, slopes, matrix, size):
+    """Factor ``1 - step J`` in place, (8, 8), without exchange of rows."""
+    for i in range(size):
+        for j in range(size):
+            matrix[i, j] = (1.0 if i == j else 0.0) - step * slopes[j, i]
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = matrix[i, k] / matrix[k, k]
+            matrix[i, k] = share
+            if share != 0.0:
+                for j in range(k + 1, size):
+                    matrix[i, j] -= share * matrix[k, j]
+
+
+@njit(**COMPILED)
+def _solve(matrix, right, size):
+    """Replace a right-hand side by the solution, with the factors of ``_factor``."""
+    for i in range(size):
+        for j in range(i):
+            right[i] -= matrix[i, j] * right[j]
+    for i in range(size - 1, -1, -1):
+        for j in range(i + 1, size):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+
+
+@njit(**COMPILED)
+def _implicit(
+    time, h, new, state, stages, trial, slopes, matrix, plain, knots, surfaces, law, work
+):
+    """Make a step of ``h`` into ``trial``; its error into the third of the stages.
+
+    ``new`` slopes are measured first.
+    """
+    k1, k2, k3, k4 = stages
+    if new:
+        _slopes(time, state, k1, slopes, plain, knots, surfaces, law, work)
+    size = SIZE if plain[LINKED] > 0.0 else SIZE - 2
+    part = h * ROSENBROCK
+    _factor(part, slopes, matrix, size)
+    one, two = np.empty(SIZE), np.empty(SIZE)
+    for i in range(SIZE):
+        one[i] = k1[i] + part * slopes[SIZE, i]
+    _solve(matrix, one, size)
+    for i in range(SIZE):
+        trial[i] = state[i] + 0.5 * h * one[i]
+    rates(time + 0.5 * h, trial, k2, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        two[i] = k2[i] - one[i]
+    _solve(matrix, two, size)
+    for i in range(SIZE):
+        two[i] += one[i]
+        trial[i] = state[i] + h * two[i]
+    touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        k3[i] = k4[i] - (6.0 + math.sqrt(2.0)) * (two[i] - k2[i]) - 2.0 * (one[i] - k1[i])
+        k3[i] += part * slopes[SIZE, i]
+    _solve(matrix, k3, size)
+    for i in range(SIZE):
+        k3[i] = (one[i] - 2.0 * two[i] + k3[i]) / 6.0
+    return touch
+
+
+@njit(**COMPILED)
+def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
+    """Make a step of ``h`` into ``trial``; its error into the third of the stages."""
     k1, k2, k3, k4 = stages
     for i in range(SIZE):
         trial[i] = state[i] + 0.5 * h * k1[i]
@@ -322,27 +458,51 @@ def _stages(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     rates(time + 0.75 * h, trial, k3, plain, knots, surfaces, law, work)
     for i in range(SIZE):
         trial[i] = state[i] + h * (2.0 * k1[i] + 3.0 * k2[i] + 4.0 * k3[i]) / 9.0
-    rates(time + h, trial, k4, plain, knots, surfaces, law, work)
+    touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        k3[i] = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
+    return touch
 
 
 @njit(**COMPILED)
-def _error(h, stages, plain, tolerance):
-    """Compare both orders of a step: the largest error over its tolerance."""
-    k1, k2, k3, k4 = stages
+def _worst(h, error, plain, tolerance):
+    """Compute the largest error over its tolerance."""
     worst = 0.0
     for i in range(SIZE if plain[LINKED] > 0.0 else SIZE - 2):
-        error = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
-        error = abs(h * error)
+        one = abs(h * error[i])
         if i % 3 != 1 and i < SIZE - 2:  # an angle or its rate
-            error *= plain[RADIUS]
+            one *= plain[RADIUS]
         place = i < 3 or i == SIZE - 2
-        worst = max(worst, error / (tolerance[1] if place else tolerance[0]))
-    return worst
+        worst = max(worst, one / (tolerance[1] if place else tolerance[0]))
+    return worst if math.isfinite(worst) else 1e3
+
+
+@njit(**COMPILED)
+def _arrived(state, plain):
+    """Decide whether ring and actuator have made the travel."""
+    return state[1] >= plain[WAY] and (plain[LINKED] == 0.0 or state[6] >= plain[WAY])
+
+
+@njit(**COMPILED)
+def _growth(worst):
+    """Give the next step over the last one by its largest error over its tolerance."""
+    grown = 5.0 if worst < 1e-3 else 0.9 * worst ** (-1.0 / 3.0)
+    return min(5.0, max(0.1, grown))
+
+
+@njit(**COMPILED)
+def _switch(mode, touch, step):
+    """Go over to implicit steps where dogs stay in touch, and back where that gains nothing."""
+    if mode[BEATEN] > 0.0:
+        if not touch or step < mode[BEATEN]:
+            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
+    elif mode[TOUCHED] >= PATIENCE:
+        mode[BEATEN] = step
 
 
 @njit(nogil=True, **COMPILED)
 def advance(
-    time, step, state, until, plain, knots, surfaces, law, tolerance, max_step, times, states
+    time, step, state, until, plain, knots, surfaces, law, tolerance, max_step, mode, times, states
 ):
     """Integrate until the travel is made, a time is reached or the record is full.
 
@@ -352,6 +512,7 @@ def advance(
     state : (8,); holds the last state afterwards.
     until : s.
     tolerance : error of a speed in m/s and of a place in m that a step may have, (2,).
+    mode : of the steps, (2,), zeros at the start; holds what the next call goes on with.
     times, states : room for the record, (n,) and (n, 8).
 
     Returns
@@ -361,34 +522,48 @@ def advance(
     """
     work = np.empty((VALUES + 1, ROOM, 6))
     k1, k2, k3, k4 = np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE)
-    trial = np.empty(SIZE)
-    linked = plain[LINKED] > 0.0
-    rates(time, state, k1, plain, knots, surfaces, law, work)
+    trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
+    stages = (k1, k2, k3, k4)
+    touch = rates(time, state, k1, plain, knots, surfaces, law, work)
     count, spent = 0, 1
+    age = KEPT  # of the slopes, in steps
     while time < until:
         if count >= times.shape[0]:
             return FULL, time, step, count, spent
         last = time + step >= until
         h = until - time if last else step
-        _stages(time, h, state, (k1, k2, k3, k4), trial, plain, knots, surfaces, law, work)
-        spent += 3
-        worst = _error(h, (k1, k2, k3, k4), plain, tolerance)
-        if not math.isfinite(worst):
-            worst = 1e3
+        stiff = mode[BEATEN] > 0.0
+        if stiff:
+            new = age >= KEPT
+            spent, age = spent + (5 if new else 0), 0 if new else age
+            touches = _implicit(
+                time, h, new, state, stages, trial, slopes, matrix,
+                plain, knots, surfaces, law, work,
+            )  # fmt: skip
+        else:
+            touches = _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work)
+        spent += 2 if stiff else 3
+        worst = _worst(h, k3, plain, tolerance)
         if worst <= 1.0:
             time = until if last else time + h
-            for i in range(SIZE):
-                state[i] = trial[i]
-                k1[i] = k4[i]
-                states[count, i] = trial[i]
+            state[:] = trial
+            k1[:] = k4
+            states[count] = trial
             times[count] = time
             count += 1
-            if state[1] >= plain[WAY] and (not linked or state[6] >= plain[WAY]):
+            age += 1
+            touch = touches
+            mode[TOUCHED] = mode[TOUCHED] + 1.0 if touch else 0.0
+            if _arrived(state, plain):
                 return ENGAGED, time, step, count, spent
         elif h < LEAST:
             return LOST, time, step, count, spent
-        grown = 5.0 if worst < 1e-3 else 0.9 * worst ** (-1.0 / 3.0)
-        grown = min(5.0, max(0.1, grown))
+        else:
+            age = KEPT if age > 0 else 0
+        grown = _growth(worst)
         if not last or grown < 1.0:
             step = min(h * grown, max_step)
+        _switch(mode, touch, step)
+        if not stiff:
+            age = KEPT
     return PAUSED, time, step, count, spent

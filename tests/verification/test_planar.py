@@ -119,6 +119,23 @@ def test_falling_friction_follows_fine_steps_of_drake(clutch: Clutch, point: Poi
         assert mine == pytest.approx(limit, rel=3e-3)
 
 
+def test_a_creep_takes_long_steps_and_goes_as_far_as_in_drake(clutch: Clutch, point: Point) -> None:
+    """Nearly flat faces with the published friction; Drake's explicit scheme takes 20,000 steps."""
+    flat = clutch.with_dog(replace(clutch.dog, chamfer=1 * DEG, count=8))
+    own = replace(flat, contact=contact_set("adams2019"), timeout=0.3)
+    ends = []
+    for one in (own.with_engine("planar"), own):
+        one = replace(one, solver=replace(one.solver, scheme="runge_kutta3"))
+        found = engage(one, point(5, 641.5), 0.0)
+        assert found.outcome is Outcome.TIMED_OUT
+        ends.append(found)
+    mine, drake = ends
+    assert mine.steps < 0.05 * drake.steps
+    for name in ("relative_angle", "displacement", "axial_speed"):
+        one, other = (float(getattr(e.trace, name)[-1]) for e in ends)
+        assert one == pytest.approx(other, rel=2e-4)
+
+
 @pytest.mark.parametrize(
     "mechanism",
     [
