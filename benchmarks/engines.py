@@ -209,7 +209,7 @@ def off_of(one: Engagement, other: Engagement) -> float:
 def main() -> None:
     """Simulate and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=20261125)
+    parser.add_argument("--seed", type=int, default=20261126)
     parser.add_argument("--designs", type=int, default=9)
     parser.add_argument("--causes", type=int, default=100)
     parser.add_argument("--fine", action="store_true", help="Drake at its refined accuracy")

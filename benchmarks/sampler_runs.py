@@ -148,7 +148,7 @@ def _asked_and_told(
             )
             times = {name: estimate.value for name, estimate in one.estimates.items()}
             worst = max(worst, times[SIMULATED])
-            design = design_of(study, design.params, one.landing)
+            design = design_of(study, design.params, one.measured)
             if design.feasible:
                 found.append((design.params, values_of(study, design, times)))
         # A shape that is impossible has no length either: it is told the prototype's.

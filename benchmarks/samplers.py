@@ -176,7 +176,7 @@ class Truth:
         )
         found = evaluate(study, dogs, self._executor, plans, seed)
         for (key, params), one in zip(fresh.items(), found, strict=True):
-            design = design_of(study, params, one.landing)
+            design = design_of(study, params, one.measured)
             told = values_of(study, design, {SIMULATED: one.expectation.mean})
             self._values[key] = np.array(told) if design.feasible else np.full(2, np.inf)
 

@@ -84,4 +84,4 @@ def _landed(config: StudyConfig, where: Where) -> Design:
     with where.executor("strength", (config.config_hash,), shifts) as running:
         plans = [whole_plan(config)]
         (found,) = evaluate(config, [dog], running.executor, plans, settings.seed)
-    return design_of(config, {}, found.landing)
+    return design_of(config, {}, found.measured)

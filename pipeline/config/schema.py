@@ -156,6 +156,7 @@ class LoadSection(Section):
     friction_release: float = LoadCase.friction_release
     friction_hold: float = LoadCase.friction_hold
     separating_force_limit_N: float = LoadCase.separating_force_limit
+    landing_share: float | None = _unless_given()
 
 
 class MaterialSection(Section):
@@ -222,6 +223,11 @@ class SearchSection(Section):
     ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
     operating points that a new design is simulated at, the others are predicted; all if absent.
     ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
+    ``limits``: bounds on any quantity of ``pipeline.simulate.quantities``. ``within_s``: time of
+    the share that engages at the first try. ``reference``: keys of the dog that no operating point
+    may be slower than; those absent are the study's own. ``screen_angles``: relative angles at each
+    operating point at which the compiled engine judges landing and limits before Drake simulates a
+    design.
     """
 
     objectives: list[str] = Field(
@@ -242,6 +248,10 @@ class SearchSection(Section):
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=QUANTILE, exclude_if=lambda value: value == QUANTILE
     )
+    limits: dict[str, float] | None = _unless_given()
+    within_s: Annotated[float, Field(gt=0.0)] | None = _unless_given()
+    reference: dict[str, float] | None = _unless_given()
+    screen_angles: Annotated[int, Field(ge=3, le=4096)] | None = _unless_given()
 
 
 class SolverSection(Section):

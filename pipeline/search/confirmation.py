@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from optuna.trial import FrozenTrial
@@ -19,7 +20,7 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate, screen
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
@@ -89,11 +90,16 @@ def _evaluated(
 ) -> list[Simulated]:
     angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
-    return evaluate(study, dogs, executor, plans, seed, checked=checked)
+    found = evaluate(study, dogs, executor, plans, seed, checked=checked)
+    screened = screen(study, dogs, executor, seed)
+    return [
+        replace(one, measured=measured or one.measured)
+        for one, measured in zip(found, screened, strict=True)
+    ]
 
 
 def _passes(study: Study, params: dict[str, float], found: Simulated) -> bool:
-    return design_of(study, params, found.landing).feasible
+    return design_of(study, params, found.measured).feasible
 
 
 def _record(
@@ -154,7 +160,7 @@ def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dic
 
 
 def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:
-    design = design_of(study, params, found.landing)
+    design = design_of(study, params, found.measured)
     return {
         **expectation_record(found.expectation),
         "estimates": {

@@ -26,6 +26,7 @@ from dogshape.pipeline.simulate.design import (
     exact_losses,
     losses_of,
     objectives_of,
+    simulated_limits,
     worth_simulating,
 )
 from dogshape.pipeline.simulate.point_plans import Plan
@@ -99,11 +100,14 @@ class DogGuide:
         told = distinct(every)
         x = space.coordinates([trial.params for trial in told])
         # The constraint value of the hardest landing, feasible at or below zero.
-        landed = [[v for n, v in trial.constraints.items() if n in LANDING] for trial in told]
+        names = LANDING | set(simulated_limits(self.study))
+        judged = distinct([t for t in trials if simulated(t) or "measured" in t.user_attrs])
+        landed = [[v for n, v in trial.constraints.items() if n in names] for trial in judged]
         hardest = np.array([max(values, default=-1.0) for values in landed])
+        places = space.coordinates([trial.params for trial in judged])
         found = [losses_of(self.study, trial.values, trial.user_attrs) for trial in told]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
-        landing = Response.fitted(x, hardest, least=LANDING_SPREAD)
+        landing = Response.fitted(places, hardest, least=LANDING_SPREAD)
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(self.study)):
             if objective.name == SIMULATED:
@@ -144,6 +148,8 @@ class DogGuide:
         search, predicted = self.study.file.search, {SIMULATED, "smallest_margin"}
         simulated = {o.name for o in objectives_of(self.study) if o.simulated}
         few = search.points is not None and search.points < len(self.study.points)
+        if simulated_limits(self.study) and search.screen_angles is None:
+            return False
         return few and simulated <= predicted and search.sampler in OWN
 
     def times(self, trials: Sequence[FrozenTrial]) -> tuple[Array, Array]:

@@ -7,7 +7,8 @@ compares designs takes the state, so that all of it speaks of the same trials.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import astuple, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from optuna.trial import FrozenTrial
@@ -18,6 +19,7 @@ from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
     Design,
+    Measured,
     design_of,
     leading,
     losses_of,
@@ -26,8 +28,11 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, is_whole, whole_plan
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import landing_of
+from dogshape.sim.strength.landing import Demand, demand_of
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.hypervolume import not_dominated
+
+MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 
 Times = Mapping[int, tuple[float, float]]  #: expected times and standard errors, s, by trial
 
@@ -195,9 +200,25 @@ def plan_of(study: Study, trial: FrozenTrial) -> Plan:
 
 
 def checked_design(study: Study, trial: FrozenTrial) -> Design:
-    """Work out the design of a trial with all of its checks, the landing's too if simulated."""
-    landing = landing_of(trial.user_attrs) if simulated(trial) else None
-    return design_of(study, dict(trial.params), landing)
+    """Work out the design of a trial with all of its checks, the measured ones too if there are."""
+    return design_of(study, dict(trial.params), measured_of(study, trial))
+
+
+def measured_record(measured: Measured) -> dict[str, Any]:
+    """Record what checks are judged by as an attribute of a trial."""
+    return {"demand_Pa": list(astuple(measured.demand)), "limited": dict(measured.limited)}
+
+
+def measured_of(study: Study, trial: FrozenTrial) -> Measured | None:
+    """Read what was measured of a trial's design; None where it was not simulated."""
+    record = trial.user_attrs.get(MEASURED)
+    if record is not None:
+        return Measured(Demand(*record["demand_Pa"]), record["limited"])
+    if not simulated(trial):
+        return None
+    # Storages of earlier versions have the hardest landing itself.
+    dog = study.dog_with(dict(trial.params))
+    return Measured(demand_of(dog, landing_of(trial.user_attrs), study.limits))
 
 
 def spent_on(study: Study, trials: Iterable[FrozenTrial]) -> int:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
+from dataclasses import replace
 from typing import Any
 
 import optuna
@@ -21,14 +22,13 @@ from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.dog_guide import simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.search import Search
-from dogshape.pipeline.search.state import NOTHING, Findings, plan_of
-from dogshape.pipeline.simulate.design import SIMULATED, Design, design_of, values_of
-from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
+from dogshape.pipeline.search.state import MEASURED, NOTHING, Findings, measured_record, plan_of
+from dogshape.pipeline.simulate.design import SIMULATED, Design, Measured, design_of, values_of
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, screen
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import is_whole, whole_plan
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.shift_records import landing_record
 
 UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
 
@@ -44,11 +44,20 @@ def finish(
     trials = [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
+    seed = study.file.expectation.seed
+    measured = dict(zip(worth, screen(study, [*worth.values()], executor, seed), strict=True))
+    judged = {k: design_of(study, designs[k].params, one) for k, one in measured.items()}
+    worth = {k: dog for k, dog in worth.items() if judged[k].feasible}
     plans = [plan_of(study, trials[k]) for k in worth]
-    evaluated = evaluate(study, [*worth.values()], executor, plans, study.file.expectation.seed)
-    results = dict(zip(worth, evaluated, strict=True))
+    evaluated = evaluate(study, [*worth.values()], executor, plans, seed)
+    results = {
+        k: replace(result, measured=measured[k] or result.measured)
+        for k, result in zip(worth, evaluated, strict=True)
+    }
     found = {k: result for k, result in results.items() if result.known}
-    noted = [_noted(study, t, designs[k], found.get(k)) for k, t in enumerate(trials)]
+    noted = [
+        _noted(study, t, designs[k], found.get(k), measured.get(k)) for k, t in enumerate(trials)
+    ]
     for k in worth.keys() - found.keys():
         noted[k].user_attrs["failed"] = [UNKNOWN]
     try:
@@ -72,13 +81,20 @@ def finish(
 
 
 def _noted(
-    study: Study, trial: FrozenTrial, design: Design, found: Simulated | None
+    study: Study,
+    trial: FrozenTrial,
+    design: Design,
+    found: Simulated | None,
+    screened: Measured | None,
 ) -> FrozenTrial:
     """Copy a trial as finished, with what the simulation of its design gave."""
-    landed = design if found is None else design_of(study, design.params, found.landing)
+    measured = screened if found is None else found.measured
+    landed = design if measured is None else design_of(study, design.params, measured)
     noted = copy(trial)
     noted.state = TrialState.COMPLETE
     noted.user_attrs = {**trial.user_attrs, **(attributes_of(found) if found else {})}
+    if measured is not None:
+        noted.user_attrs[MEASURED] = measured_record(measured)
     noted.system_attrs = dict(trial.system_attrs)
     for name, value in landed.constraints.items():
         if name not in trial.constraints:  # a round that was cut off told the same
@@ -96,7 +112,7 @@ def attributes_of(found: Simulated) -> dict[str, Any]:
         "standard_error_s": found.expectation.standard_error,
         "simulated": {name: e.value for name, e in estimates},
         "standard_errors": {name: e.standard_error for name, e in estimates},
-        **landing_record(found.landing),
+        MEASURED: measured_record(found.measured),
         "rows": row_record(found.rows),
     }
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,9 @@ from dogshape.pipeline.config.study_file import Study
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean
 from dogshape.sim.shift.flank import FLANKS
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Landing
-from dogshape.sim.strength.checks import Check, feasible
-from dogshape.sim.strength.dog_strength import keeps_limits, strength_checks
-from dogshape.sim.strength.landing import LANDING_RULES, landing_checks
+from dogshape.sim.strength.checks import Check, Rule, feasible
+from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
+from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.notch import outside_fit
 from dogshape.sim.units import MM
@@ -29,6 +28,7 @@ from dogshape.surrogate.covariance import Array
 
 IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
+REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 
 
 @dataclass(frozen=True)
@@ -69,19 +69,49 @@ class Design:
         return [rule.name for rule in LANDING_RULES if rule.name not in known]
 
 
-def design_of(study: Study, params: dict[str, float], landing: Landing | None = None) -> Design:
+@dataclass(frozen=True)
+class Measured:
+    """What the shifts of a design say of its checks.
+
+    Parameters
+    ----------
+    demand : what landings make faces and edges bear.
+    limited : simulated quantities that ``search.limits`` bounds, by name.
+    """
+
+    demand: Demand
+    limited: Mapping[str, float] = field(default_factory=dict)
+
+
+def design_of(study: Study, params: dict[str, float], measured: Measured | None = None) -> Design:
     """Work out a design; an impossible shape is a design that is not feasible.
 
-    ``landing`` is the hardest one that was simulated, None before that.
+    ``measured`` is what was simulated of it, None before that.
     """
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
         return Design(params, None, (), str(error))
-    checks = strength_checks(dog, study.limits)
-    if landing is not None:
-        checks += landing_checks(dog, landing, study.limits)
-    return Design(params, dog, checks, "")
+    bare = Design(params, dog, strength_checks(dog, study.limits), "")
+    checks = bare.checks + _limit_checks(study, bare, dog, measured)
+    if measured is not None:
+        checks += demand_checks(measured.demand, study.limits)
+    return replace(bare, checks=checks)
+
+
+def _limit_checks(
+    study: Study, design: Design, dog: Dog, measured: Measured | None
+) -> tuple[Check, ...]:
+    """Return the checks of ``search.limits``; what a simulation has to say only where it did."""
+    found = []
+    for quantity, limit in limits_of(study):
+        if quantity.exact is not None:
+            value: float | None = quantity.exact(study, design, dog)
+        else:
+            value = None if measured is None else measured.limited.get(quantity.name)
+        if value is not None:
+            found.append(Check(quantity.rule, value, limit))
+    return tuple(found)
 
 
 def notes_of(study: Study) -> list[str]:
@@ -102,9 +132,10 @@ def notes_of(study: Study) -> list[str]:
 def worth_simulating(study: Study, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
-        return keeps_limits(study.dog_with(params), study.limits)
+        fit = keeps_limits(study.dog_with(params), study.limits)
     except GeometryError:
         return False
+    return fit and (not study.file.search.limits or design_of(study, params).feasible)
 
 
 def _bare(study: Study, params: dict[str, float]) -> Design:
@@ -140,18 +171,48 @@ class Objective:
         """Factor that turns the value into a loss: every comparison of designs minimises losses."""
         return -1.0 if self.maximise else 1.0
 
+    @property
+    def rule(self) -> Rule:
+        """Question of the check that a limit on this quantity is."""
+        key = f"search.limits.{self.name}"
+        how = "estimate from the design's shifts" if self.simulated else "from shape and checks"
+        said = "the study's own limit"
+        return Rule(self.name, "goal", self.label, how, said, self.unit, key, not self.maximise)
+
 
 def _separating_force(study: Study, _: Design, dog: Dog) -> float:
     return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
 
 
+def _margin_at_worst(study: Study, design: Design, dog: Dog) -> float:
+    lost = margin_losses(dog, study.limits)
+    losses = (lost[c.name].worst_case if c.name in lost else 0.0 for c in design.checks)
+    return min(c.margin - loss for c, loss in zip(design.checks, losses, strict=True))
+
+
+#: What a study can minimise or maximise, and bound by ``search.limits``.
 OBJECTIVES = {
     objective.name: objective
     for objective in (
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
+        Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
+        Objective(REFERRED, "time lost on the reference at the worst operating point", "s"),
+        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
+        Objective("peak_axial_force_N", "mean peak axial force", "N"),
+        Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
+        Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
+        Objective("impact_energy_J", "mean energy taken by the contact", "J"),
         Objective("smallest_margin", "smallest margin", "", maximise=True),
+        Objective(
+            "smallest_margin_worst",
+            "smallest margin, tolerances at their worst",
+            "",
+            _margin_at_worst,
+            maximise=True,
+            by_checks=True,
+        ),
         Objective(
             "axial_length_mm",
             "axial length, root to root",
@@ -192,6 +253,26 @@ def objectives_of(study: Study) -> list[Objective]:
             f"add one of {valid}"
         )
     return found
+
+
+def limits_of(study: Study) -> list[tuple[Objective, float]]:
+    """Return the quantities that the study bounds with their bounds.
+
+    An upper bound where less is better, else a lower one. An unknown name raises InputError.
+    """
+    given = study.file.search.limits or {}
+    for name in given:
+        if name not in OBJECTIVES:
+            raise InputError(
+                f"search.limits has '{name}', which is no quantity of a study; "
+                f"{did_you_mean(name, OBJECTIVES)}"
+            )
+    return [(OBJECTIVES[name], limit) for name, limit in given.items()]
+
+
+def simulated_limits(study: Study) -> list[str]:
+    """Return the names of the bounded quantities that a simulation has to say."""
+    return [quantity.name for quantity, _ in limits_of(study) if quantity.simulated]
 
 
 def leading(study: Study) -> Objective:

@@ -1,4 +1,4 @@
-"""From a design to what is simulated of it: blocks out, expectation and landing back."""
+"""From a design to what is simulated of it: blocks out, expectation and measured checks back."""
 
 from __future__ import annotations
 
@@ -6,20 +6,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.simulate.design import Design
-from dogshape.pipeline.simulate.estimates import Shifts, estimates_of
+from dogshape.pipeline.config.study_file import VARIABLES, Study
+from dogshape.pipeline.simulate.design import REFERRED, Design, Measured, simulated_limits
+from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import Plan, blocks_of
+from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
+from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
 from dogshape.sim.statistics.numerical_error import numerical_error
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.strength.dog_strength import strength_checks
-from dogshape.sim.strength.landing import hardest, landing_checks
+from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
@@ -31,13 +31,13 @@ NEW_ANGLES = 7919  #: added to the seed of the search for relative angles that i
 class Simulated:
     """Expectation and loads from the shifts of a design.
 
-    Expected shift time over the operating points that were simulated, hardest landing, a row for
-    the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
+    Expected shift time over the operating points that were simulated, what checks are judged by, a
+    row for the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
     objectives by name, and how many of the shifts the clock ended.
     """
 
     expectation: Expectation
-    landing: Landing
+    measured: Measured
     rows: Array
     estimates: dict[str, Estimate]
     unfinished: int = 0
@@ -71,26 +71,84 @@ def evaluate(
         blocks_of(study, study.clutch.with_dog(dog), plan, seed, base)
         for dog, plan in zip(dogs, plans, strict=True)
     ]
-    rows = executor.run([block for group in blocks for block in group])
+    other = reference_of(study) if REFERRED in estimated(study) else None
+    referred = [
+        [] if other is None else blocks_of(study, study.clutch.with_dog(other), plan, seed, base)
+        for plan in plans
+    ]
+    # The same shifts of the reference belong to several designs: the journal holds each once.
+    rows = executor.run([block for groups in (blocks, referred) for g in groups for block in g])
+    taken = iter(rows)
+    of_designs = [[next(taken) for _ in group] for group in blocks]
+    of_reference = [[next(taken) for _ in group] for group in referred]
     results = []
-    for dog, group in zip(dogs, blocks, strict=True):
-        mine, rows = rows[: len(group)], rows[len(group) :]
-        result = expectation_of(study, [b.point for b in group], mine)
+    for dog, group, mine, others in zip(dogs, blocks, of_designs, of_reference, strict=True):
+        points = [b.point for b in group]
+        result = expectation_of(study, points, mine)
+        beside = expectation_of(study, points, others) if others else None
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        results.append(_simulated(study, dog, result, mine))
+        results.append(_simulated(study, dog, result, mine, beside))
     return results
 
 
+def screen(
+    study: Study, dogs: Sequence[Dog], executor: Executor, seed: int
+) -> list[Measured | None]:
+    """Measure by the compiled engine what checks are judged by; None where the study does not.
+
+    At ``search.screen_angles`` relative angles of every operating point, far more than Drake could
+    simulate: landings are rare events, and the loss on a reference is the largest of many numbers.
+    """
+    angles = study.file.search.screen_angles
+    if angles is None:
+        return [None] * len(dogs)
+    quick = replace(study, clutch=study.clutch.with_engine("planar"))
+    plans = [whole_plan(quick, angles)] * len(dogs)
+    return [one.measured for one in evaluate(quick, dogs, executor.silent(), plans, seed)]
+
+
+def reference_of(study: Study) -> Dog:
+    """Build the dog that ``search.reference`` names; the study's own without it."""
+    given = study.file.search.reference or {}
+    for key in given:
+        if key not in VARIABLES:
+            hint = did_you_mean(key, VARIABLES)
+            raise InputError(f"search.reference has '{key}', which is no key of the dog; {hint}")
+    return study.dog_with(dict(given))
+
+
 def _simulated(
-    study: Study, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
+    study: Study,
+    dog: Dog,
+    expectation: Expectation,
+    rows: Sequence[Sequence[Record]],
+    reference: Expectation | None,
 ) -> Simulated:
     shifts = [row for mine in rows for row in mine]
-    landing = hardest(landing_of(row) for row in shifts)
-    checks = strength_checks(dog, study.limits) + landing_checks(dog, landing, study.limits)
-    found = Shifts(study, Design({}, dog, checks, ""), expectation, rows)
+    demand = _demand(study, dog, expectation, rows)
+    checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
+    found = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
+    estimates = estimates_of(found)
+    measured = Measured(demand, {n: estimates[n].value for n in simulated_limits(study)})
     learned, ended = rows_of(tuple(study.variables), shifts), sum(map(unfinished, shifts))
-    return Simulated(expectation, landing, learned, estimates_of(found), ended)
+    return Simulated(expectation, measured, learned, estimates, ended)
+
+
+def _demand(
+    study: Study, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
+) -> Demand:
+    """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
+    limits, share = study.limits, study.limits.load.landing_share
+    if share is None:
+        return demand_of(dog, hardest(landing_of(row) for mine in rows for row in mine), limits)
+    weights = [
+        found.point.weight / len(mine)
+        for found, mine in zip(expectation.points, rows, strict=True)
+        for _ in mine
+    ]
+    every = [demand_of(dog, landing_of(row), limits) for mine in rows for row in mine]
+    return exceeded(every, weights, share)
 
 
 def expectation_of(

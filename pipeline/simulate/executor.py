@@ -74,6 +74,10 @@ class Executor:
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
+    def silent(self) -> Executor:
+        """Make an executor for shifts that no forecast of the work counts."""
+        return Executor(self.journal, self.jobs, cluster=self.cluster)
+
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""
         left, taken = [], set(self.journal.rows)

@@ -25,6 +25,7 @@ the contact's own vibration are stiff. There Shampine and Reichelt's linearly im
 orders 2 and 3 (1997, the formula of ``ode23s``) takes over, with slopes kept for some steps: its
 order does not need the exact ones. It goes as soon as dogs part or its steps gain nothing.
 
+A division by zero gives an infinity, as numpy's does; ``advance`` looks for it.
 All of it is one file: the compiler's cache on disk knows of changes in a function's own file alone.
 """
 
@@ -46,8 +47,6 @@ VALUES = 3  #: place for values at corners behind a polygon and two cut ones
 SIZE = 8  #: angles of both rings, way, their rates; way and speed of the actuator
 #: Why ``advance`` returned.
 ENGAGED, PAUSED, FULL, LOST = range(4)
-#: Kept on disk; a division by zero gives an infinity, which ``advance`` looks for.
-COMPILED = {"cache": True, "error_model": "numpy"}
 LEAST = 1e-12  #: s, a step below which the integration is lost
 ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
 #: Changes of a place in m, a speed in m/s and a time in s by which slopes are measured.
@@ -66,7 +65,7 @@ NUMBERS = 23
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _cut(work, here, count, a, b):
     """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; b < 0: than 0.
 
@@ -104,7 +103,7 @@ def _cut(work, here, count, a, b):
     return kept, there
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def friction_at(slip, law):
     """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
     ratio = slip / law[3]
@@ -116,7 +115,7 @@ def friction_at(slip, law):
     return held * ratio / math.sqrt(1.0 + ratio * ratio)
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def contact(angle, distance, turn, speed, surfaces, law, work):
     """Compute force along and torque about the shaft on the compliant dog.
 
@@ -153,7 +152,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _meets(quad, c, s, distance, surfaces, work):
     """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
 
@@ -176,7 +175,7 @@ def _meets(quad, c, s, distance, surfaces, work):
     return True
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _is_least_somewhere(work, column, one, other):
     """Decide whether a depth may be the least; not where another is at every corner."""
     first, second = False, False
@@ -186,7 +185,7 @@ def _is_least_somewhere(work, column, one, other):
     return first and second
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _surface(quad, c, s, turn, speed, surfaces, law, work):
     """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
     normals = surfaces[1]
@@ -213,7 +212,7 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
@@ -251,7 +250,7 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
     return axial, torque
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def force_at(time, knots):
     """Evaluate a piecewise cubic: ``knots`` are times, values and slopes, (3, n); held beyond."""
     last = knots.shape[1] - 1
@@ -277,12 +276,12 @@ def force_at(time, knots):
     )
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _smooth(value, small):
     return value / math.sqrt(value * value + small * small)
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _pull(stretch, rate, plain):
     """Compute the linkage's force on the ring, N (``Mechanism.pull``)."""
     stiff, loss, play = plain[STIFF], plain[LOSS], plain[PLAY]
@@ -293,7 +292,7 @@ def _pull(stretch, rate, plain):
     return push - max(behind * (stiff - loss * rate / (behind + plain[DEEP_STOP])), 0.0)
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _forces(state, plain, surfaces, law, work):
     """Compute force along and torque about the shaft of all dogs at a state (8,), N and N m."""
     if state[1] <= surfaces[5]:
@@ -304,7 +303,7 @@ def _forces(state, plain, surfaces, law, work):
     return along * plain[DOGS], about * plain[DOGS]
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _motion(push, along, about, state, out, plain):
     """Write the rates of a state (8,) into ``out``: ``push`` of the actuator, forces of contact."""
     way, speed = state[1], state[4]
@@ -335,7 +334,7 @@ def _motion(push, along, about, state, out, plain):
     out[5] = (about - drag) / plain[SLIDING]
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def rates(time, state, out, plain, knots, surfaces, law, work):
     """Write the rates of a state (8,) into ``out``; whether dogs touch."""
     along, about = _forces(state, plain, surfaces, law, work)
@@ -343,7 +342,7 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
     return along != 0.0 or about != 0.0
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
     """Write into ``slopes`` (9, 8) how the rates ``now`` change with each of a state, and in time.
 
@@ -375,14 +374,14 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
         changed[i] = (changed[i] - now[i]) / SMALL_TIME
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _small(j, plain):
     """Give the change of a state's number ``j`` by which slopes are measured."""
     small = SMALL_WAY if j < 3 or j == SIZE - 2 else SMALL_SPEED
     return small / plain[RADIUS] if j in {0, 2, 3, 5} else small
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _factor(step, slopes, matrix, size):
     """Factor ``1 - step J`` in place, (8, 8), without exchange of rows."""
     for i in range(size):
@@ -397,7 +396,7 @@ def _factor(step, slopes, matrix, size):
                     matrix[i, j] -= share * matrix[k, j]
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _solve(matrix, right, size):
     """Replace a right-hand side by the solution, with the factors of ``_factor``."""
     for i in range(size):
@@ -409,7 +408,7 @@ def _solve(matrix, right, size):
         right[i] /= matrix[i, i]
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _implicit(
     time, h, new, state, stages, trial, slopes, matrix, plain, knots, surfaces, law, work
 ):
@@ -446,7 +445,7 @@ def _implicit(
     return touch
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     """Make a step of ``h`` into ``trial``; its error into the third of the stages."""
     k1, k2, k3, k4 = stages
@@ -464,7 +463,7 @@ def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     return touch
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _worst(h, error, plain, tolerance):
     """Compute the largest error over its tolerance."""
     worst = 0.0
@@ -477,20 +476,20 @@ def _worst(h, error, plain, tolerance):
     return worst if math.isfinite(worst) else 1e3
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _arrived(state, plain):
     """Decide whether ring and actuator have made the travel."""
     return state[1] >= plain[WAY] and (plain[LINKED] == 0.0 or state[6] >= plain[WAY])
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _growth(worst):
     """Give the next step over the last one by its largest error over its tolerance."""
     grown = 5.0 if worst < 1e-3 else 0.9 * worst ** (-1.0 / 3.0)
     return min(5.0, max(0.1, grown))
 
 
-@njit(**COMPILED)
+@njit(cache=True, error_model="numpy")
 def _switch(mode, touch, step):
     """Go over to implicit steps where dogs stay in touch, and back where that gains nothing."""
     if mode[BEATEN] > 0.0:
@@ -500,7 +499,7 @@ def _switch(mode, touch, step):
         mode[BEATEN] = step
 
 
-@njit(nogil=True, **COMPILED)
+@njit(cache=True, error_model="numpy", nogil=True)
 def advance(
     time, step, state, until, plain, knots, surfaces, law, tolerance, max_step, mode, times, states
 ):

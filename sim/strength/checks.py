@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-Group = Literal["make", "load", "lock", "impact", "tolerance"]
+Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
 #: What the groups are about, in the order of reports.
 GROUPS: dict[Group, str] = {
@@ -15,6 +15,7 @@ GROUPS: dict[Group, str] = {
     "lock": "engages and lets go",
     "impact": "bears dog on dog",
     "tolerance": "keeps contact within tolerances",
+    "goal": "keeps the study's own limits",
 }
 
 

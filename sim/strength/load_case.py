@@ -48,6 +48,8 @@ class LoadCase:
     friction_release : static coefficient, for release and self-locking.
     friction_hold : low dynamic coefficient, for what has to be held.
     separating_force_limit : that the blocking mechanism holds, N.
+    landing_share : share of shifts that may land harder than the checks take
+        (``sim.strength.landing``); None for the hardest of those simulated.
     """
 
     torque: float = 200.0
@@ -61,6 +63,7 @@ class LoadCase:
     friction_release: float = 0.12
     friction_hold: float = 0.05
     separating_force_limit: float = 5000.0
+    landing_share: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, low, high in (
@@ -77,6 +80,9 @@ class LoadCase:
             ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
         ):
             require_between(f"load.{name}", value, low, high, "correct the load case")
+        if self.landing_share is not None:
+            remedy = "give the share of shifts that may land harder"
+            require_between("load.landing_share", self.landing_share, 1e-4, 0.5, remedy)
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"

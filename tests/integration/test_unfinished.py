@@ -22,7 +22,7 @@ from dogshape.pipeline.search.rounds import next_round
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.trials import finish
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import Measured, design_of
 from dogshape.pipeline.simulate.evaluation import Simulated
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import Plan, is_whole, whole_plan
@@ -30,19 +30,20 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record, unfinished
-from dogshape.sim.strength.landing import LANDING_RULES
+from dogshape.sim.strength.landing import LANDING_RULES, Demand
 from tests.conftest import SMALL, searching
 from tests.integration.studies import Finished
 
 FEW = [*SMALL, "search.trials=4", "search.sampler=random"]
 REASON = "no end after solver.time_limit_s = 600, at 0.01 s of the shift"
 NO_ROWS = np.zeros((0, 13))
+#: Dogs that land too hard.
+HARD = Measured(Demand(1e10, 1e10, 1e10))
 DESIGN = ("chamfer_deg", "height_mm", "count", "expected_shift_time_s", "trial")
 
 
@@ -161,12 +162,10 @@ def _asked(study: Study, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[
     def evaluated(study: Study, dogs: Any, _: Any, asked: Sequence[Plan], __: int) -> Any:
         plans.extend(asked)
         time = Estimate(0.1, 0.001)
-        load = 5e6 if is_whole(asked[0]) else 1e3  # harder at the points that were left out
+        landed = HARD if is_whole(asked[0]) else Measured(Demand())  # harder at points left out
         point = PointExpectation(study.points[0], 0.1, 0.1, 0.001, 0.0, 1.0, 3)
         found = {"expected_shift_time_s": time}
-        one = Simulated(
-            Expectation((point,), 0.1, 0.001), Landing((load,) * len(OVERLAPS)), NO_ROWS, found
-        )
+        one = Simulated(Expectation((point,), 0.1, 0.001), landed, NO_ROWS, found)
         return [one] * len(dogs)
 
     monkeypatch.setattr("dogshape.pipeline.search.trials.evaluate", evaluated)
@@ -185,7 +184,7 @@ def test_constraints_are_those_of_the_last_simulation(
     assert plans == [[3, 0]] * len(ids) + [whole_plan(study)] * len(ids)
     landings = {rule.name for rule in LANDING_RULES}
     for trial in search.trials():
-        hard = design_of(study, dict(trial.params), Landing((5e6,) * len(OVERLAPS))).constraints
+        hard = design_of(study, dict(trial.params), HARD).constraints
         assert landings & hard.keys()
         assert trial.constraints == hard
         assert any(value > 0.0 for value in hard.values())

@@ -29,7 +29,7 @@ def test_strength_checks_everything(dogshape: Call) -> None:
     assert said.status == 0
     assert said.json["feasible"] is True
     checks = {c["name"]: c for c in said.json["checks"]}
-    assert {c["group"] for c in checks.values()} == set(GROUPS)
+    assert {c["group"] for c in checks.values()} == set(GROUPS) - {"goal"}
     for check in checks.values():
         assert all(check[key] for key in ("meaning", "formula", "source", "limit_key"))
     assert checks["flank_pressure_traction"]["value"] == pytest.approx(132, abs=0.5)
@@ -85,7 +85,7 @@ def test_export_of_a_weak_design_warns(dogshape: Call) -> None:
 def test_what_cannot_be_made_is_not_simulated(dogshape: Call) -> None:
     bad = dogshape("strength", "mq200", "--set", "dog.count=40", "--json")
     assert bad.status == 1
-    assert {c["group"] for c in bad.json["checks"]} == set(GROUPS) - {"impact"}
+    assert {c["group"] for c in bad.json["checks"]} == set(GROUPS) - {"impact", "goal"}
 
 
 def test_explain_gives_formula_source_and_key(dogshape: Call) -> None:

@@ -1,0 +1,163 @@
+"""Limits of a study: any quantity of its shifts or its shape, judged by Drake or by a screen."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
+from dogshape.pipeline.simulate.estimates import ESTIMATORS
+from dogshape.pipeline.simulate.evaluation import evaluate, reference_of, screen
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.strength.landing import Demand, exceeded
+from tests.conftest import SMALL, Said, searching
+
+PLANAR = "solver.engine=planar"
+
+
+def study_with(*overrides: str) -> Study:
+    """Load the small study for the compiled engine."""
+    return load_study("mq200", [*SMALL, PLANAR, *overrides])
+
+
+def measured(study: Study, **dog: float) -> tuple[Any, list[Record]]:
+    """Simulate a design; what was found and its shifts."""
+    executor = scratch_executor()
+    (found,) = evaluate(
+        study, [study.dog_with(dog)], executor, [whole_plan(study)], study.file.expectation.seed
+    )
+    return found, list(executor.journal.rows.values())
+
+
+def test_every_simulated_quantity_has_an_estimator() -> None:
+    assert {o.name for o in OBJECTIVES.values() if o.simulated} == set(ESTIMATORS)
+
+
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [
+        ("peak_axial_force_N", lambda r: r["peak_axial_force_N"]),
+        ("strike_torque_Nm", lambda r: r["peak_tangential_force_N"] * 0.024),
+        ("impact_impulse_Ns", lambda r: r["impact_impulse_Ns"]),
+        ("impact_energy_J", lambda r: r["energy_dissipated_J"]),
+        ("first_try_share", lambda r: float(r["shift_time_s"] <= 0.06)),
+    ],
+)
+def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
+    """Two points of equal weight and as many angles: the mean of all shifts."""
+    study = study_with(f"search.limits.{name}=1e9", "search.within_s=0.06")
+    found, shifts = measured(study)
+    expected = float(np.mean([of(row) for row in shifts]))
+    assert expected > 0.0
+    assert found.measured.limited[name] == pytest.approx(expected, rel=1e-12)
+    assert name in found.estimates
+
+
+def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
+    study = study_with(
+        "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=0.0"
+    )
+    other, _ = measured(study)
+    assert other.measured.limited["slower_than_reference_s"] == 0.0
+    found, _ = measured(study, chamfer_deg=5.0)
+    times, own = ([p.mean for p in one.expectation.points] for one in (found, other))
+    assert found.measured.limited["worst_shift_time_s"] == max(times)
+    lost = max(a - b for a, b in zip(times, own, strict=True))
+    assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
+    assert lost > 0.0
+    assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
+
+
+def test_the_reference_is_any_dog() -> None:
+    study = study_with("search.reference.chamfer_deg=12.0")
+    assert reference_of(study) == study.dog_with({"chamfer_deg": 12.0})
+    with pytest.raises(InputError, match="did you mean 'chamfer_deg'"):
+        reference_of(study_with("search.reference.chamfer=12.0"))
+
+
+def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
+    """The prototype keeps every nominal limit and not all with its tolerances at their worst."""
+    free, bound = study_with(), study_with("search.limits.smallest_margin_worst=0.0")
+    assert worth_simulating(free, free.prototype)
+    assert not worth_simulating(bound, bound.prototype)
+    assert design_of(bound, bound.prototype).failed == ["smallest_margin_worst"]
+
+
+def test_an_unknown_quantity_is_refused(dogshape: Callable[..., Said]) -> None:
+    said = dogshape("strength", "mq200", "--set", "search.limits.worst_shift_time=0.1")
+    assert said.status == 2
+    assert "did you mean 'worst_shift_time_s'?" in said.err
+
+
+def test_what_a_share_of_landings_exceeds() -> None:
+    """Evenly spread pressures: the quantile is that of the uniform distribution."""
+    count = 1000
+    demands = [Demand(k + 0.5, 2.0 * (k + 0.5), count - k - 0.5) for k in range(count)]
+    found = exceeded(demands, [1.0] * count, 0.01)
+    assert (found.face, found.core, found.edge) == pytest.approx((990.0, 1980.0, 990.0))
+    rare = exceeded(demands, [1.0 if k < 500 else 1e-9 for k in range(count)], 0.01)
+    assert rare.face == pytest.approx(495.0, rel=1e-6)
+    assert exceeded([], [], 0.01) == Demand()
+
+
+def test_the_share_of_landings_does_not_grow_with_the_angles() -> None:
+    """The hardest of a sample does; what a twentieth exceeds is the same of few and of many."""
+    few, many = 24, 192
+    found: dict[tuple[str, int], float] = {}
+    for key, more in (("hardest", ()), ("share", ("load.landing_share=0.05",))):
+        study = study_with(*more)
+        for angles in (few, many):
+            executor = scratch_executor()
+            plan = [whole_plan(study, angles)]
+            (one,) = evaluate(study, [study.clutch.dog], executor, plan, 3)
+            found[key, angles] = one.measured.demand.edge
+    assert found["hardest", many] >= found["hardest", few]
+    assert found["share", many] == pytest.approx(found["share", few], rel=0.1)
+    assert found["share", many] < 0.9 * found["hardest", many]
+
+
+def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
+    study = load_study(
+        "mq200", [*SMALL, "search.screen_angles=16", "search.limits.worst_shift_time_s=1.0"]
+    )
+    executor, dog = scratch_executor(), study.clutch.dog
+    (found,) = screen(study, [dog], executor, 1)
+    quick = replace(study, clutch=study.clutch.with_engine("planar"))
+    (own,) = evaluate(quick, [dog], executor, [whole_plan(study, 16)], 1)
+    assert found == own.measured
+    assert {row["engine"] for row in executor.journal.rows.values()} == {"planar"}
+    assert screen(study_with(), [dog], executor, 1) == [None]
+
+
+def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
+    """Designs that fail the screen take no shift of the study's engine; the chosen one keeps it."""
+    limit = 0.080
+    screened = ["search.screen_angles=24", f"search.limits.worst_shift_time_s={limit}"]
+    result = run_study(study_with(*screened), searching(tmp_path / "out", jobs=1))
+    rows = result["trials"]
+    judged = [row for row in rows if "worst_shift_time_s" in row["margins"]]
+    failed = [row for row in judged if row["margins"]["worst_shift_time_s"] < 0.0]
+    assert failed
+    assert all(row["shifts"] == 0 and not row["feasible"] for row in failed)
+    assert result["best"]["margins"]["worst_shift_time_s"] >= 0.0
+    (check,) = (
+        c for c in result["confirmation"]["best"]["checks"] if c["name"] == "worst_shift_time_s"
+    )
+    assert check["value"] <= limit
+    assert check["limit"] == limit
+
+
+def test_the_public_package_says_the_same() -> None:
+    study = ds.Study("mq200", {"search.limits.axial_length_mm": 8.0})
+    assert not study.strength(simulate=False).feasible
