@@ -127,6 +127,7 @@ class UncertainSection(Section):
     friction_factor: DistributionSection | None = None
     force_factor: DistributionSection | None = None
     inertia_factor: DistributionSection | None = None
+    dissipation_factor: DistributionSection | None = _unless_given()
 
 
 class ExpectationSection(Section):

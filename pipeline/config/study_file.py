@@ -36,7 +36,7 @@ from dogshape.sim.statistics.shift_records import (
     content_key,
     uncertain_record,
 )
-from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
+from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
@@ -310,8 +310,8 @@ def _uncertainty(
         return None
     unsure = Uncertainty(found, table)
     for end in (0, 1):
-        friction, inertia = (unsure.bounds(n)[end] for n in ("friction_factor", "inertia_factor"))
-        Variant(friction, 1.0, inertia, 0.1, ()).clutch(clutch)
+        friction, _, inertia, dissipation = (unsure.bounds(name)[end] for name in FACTORS)
+        Variant(friction, 1.0, inertia, 0.1, (), dissipation).clutch(clutch)
     low, high = unsure.bounds("force_factor")
     forces = [point.profile.force for point in points]
     for force in (low * min(forces), high * max(forces)):

@@ -99,13 +99,15 @@ def screen(
 
     At ``search.screen_angles`` relative angles of every operating point, far more than Drake could
     simulate: landings are rare events, and the loss on a reference is the largest of many numbers.
+    Its shifts are not kept: a design takes seconds.
     """
     angles = study.file.search.screen_angles
     if angles is None:
         return [None] * len(dogs)
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
-    return [one.measured for one in evaluate(quick, dogs, executor.silent(), plans, seed)]
+    with executor.apart() as running:
+        return [one.measured for one in evaluate(quick, dogs, running, plans, seed)]
 
 
 def reference_of(study: Study) -> Dog:

@@ -14,6 +14,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -74,9 +75,12 @@ class Executor:
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
-    def silent(self) -> Executor:
-        """Make an executor for shifts that no forecast of the work counts."""
-        return Executor(self.journal, self.jobs, cluster=self.cluster)
+    @contextmanager
+    def apart(self) -> Iterator[Executor]:
+        """Give an executor whose journal is gone afterwards: for shifts quick to repeat."""
+        with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
+            journal = ShiftJournal(Path(folder) / "shifts.jsonl")
+            yield Executor(journal, self.jobs, cluster=self.cluster)
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""

@@ -65,6 +65,34 @@ class DesignRow(Section):
     peak_impact_force_N: float | None = key(
         "mean of each shift's largest contact force, where it is an objective", "N", None
     )
+    worst_shift_time_s: float | None = key(
+        "expected shift time at the slowest operating point, where it is an objective", "s", None
+    )
+    slower_than_reference_s: float | None = key(
+        "time lost on the reference at the worst operating point, where it is an objective",
+        "s",
+        None,
+    )
+    first_try_share: float | None = key(
+        "share of shifts that engage in time at the first try, where it is an objective",
+        SHARE,
+        None,
+    )
+    peak_axial_force_N: float | None = key(
+        "mean of each shift's largest axial force, where it is an objective", "N", None
+    )
+    strike_torque_Nm: float | None = key(
+        "mean of each shift's largest torque of the contact, where it is an objective", "N m", None
+    )
+    impact_impulse_Ns: float | None = key(
+        "mean of each shift's hardest impulse, where it is an objective", "N s", None
+    )
+    impact_energy_J: float | None = key(
+        "mean energy that the contact took, where it is an objective", "J", None
+    )
+    smallest_margin_worst: float | None = key(
+        "smallest margin with tolerances at their worst, where it is an objective", "1", None
+    )
     standard_errors: dict[str, float | None] = key(
         "standard error of each simulated objective, in its unit"
     )

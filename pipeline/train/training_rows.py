@@ -29,7 +29,7 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
     Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
     """
     programs, physics, table = engine(), study.physics_hash, study.actuation.table
-    keys = {*clutch_record(study.clutch), *OPTIONAL, *UNCERTAIN}
+    keys = {*clutch_record(study.clutch), "engine", *OPTIONAL, *UNCERTAIN}
 
     def is_of(shift: Record) -> bool:
         if any(shift[name] != version for name, version in programs.items()):

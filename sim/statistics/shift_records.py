@@ -93,8 +93,17 @@ def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
 
 
 def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
-    """Return the factors of an uncertain shift and what they make of its nominal inputs."""
+    """Return the factors of an uncertain shift and what they make of its nominal inputs.
+
+    A dissipation is named where it is uncertain: records of studies without it stay as they were.
+    """
     built, operated = variant.clutch(clutch), variant.point(point)
+    more: Record = {}
+    if any(name == "dissipation_factor" for name, _ in variant.source):
+        more = {
+            "dissipation_factor": variant.dissipation,
+            "drawn_dissipation_s_m": built.contact.dissipation,
+        }
     return {
         "friction_factor": variant.friction,
         "force_factor": variant.force,
@@ -105,6 +114,7 @@ def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> R
         "drawn_force_N": operated.profile.force,
         "drawn_force_rise_s": operated.profile.rise,
         **uncertain_record(variant.source),
+        **more,
     }
 
 

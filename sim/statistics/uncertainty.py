@@ -1,4 +1,4 @@
-r"""Quantities that differ from shift to shift: friction, shift force, output inertia.
+r"""Quantities that differ from shift to shift: friction, dissipation, shift force, inertia.
 
 Each is a factor on its nominal value with a distribution of its own. The relative angle is
 uncertain already and sampled evenly; the factors are further dimensions of the same sample. The
@@ -29,7 +29,8 @@ from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.distribution import Distribution, Values
 
-FACTORS = ("friction_factor", "force_factor", "inertia_factor")  #: in the order of the draws
+#: in the order of the draws
+FACTORS = ("friction_factor", "force_factor", "inertia_factor", "dissipation_factor")
 STREAM = 101  #: keeps the draws of the factors apart from that of the angles
 
 Order = NDArray[np.int64]
@@ -45,6 +46,7 @@ class Variant:
         and on the output ring's inertia.
     rise : rise time that belongs to the force as it is drawn, s.
     source : the distributions in words, by their keys.
+    dissipation : factor on the contact's dissipation.
     """
 
     friction: float
@@ -52,6 +54,7 @@ class Variant:
     inertia: float
     rise: float
     source: tuple[tuple[str, str], ...]
+    dissipation: float = 1.0
 
     def clutch(self, clutch: Clutch) -> Clutch:
         """Return the clutch as drawn."""
@@ -60,6 +63,7 @@ class Variant:
             contact,
             static_friction=contact.static_friction * self.friction,
             dynamic_friction=contact.dynamic_friction * self.friction,
+            dissipation=contact.dissipation * self.dissipation,
         )
         inertia = rings.output_inertia * self.inertia
         return replace(clutch, contact=drawn, rings=replace(rings, output_inertia=inertia))
@@ -117,12 +121,12 @@ class Uncertainty:
         return tuple(self._variant(point, row) for row in factors)
 
     def _variant(self, point: OperatingPoint, factors: Values) -> Variant:
-        friction, force, inertia = (float(factor) for factor in factors)
+        friction, force, inertia, dissipation = (float(factor) for factor in factors)
         profile = point.profile
         rise = profile.rise
         if self.rise.gives(profile):  # a rise time that was given by hand stays
             rise = self.rise.profile(profile.force * force).rise
-        return Variant(friction, force, inertia, rise, self.source)
+        return Variant(friction, force, inertia, rise, self.source, dissipation)
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:

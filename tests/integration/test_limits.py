@@ -133,10 +133,10 @@ def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
     )
     executor, dog = scratch_executor(), study.clutch.dog
     (found,) = screen(study, [dog], executor, 1)
+    assert not executor.journal.rows
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     (own,) = evaluate(quick, [dog], executor, [whole_plan(study, 16)], 1)
     assert found == own.measured
-    assert {row["engine"] for row in executor.journal.rows.values()} == {"planar"}
     assert screen(study_with(), [dog], executor, 1) == [None]
 
 

@@ -221,9 +221,10 @@ def test_rows_of_uncertain_shifts_are_traced_to_their_study() -> None:
         f"uncertain.friction_factor={FRICTION}",
         "uncertain.force_factor={distribution='uniform', low=0.8, high=1.2}",
         "uncertain.inertia_factor={distribution='uniform', low=0.8, high=1.2}",
+        "uncertain.dissipation_factor={distribution='lognormal', median=0.5, factor=2.0, low=0.05, high=2.0}",
     ]
     study = load_study("mq200", more)
-    other = load_study("mq200", [*more[:3], more[3].replace("0.8", "0.9"), more[4]])
+    other = load_study("mq200", [*more[:3], more[3].replace("0.8", "0.9"), *more[4:]])
     plain = load_study("mq200", more[:2])
     executor = scratch_executor(1)
     for one in (study, plain):
@@ -239,6 +240,8 @@ def test_rows_of_uncertain_shifts_are_traced_to_their_study() -> None:
     drawn = shifts[0]
     assert drawn["drawn_force_N"] == pytest.approx(469 * drawn["force_factor"])
     assert drawn["drawn_dynamic_friction"] == pytest.approx(0.1 * drawn["friction_factor"])
+    assert drawn["drawn_dissipation_s_m"] == pytest.approx(20.0 * drawn["dissipation_factor"])
+    assert 0.0 < drawn["dissipation_factor"] != 1.0
     assert drawn["force_N"] == 469.0
     assert "drawn_force_N" not in shifts[3]
     again = [{**row, "drawn_force_rise_s": 0.3} for row in shifts[:3]]

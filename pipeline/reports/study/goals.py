@@ -11,13 +11,29 @@ from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
 QUANTILE_TIME, MARGIN = "shift_time_quantile_s", "smallest_margin"
 PEAK_FORCE = "peak_impact_force_N"
+#: Units that are shown instead of the stored ones.
+SHOWN = {
+    PEAK_FORCE: "kN",
+    "peak_axial_force_N": "kN",
+    MARGIN: "%",
+    "smallest_margin_worst": "%",
+    "first_try_share": "%",
+}
 FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}  #: from the stored value to the shown one
 #: Definition of each simulated objective, after its label; ``{over}`` are all shifts of the mix.
 MEANINGS = {
     SIMULATED: "the mean over {over}, tries that fail included",
     QUANTILE_TIME: "the time within which {share} of all shifts engage, over {over}, "
     "tries that fail included",
+    "worst_shift_time_s": "the expected shift time at the slowest operating point",
+    "slower_than_reference_s": "the most that the expected shift time of any operating point "
+    "exceeds that of the reference design",
+    "first_try_share": "the share of {over} that engages in time at the first try",
     PEAK_FORCE: "the mean over {over} of each shift's largest contact force of the whole ring",
+    "peak_axial_force_N": "the mean over {over} of each shift's largest axial force of the contact",
+    "strike_torque_Nm": "the mean over {over} of each shift's largest torque of the contact",
+    "impact_impulse_Ns": "the mean over {over} of each shift's hardest impulse",
+    "impact_energy_J": "the mean over {over} of the energy that the contact took",
     MARGIN: "the least margin of all checks to their limits, that of the hardest landing "
     "over {over} among them",
 }
@@ -49,7 +65,7 @@ class Goal:
     @property
     def unit(self) -> str:
         """Unit that is shown."""
-        own = {PEAK_FORCE: "kN", MARGIN: "%"}.get(self.name, self.objective.unit)
+        own = SHOWN.get(self.name, self.objective.unit)
         return "ms" if own == "s" else own
 
     @property

@@ -74,8 +74,8 @@ def drawn_variant(row: Record) -> Variant | None:
     """Read the factors that an uncertain shift was simulated with; None where all is certain."""
     if "friction_factor" not in row:
         return None
-    friction, force, inertia = (row[name] for name in FACTORS)
-    return Variant(friction, force, inertia, row["drawn_force_rise_s"], source=())
+    friction, force, inertia, dissipation = (row.get(name, 1.0) for name in FACTORS)
+    return Variant(friction, force, inertia, row["drawn_force_rise_s"], (), dissipation)
 
 
 def _write(shifts: Shifts, one: Replay, path: Path) -> None:
