@@ -180,7 +180,8 @@ def print_causes(pairs: list[Pair], most: int, seed: int) -> None:
         ]
         both = (off_of(mine, fine[1]), off_of(fine[0], drake), off_of(*fine))
         found.append((off_of(mine, drake), *both, off_of(fine[0], mine), off_of(fine[1], drake)))
-    print(f"\n{len(apart)} shifts differ by more than 1 % or in outcome; of {len(chosen)} of them")
+    told = "shifts that differ by more than 1 % or in outcome"
+    print(f"\n{told}: {len(apart)}, of which {len(chosen)} again")
     print("                                                     median   > 1 %")
     for name, offs in zip(
         (

@@ -821,6 +821,42 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PLANAR,
+        "at most {:.2f} % of the variance is left; with the\npublished set it is up to {:.2f} %",
+        lambda: [
+            max(
+                numbers("engines", f"{size}, {contact}", "504")[4]
+                for size in ("prototype", "small", "large")
+            )
+            for contact in ("lubricated_steel", "adams2019")
+        ],
+    ),
+    Entry(
+        PLANAR,
+        "Of {:.0f} shifts that differ",
+        lambda: numbers("engines", "what happens", "shifts that differ")[2:3],
+    ),
+    Entry(
+        PLANAR,
+        "its own default by more than that in {:.0f} %",
+        lambda: numbers("engines", "Drake against itself")[1:],
+    ),
+    Entry(
+        PLANAR,
+        "leaves its own in {:.0f} %",
+        lambda: numbers("engines", "compiled engine against itself")[1:],
+    ),
+    Entry(
+        PLANAR,
+        "Drake with finer steps, {:.0f} % of them no",
+        lambda: [100.0 - numbers("engines", "compiled engine against Drake with finer steps")[1]],
+    ),
+    Entry(
+        PLANAR,
+        "differ by less than {:.2f} % in nine of ten",
+        lambda: numbers("second_engine", "Three engines", "Drake, compiled")[2:3],
+    ),
+    Entry(
+        PLANAR,
         "These differ by up to {:.2f} ms",
         lambda: [max(abs(numbers("engine_effects", name)[2]) for name in SMALL_EFFECTS)],
     ),

@@ -73,7 +73,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         "How well both agree": (
             (r"\(40 to 120 mm, 0\.2 to 2 kg\)", "sizes of the benchmark's clutches"),
             (r"\| 90 % \|", "a quantile"),
-            (r"one\s+percent off", "as test_planar.py holds it"),
+            (r"more\s+than a percent", "threshold of the table"),
         ),
     },
     "docs/search.md": {
@@ -191,7 +191,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Operating points": DEFINITIONS,
         "Uncertainty": ONCE,
         "Mechanism and effects": DEFINITIONS,
-        "Objectives": ONCE,
+        "Objectives and limits": ONCE,
         "Shifts of a command that was stopped": DEFINITIONS,
         "Keys of `result.json`": "units and meanings of keys",
     },
