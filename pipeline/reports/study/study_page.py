@@ -24,18 +24,20 @@ from dogshape.pipeline.reports.study.front import (
 )
 from dogshape.pipeline.reports.study.goals import MARGIN, goals_of
 from dogshape.pipeline.reports.study.parallel import parallel_figure
+from dogshape.pipeline.reports.study.prices import at_factor, dear, prices_figure, step_price
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import replays_of, write_replays
 from dogshape.pipeline.reports.study.single_shifts import Shifts, place, read_shifts
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
+from dogshape.pipeline.simulate.design import limits_of
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.files import naming
 from dogshape.sim.shift.loads import Landing
-from dogshape.sim.strength.checks import GROUPS
+from dogshape.sim.strength.checks import GROUPS, Check
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import landing_checks
 from dogshape.sim.units import RPM
@@ -44,7 +46,7 @@ from dogshape.surrogate.validation_figures import validation_of
 Say = Callable[[str], None]
 #: What every page of a study has, filled or empty; a template asks for nothing else.
 FIGURES = (
-    "fronts", "sure", "parallel", "effects", "indices", "distribution", "engaged", "gain",
+    "fronts", "sure", "parallel", "effects", "indices", "prices", "distribution", "engaged", "gain",
     "points", "listed", "convergence",
 )  # fmt: skip
 
@@ -99,7 +101,9 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
     if times:
         figures["distribution"] = single_shifts.distribution_figure(times)
     quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
-    still = landing_checks(study.clutch.dog, Landing(), study.limits)  # for their limits alone
+    # For their limits alone.
+    still = landing_checks(study.clutch.dog, Landing(), study.limits)
+    own = [Check(quantity.rule, limit, limit) for quantity, limit in limits_of(study)]
     trials = result["trials"]
     return {
         **{name: _html(name, figure) for name, figure in figures.items()},
@@ -119,6 +123,8 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "label": label,
         "percent": percent,
         "ms": summary.ms,
+        "step_price": step_price,
+        "at_factor": at_factor,
         "headline": summary.headline(result),
         "said": summary.points_of(result) if confirmation else [],
         "choice": summary.choice(result),
@@ -141,7 +147,8 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "solver": study.clutch.solver,
         "groups": GROUPS,
         "checks": [
-            check_record(check) for check in strength_checks(study.clutch.dog, study.limits) + still
+            check_record(check)
+            for check in (*strength_checks(study.clutch.dog, study.limits), *own, *still)
         ],
         "designs": shown,
         "parts": designs.in_parts(shown),
@@ -196,8 +203,9 @@ def _surrogate_figures(folder: StudyFolder) -> Row:
     known = stored_effects(folder)
     if known is None:
         return {}
-    effects = known["effects"]
+    effects, paid = known["effects"], dear(known["prices"])
     return {
+        "prices": (paid, figure_html(prices_figure(paid), "prices")) if paid else "",
         "effects": (effects, figure_html(effects_figure(effects), "effects")),
         "indices": indices_html(known["indices"]),
     }

@@ -1,8 +1,9 @@
-"""Effects and indices from a study's surrogate: computed once, stored, read by the report."""
+"""Effects, indices and prices of limits from a study's surrogate: computed once, then stored."""
 
 from __future__ import annotations
 
 from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.study.prices import prices
 from dogshape.pipeline.reports.surrogate.record import Say, learned
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training_rows import study_mix
@@ -29,16 +30,19 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
         say(f"no effects in the report: {error}")
         return
     say("what each variable does, from the surrogate (a minute)")
-    found = learned(study, surrogate, Over(surrogate, study_mix(study)), say)
+    over = Over(surrogate, study_mix(study))
+    found = learned(study, surrogate, over, say)
+    say("what each limit costs, from the surrogate (half a minute)")
+    found["prices"] = prices(study, over)
     write_json(folder.effects, {"surrogate": _identity(folder), **found})
 
 
 def stored_effects(folder: StudyFolder) -> Row | None:
-    """Read effects and indices of the folder's surrogate as it is now; None without them."""
+    """Read what the folder's surrogate as it is now was found to say; None without it."""
     try:
         stored = read_json(folder.effects, AGAIN)
         fits = stored["surrogate"] == _identity(folder)
-        return {key: stored[key] for key in ("effects", "indices")} if fits else None
+        return {key: stored[key] for key in ("effects", "indices", "prices")} if fits else None
     except (StorageError, KeyError):
         return None
 

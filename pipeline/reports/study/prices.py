@@ -1,0 +1,212 @@
+"""Prices of a study's limits: the best expected shift time if one limit were another.
+
+Designs that fill the space, and more about the best of them under each limit, are checked by
+closed forms and predicted by the surrogate. Where an upper bound L becomes f L a design passes with
+a margin of 1 - f, where a lower one does with f - 1: so one pool of designs gives all curves.
+Landing and other simulated limits are left out, as nothing predicts them here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import plotly.graph_objects as go
+from scipy.stats import qmc
+
+from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.reports.kit.look import BLUE, GREEN, GREY, INK, ORANGE, RED, Row, styled
+from dogshape.pipeline.reports.kit.text import check_name
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.strength.checks import Check
+from dogshape.surrogate.covariance import Array
+
+FACTORS = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5)  #: on a limit
+FILLING = 13  #: power of two of designs that fill the space
+ABOUT = 16  #: more designs about each of the best, in each round
+NEAR = (
+    0.08,
+    0.04,
+    0.02,
+    0.01,
+    0.005,
+)  #: shares of the ranges about it, one for each round
+CLEAR = 2e-4  #: s for a tenth of a limit from which it has a price
+#: Natural step of a limit by its unit, for what a step costs.
+STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001}
+
+
+#: Colour, dash and mark of a line each; there are no more lines than these.
+SERIES = (
+    (BLUE, "solid", "circle"),
+    (ORANGE, "dash", "square"),
+    (GREEN, "dot", "diamond"),
+    (RED, "dashdot", "triangle-up"),
+    (INK, "longdash", "x"),
+    (GREY, "solid", "cross"),
+)
+
+
+class Times(Protocol):
+    """Expected times of designs."""
+
+    def predict(self, designs: Array) -> tuple[Array, Array]:
+        """Predict expected times of designs (m, d) with their errors, each (m,), s."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Designs (m, d) with predicted times in s, (m,), and the margin of each check, (m, c)."""
+
+    designs: Array
+    times: Array
+    margins: Array
+
+    def best(self, place: int, needed: float) -> int | None:
+        """Find the fastest design that keeps all limits, with another margin of one check."""
+        least = np.zeros(self.margins.shape[1])
+        least[place] = needed
+        fit = np.flatnonzero((self.margins >= least).all(axis=1))
+        return int(fit[np.argmin(self.times[fit])]) if fit.size else None
+
+
+def prices(study: Study, times: Times, seed: int = 1) -> list[Row]:
+    """Compute what each limit of a study costs, dearest first.
+
+    Each row has the check's ``name``, ``key``, ``unit`` and ``limit``, the ``price_s`` of a tenth
+    of the limit (between 0.9 and 1.1 of it), and a ``curve`` of limits with the best time in s
+    under each, None where no design passes. Limits that are zero have no price.
+    """
+    checks = _checks(study, study.prototype)
+    if not checks or not study.variables:
+        return []
+    pool = _pool(study, times, checks, seed)
+    found = []
+    for place, check in enumerate(checks):
+        if check.limit <= 0.0:
+            continue
+        curve = []
+        for factor in FACTORS:
+            best = pool.best(place, _needed(check, factor))
+            curve.append((factor * check.limit, None if best is None else float(pool.times[best])))
+        at = dict(zip(FACTORS, (time for _, time in curve), strict=True))
+        low, high = at[0.9], at[1.1]
+        price = None if low is None or high is None else 0.5 * abs(high - low)
+        found.append(
+            {
+                "name": check.name,
+                "key": check.rule.key,
+                "unit": check.unit,
+                "limit": check.limit,
+                "at_most": check.rule.at_most,
+                "price_s": price,
+                "curve": curve,
+            }
+        )
+    return sorted(found, key=lambda row: -(row["price_s"] or 0.0))
+
+
+def dear(rows: Sequence[Row]) -> list[Row]:
+    """Select the limits that have a price."""
+    return [row for row in rows if row["price_s"] is None or row["price_s"] >= CLEAR]
+
+
+def step_price(row: Row) -> tuple[float, float] | None:
+    """Give the natural step of a limit in its unit, and the ms that the step costs."""
+    step = STEPS.get(row["unit"])
+    if step is None or row["price_s"] is None:
+        return None
+    return step, 1e3 * row["price_s"] * step / (0.1 * row["limit"])
+
+
+def at_factor(row: Row, factor: float) -> float | None:
+    """Read the best time in s where the limit is ``factor`` times as large."""
+    time: float | None = dict(zip(FACTORS, (t for _, t in row["curve"]), strict=True))[factor]
+    return time
+
+
+def prices_figure(rows: Sequence[Row]) -> go.Figure:
+    """Draw the best predicted time over each dear limit, as a share of what it is."""
+    figure = go.Figure()
+    for (color, dash, symbol), row in zip(SERIES, rows, strict=False):
+        times = [None if t is None else 1e3 * t for _, t in row["curve"]]
+        sign = "≤" if row["at_most"] else "≥"
+        figure.add_scatter(
+            x=[100.0 * factor for factor in FACTORS],
+            y=times,
+            mode="lines+markers",
+            name=f"{check_name(row['name'])} {sign} {row['limit']:.4g} {row['unit']}".strip(),
+            line={"color": color, "dash": dash},
+            marker={"symbol": symbol, "size": 8},
+            customdata=[[limit, row["unit"]] for limit, _ in row["curve"]],
+            hovertemplate="limit %{customdata[0]:.4g} %{customdata[1]}: %{y:.1f} ms",
+        )
+    figure.add_vline(x=100.0, line_dash="dot", line_color="grey")
+    figure.update_xaxes(title="limit, % of what the study asks")
+    figure.update_yaxes(title="best expected shift time, ms")
+    return styled(figure, height=380)
+
+
+def _needed(check: Check, factor: float) -> float:
+    """Give the margin to the limit as it is that a design needs under ``factor`` times of it."""
+    return 1.0 - factor if check.rule.at_most else factor - 1.0
+
+
+def _checks(study: Study, params: dict[str, float]) -> tuple[Check, ...]:
+    try:
+        return design_of(study, params).checks
+    except DogshapeError:
+        return ()
+
+
+def _margins(study: Study, designs: Array, count: int) -> Array:
+    """Compute the margin of every check that needs no simulation; what is no dog has none."""
+    rows = np.full((len(designs), count), -np.inf)
+    for place, row in enumerate(designs.tolist()):
+        checks = _checks(study, study.named(row))
+        if checks:
+            rows[place] = [check.margin for check in checks]
+    return rows
+
+
+def _pool(study: Study, times: Times, checks: Sequence[Check], seed: int) -> Pool:
+    """Fill the space, then look about the best design under each limit."""
+    bounds = np.array(list(study.variables.values()))
+    whole = np.array([name == "count" for name in study.variables])
+    rng = np.random.default_rng(seed)
+
+    def real(shares: Array) -> Array:
+        designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * (bounds[:, 1] - bounds[:, 0])
+        return np.where(whole, np.rint(designs), designs)
+
+    def looked_at(designs: Array) -> Pool:
+        margins = _margins(study, designs, len(checks))
+        # What breaks two limits or one by far can be the best under none of the curves.
+        near = (margins < 0.0).sum(axis=1) <= 1
+        designs, margins = designs[near], margins[near]
+        found = times.predict(designs)[0] if len(designs) else np.zeros(0)
+        return Pool(designs, found, margins)
+
+    sampler = qmc.Sobol(len(bounds), seed=rng)
+    pool = looked_at(real(sampler.random_base2(FILLING)))
+    for near in NEAR:
+        every = {
+            pool.best(place, _needed(check, factor))
+            for place, check in enumerate(checks)
+            for factor in FACTORS
+        }
+        elite = sorted(place for place in every if place is not None)
+        if not elite:
+            break
+        span = bounds[:, 1] - bounds[:, 0]
+        about = np.repeat((pool.designs[elite] - bounds[:, 0]) / span, ABOUT, axis=0)
+        more = looked_at(real(about + rng.normal(0.0, near, about.shape)))
+        pool = Pool(
+            np.vstack([pool.designs, more.designs]),
+            np.concatenate([pool.times, more.times]),
+            np.vstack([pool.margins, more.margins]),
+        )
+    return pool
