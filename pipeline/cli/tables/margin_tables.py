@@ -11,6 +11,7 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.search.tolerance_effects import KINDS, Within
 from dogshape.sim.strength.checks import GROUPS, Check, feasible, smallest_margin
+from dogshape.sim.strength.dog_strength import UNJUDGED
 
 
 def strength_table(
@@ -55,7 +56,16 @@ def strength_table(
         *(f"warning: {note}" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
     ]
-    return Group(table, *lines, *([_rules_table(checks)] if explain else []))
+    told = [_rules_table(checks), *_unjudged(checks)] if explain else []
+    return Group(table, *lines, *told)
+
+
+def _unjudged(checks: Sequence[Check]) -> list[str]:
+    """Return in words which checks the study leaves out, and the keys that they want."""
+    made = {check.name for check in checks}
+    return [
+        f"not judged: {name}; give {keys}" for name, keys in UNJUDGED.items() if name not in made
+    ]
 
 
 def _within_line(within: Within) -> list[str]:
