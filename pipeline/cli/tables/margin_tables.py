@@ -19,12 +19,15 @@ def strength_table(
     within: Within,
     held: float,
     notes: Sequence[str] = (),
+    *,
     explain: bool = False,
+    sharing: float | None = None,
 ) -> RenderableType:
     """Return every check with value, limit and margins, by group.
 
     ``within`` has the margins left within the tolerances by the check's name, ``held`` is
-    what the blocking mechanism has to hold, N; ``notes`` are warnings.
+    what the blocking mechanism has to hold, N; ``notes`` are warnings; ``sharing`` is the load
+    sharing where number and accuracy of the dogs say it.
     """
     table = columns("check", "value", "", "limit", "unit", "margin", "worst case", "rss", "passed")
     for group, title in GROUPS.items():
@@ -55,6 +58,7 @@ def strength_table(
         *_within_line(within),
         *(f"warning: {note}" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
+        *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
     ]
     told = [_rules_table(checks), *_unjudged(checks)] if explain else []
     return Group(table, *lines, *told)
