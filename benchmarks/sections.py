@@ -191,6 +191,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Operating points": DEFINITIONS,
         "Uncertainty": ONCE,
         "Mechanism and effects": DEFINITIONS,
+        "Further loads": DEFINITIONS,
         "Objectives and limits": ONCE,
         "Shifts of a command that was stopped": DEFINITIONS,
         "Keys of `result.json`": "units and meanings of keys",

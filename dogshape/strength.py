@@ -34,16 +34,24 @@ class Strength(Checked):
         """Verdict, smallest margin, and what the blocking mechanism has to hold."""
         return {**self.verdict, "blocking mechanism holds": f"{self.blocking_force_N:.0f} N"}
 
+    @property
+    def load_sharing(self) -> float | None:
+        """Load sharing under the design torque by number and accuracy; None where it is fixed."""
+        load, dog = self.config.limits.load, self.config.clutch.dog
+        return None if load.scatter(dog) is None else load.sharing(dog, load.design_torque)
+
     def to_dict(self) -> dict[str, Any]:
         """Give every check, the load and the material's limits, in the edge's units."""
-        limits = self.config.limits
+        limits, dog = self.config.limits, self.config.clutch.dog
+        scattered = self.load_sharing is not None
         record = {
             "engine": self.config.clutch.solver.engine,
             **self.record,
             "warnings": list(self.notes),
             "load": {
                 **self.config.file.load.model_dump(),
-                "force_per_dog_N": limits.load.force_per_dog(self.config.clutch.dog),
+                **({"load_sharing": self.load_sharing} if scattered else {}),
+                "force_per_dog_N": limits.load.force_per_dog(dog),
                 "blocking_force_N": self.blocking_force_N,
             },
             "material": {

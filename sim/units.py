@@ -19,6 +19,7 @@ MS = 1e-3  #: seconds in a millisecond
 #: Factor to SI by the suffix of a name; a name without one of them is a pure number.
 FACTORS: dict[str, float] = {
     "_mm": MM,
+    "_um": 1e-3 * MM,
     "_deg": DEG,
     "_rpm": RPM,
     "_MPa": MPA,
@@ -27,6 +28,7 @@ FACTORS: dict[str, float] = {
     "_Pa_m": 1.0,
     "_s_m": 1.0,
     "_N_mm": 1.0 / MM,
+    "_N_um": 1e3 / MM,
     "_HV": 1.0,
     "_Nm_rad": 1.0,
     "_Nm": 1.0,
@@ -42,6 +44,7 @@ FACTORS: dict[str, float] = {
 
 UNIT_NAMES: dict[str, str] = {
     "_mm": "mm",
+    "_um": "um",
     "_deg": "deg",
     "_rpm": "1/min",
     "_MPa": "MPa",
@@ -50,6 +53,7 @@ UNIT_NAMES: dict[str, str] = {
     "_Pa_m": "Pa/m",
     "_s_m": "s/m",
     "_N_mm": "N/mm",
+    "_N_um": "N/um",
     "_HV": "HV",
     "_Nm_rad": "N m/rad",
     "_Nm": "N m",

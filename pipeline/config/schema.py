@@ -157,6 +157,12 @@ class LoadSection(Section):
     friction_release: float = LoadCase.friction_release
     friction_hold: float = LoadCase.friction_hold
     separating_force_limit_N: float = LoadCase.separating_force_limit
+    coast_share: float = Field(default=1.0, exclude_if=lambda value: value == 1.0)
+    pull_out_force_limit_N: float | None = _unless_given()
+    accuracy: int | None = _unless_given()
+    pitch_sd_um: float | None = _unless_given()
+    dog_stiffness_N_um: float | None = _unless_given()
+    release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
     landing_share: float | None = _unless_given()
 
 

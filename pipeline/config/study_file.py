@@ -28,6 +28,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.passing import require_stiff_enough
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.shift_records import (
@@ -256,7 +257,8 @@ def build_study(file: StudyFile) -> Study:
     points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
-    return Study(file, clutch, _limits(file), points, _variables(file), actuation, unsure)
+    limits = _limits(file, clutch.mechanism, max(point.profile.force for point in points))
+    return Study(file, clutch, limits, points, _variables(file), actuation, unsure)
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -268,7 +270,7 @@ def _require_parts(file: StudyFile) -> None:
         lambda: _require_shift(file),
         lambda: _require_stiffness(file),
         lambda: points_of(file.operating, Actuation(_rises(file)).profile),
-        lambda: LoadCase(**si_fields(file.load.model_dump())),
+        lambda: _load_case(file),
         lambda: _material(file),
         lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
         lambda: Tolerances(**si_fields(file.tolerance.model_dump())),
@@ -334,14 +336,25 @@ def _rises(file: StudyFile) -> RiseTable:
     return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
 
 
-def _limits(file: StudyFile) -> Limits:
+def _limits(file: StudyFile, mechanism: Mechanism, force: float) -> Limits:
+    """Return the limits; ``force`` in N is the actuator's where the study does not say its own."""
+    load = _load_case(file)
+    if mechanism.spline_friction > 0.0:
+        spline = {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
+        load = replace(load, **spline)
+    if load.spline_friction > 0.0 or not load.release_by_itself:
+        load = replace(load, pull_out_force_limit=load.pull_out_force_limit or force)
     return Limits(
-        load=LoadCase(**si_fields(file.load.model_dump())),
+        load=load,
         material=_material(file),
         manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
         tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
     )
+
+
+def _load_case(file: StudyFile) -> LoadCase:
+    return LoadCase(**si_fields(file.load.model_dump()))  # type: ignore[arg-type]
 
 
 def _material(file: StudyFile) -> Material:

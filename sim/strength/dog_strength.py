@@ -88,7 +88,7 @@ class Limits:
 def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
     """Return the mean pressure on a flank, Pa."""
     area = flank_contact(dog, limits.root_radius, flank).area
-    return limits.load.force_per_dog(dog) / max(area, LEAST_AREA)
+    return limits.load.force_per_dog(dog, flank) / max(area, LEAST_AREA)
 
 
 def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
@@ -99,7 +99,7 @@ def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
 def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
     """Return the design load of the most loaded dog on a flank."""
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
-    return Load(limits.load.force_per_dog(dog), flank, level)
+    return Load(limits.load.force_per_dog(dog, flank), flank, level)
 
 
 def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
@@ -111,9 +111,9 @@ def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
     return root_nominal(dog, root_load(dog, limits, flank)) * (1.0 + (notch - 1.0) * decay)
 
 
-def shear_stress(dog: Dog, load: LoadCase) -> float:
+def shear_stress(dog: Dog, load: LoadCase, flank: Flank = "traction") -> float:
     """Return the largest shear stress of the root, Pa."""
-    return 1.5 * load.force_per_dog(dog) / (dog.radial_width * dog.root_width)
+    return 1.5 * load.force_per_dog(dog, flank) / (dog.radial_width * dog.root_width)
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
@@ -197,18 +197,26 @@ _RULES = {
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
-    core = max(core_stress(dog, limits, flank) for flank in FLANKS)
-    shear, allowable = shear_stress(dog, limits.load), limits.allowable_stress
+    shears = {flank: shear_stress(dog, limits.load, flank) for flank in FLANKS}
+    equivalent = max(
+        math.hypot(core_stress(dog, limits, f), math.sqrt(3.0) * shears[f]) for f in FLANKS
+    )
+    shear, allowable = max(shears.values()), limits.allowable_stress
     pressure = limits.material.allowable_pressure
     rows = (
         *((f"flank_pressure_{f}", flank_pressure(dog, limits, f), pressure) for f in FLANKS),
         *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
-        ("equivalent_stress", math.hypot(core, math.sqrt(3.0) * shear), allowable),
+        ("equivalent_stress", equivalent, allowable),
         ("root_fatigue", max(tension.values()), limits.fatigue_stress),
     )
     return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
 
+
+#: Checks that only some studies have, and what they want.
+UNJUDGED = {
+    "pull_out_force": "mechanism.spline_friction, or load.pull_out_force_limit_N",
+}
 
 #: Groups of checks, cheap and often failing ones first.
 _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (

@@ -13,7 +13,9 @@ being the angle at the crest (``sim.shift.flank``). What is flat then is :math:`
 
 *L* is the lower end of the class. Where only the share :math:`K_s` of the dogs lands, loads
 grow by :math:`1/\sqrt{K_s}`: with fewer dogs the contact is softer, the peak of a blow goes
-with the root of its stiffness, and what is left is shared by fewer.
+with the root of its stiffness, and what is left is shared by fewer. The share is the load case's
+load sharing, or with an accuracy class what dogs that stand out land first
+(``sim.strength.sharing``).
 
 An edge that is landed on for a life keeps its shape while the pressure of Hertz stays
 below the shakedown limit of a line contact, four times the yield stress in shear (Johnson,
@@ -127,11 +129,13 @@ def landing_checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, .
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
-    uneven = 1.0 / math.sqrt(limits.load.load_sharing)
     radius = limits.root_radius
     lost = 2.0 * crest_cut(dog, radius)
     spread = 2.0 * limits.material.case_depth
-    classes = [(o - lost, w * uneven) for o, w in zip(OVERLAPS, landing.line_loads, strict=True)]
+    classes = [
+        (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))
+        for overlap, w in zip(OVERLAPS, landing.line_loads, strict=True)
+    ]
     flats = [(flat, load) for flat, load in classes if flat >= LAND]
     face = max((load / flat for flat, load in flats), default=0.0)
     core = max((load / (flat + spread) for flat, load in flats), default=0.0)

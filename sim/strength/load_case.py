@@ -18,7 +18,15 @@ against fatigue is 1.2, usual for vehicle gearboxes.
 
 A load sharing of 0.5 asks for pitch errors about as small as the dogs give under load, 8 to
 17 um for the prototype (the same finite elements); new rings out by more carry on fewer dogs
-until they have bedded in.
+until they have bedded in. So the share falls with the number of dogs: given an accuracy class of
+ISO 1328-1 or the standard deviation of the pitch, it follows from both in place of the fixed one
+(``sim.strength.sharing``).
+
+*Coast*. The braking flank carries the share :math:`c` of the torque, :math:`c K_A T`. What a petrol
+engine brakes with is its motored friction, 1.9 bar at 3000 and 3.0 bar at 5000 1/min (Heywood,
+*Internal Combustion Engine Fundamentals*, 1988, equation 13.6), and half a bar of throttled intake,
+against 8.5 to 10.5 bar at full load: 0.25 to 0.4. A supercharged engine has half of that, an
+electric machine that recuperates up to 1, which is the default.
 
 Sources: Naunheimer et al., *Automotive Transmissions*, 2011 (application factor);
 DIN 5466-1 (load sharing). The MQ200 is rated at 200 N m and its dog ring turns at
@@ -30,7 +38,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.shift.flank import Flank
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import NOTHING
+from dogshape.sim.strength.sharing import (
+    SIGMAS,
+    STIFFNESS,
+    landing_share,
+    load_share,
+    pitch_tolerance,
+)
+from dogshape.sim.units import from_si
 
 
 @dataclass(frozen=True)
@@ -48,6 +66,13 @@ class LoadCase:
     friction_release : static coefficient, for release and self-locking.
     friction_hold : low dynamic coefficient, for what has to be held.
     separating_force_limit : that the blocking mechanism holds, N.
+    coast_share : torque on the braking flank over that on the traction flank.
+    pull_out_force_limit : that the actuator pulls the ring out with, N; None for no such check.
+    accuracy : class of ISO 1328-1 that the dogs are made to; None for the fixed load sharing.
+    pitch_sd : standard deviation of a single pitch deviation in place of a class, m.
+    dog_stiffness : of a pair of dogs along the circumference, N/m; None for 25 N/(mm um) of width.
+    release_by_itself : whether flanks have to let go under torque without a pull.
+    spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
     landing_share : share of shifts that may land harder than the checks take
         (``sim.strength.landing``); None for the hardest of those simulated.
     """
@@ -63,6 +88,14 @@ class LoadCase:
     friction_release: float = 0.12
     friction_hold: float = 0.05
     separating_force_limit: float = 5000.0
+    coast_share: float = 1.0
+    pull_out_force_limit: float | None = None
+    release_by_itself: bool = True
+    accuracy: int | None = None
+    pitch_sd: float | None = None
+    dog_stiffness: float | None = None
+    spline_friction: float = NOTHING.spline_friction
+    spline_radius: float = NOTHING.spline_radius
     landing_share: float | None = None
 
     def __post_init__(self) -> None:
@@ -78,11 +111,19 @@ class LoadCase:
             ("friction_release", self.friction_release, 0.0, 1.0),
             ("friction_hold", self.friction_hold, 0.0, 1.0),
             ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
+            ("coast_share", self.coast_share, 0.0, 1.0),
+            ("pull_out_force_limit_N", self.pull_out_force_limit, 1.0, 1e6),
+            ("accuracy", self.accuracy, 1, 11),
+            ("pitch_sd_um", _edge("_um", self.pitch_sd), 0.0, 1000.0),
+            ("dog_stiffness_N_um", _edge("_N_um", self.dog_stiffness), 0.1, 1e5),
+            ("landing_share", self.landing_share, 1e-4, 0.5),
         ):
-            require_between(f"load.{name}", value, low, high, "correct the load case")
-        if self.landing_share is not None:
-            remedy = "give the share of shifts that may land harder"
-            require_between("load.landing_share", self.landing_share, 1e-4, 0.5, remedy)
+            if value is not None:
+                require_between(f"load.{name}", value, low, high, "correct the load case")
+        if self.accuracy is not None and self.pitch_sd is not None:
+            raise InputError(
+                "load.accuracy and load.pitch_sd_um both say how the dogs scatter; leave out one"
+            )
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
@@ -94,6 +135,41 @@ class LoadCase:
         """Torque times application factor, N m."""
         return self.torque * self.application_factor
 
-    def force_per_dog(self, dog: Dog) -> float:
+    def share_of(self, flank: Flank) -> float:
+        """Return the torque that a flank carries over the rated one."""
+        return 1.0 if flank == "traction" else self.coast_share
+
+    def force_per_dog(self, dog: Dog, flank: Flank = "traction") -> float:
         """Tangential force on the dog that carries most, N."""
-        return self.design_torque / (dog.mean_radius * dog.count * self.load_sharing)
+        torque = self.design_torque * self.share_of(flank)
+        return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
+
+    def scatter(self, dog: Dog) -> float | None:
+        """Standard deviation of the dogs' gaps, m; None where the load sharing is fixed."""
+        if self.accuracy is None:
+            return self.pitch_sd
+        return pitch_tolerance(self.accuracy, 2.0 * dog.mean_radius, dog.count) / SIGMAS
+
+    def stiffness(self, dog: Dog) -> float:
+        """Stiffness of a pair of dogs, N/m."""
+        return self.dog_stiffness or STIFFNESS * dog.radial_width
+
+    def sharing(self, dog: Dog, torque: float) -> float:
+        """Return the equal load of a dog under ``torque`` (N m) over that of the most loaded."""
+        scatter = self.scatter(dog)
+        if scatter is None or torque == 0.0:
+            return self.load_sharing
+        equal = torque / (dog.mean_radius * dog.count)
+        return load_share(dog.count, scatter * self.stiffness(dog) / equal)
+
+    def landing(self, dog: Dog, line_load: float) -> float:
+        """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
+        scatter = self.scatter(dog)
+        if scatter is None or line_load == 0.0:
+            return self.load_sharing
+        force = line_load * dog.radial_width
+        return landing_share(dog.count, scatter * self.stiffness(dog) / force)
+
+
+def _edge(unit: str, value: float | None) -> float | None:
+    return None if value is None else from_si(unit, value)

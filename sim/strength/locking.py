@@ -8,13 +8,27 @@ r"""Engaging and letting go: friction angles and the axial force of a loaded fla
   :math:`\rho = \arctan \mu`, positive pushes the rings apart. The blocking mechanism has to
   hold it at a low coefficient; from a negative one the flank holds itself.
 
+*Spline.* The same torque presses the toothing that the ring sits on, at radius :math:`r_t`, and
+its friction :math:`\mu_t T/r_t` opposes any way along the shaft (``sim.shift.mechanism``). So a
+flank lets go by itself only where :math:`\tan(\beta - \rho) \ge \mu_t r/r_t`, which is a side
+angle of :math:`\rho + \arctan(\mu_t r/r_t)`. Below it takes a pull of
+
+.. math:: F = \mu_t T/r_t - T/r \cdot \tan(\beta - \rho)
+
+at the rated torque *T*, since a shift out is commanded and meets no overload. The blocking
+mechanism has :math:`\mu K_A T/r_t` less to hold, with the lower one of the spline's and of the
+holding coefficient. The braking flank has the coast torque. Where the actuator may pull,
+``release_by_itself`` is false and the pull alone is judged.
+
 Release is judged with the static coefficient, holding with a low dynamic one.
-Source: Jasny et al. 2019 (rule and figures for the prototype).
+Source: Jasny et al. 2019 (rule and figures for the prototype); the spline by equilibrium of the
+ring.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from dogshape.sim.shift.flank import FLANKS, Flank, side_angle
 from dogshape.sim.shift.geometry import Dog
@@ -54,6 +68,18 @@ _RULES = {
     )
     for flank in FLANKS
 }
+PULL_OUT_RULE = Rule(
+    "pull_out_force",
+    "lock",
+    "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it comes "
+    "by itself",
+    "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
+    "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift force "
+    "of the operating points",
+    "N",
+    "load.pull_out_force_limit_N",
+    True,
+)
 
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
@@ -61,9 +87,27 @@ def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float
     return torque / dog.mean_radius * math.tan(angle - math.atan(friction))
 
 
+def release_angle(dog: Dog, load: LoadCase) -> float:
+    """Return the least side angle of a flank that lets go by itself, rad."""
+    spline = load.spline_friction * dog.mean_radius / load.spline_radius
+    return math.atan(load.friction_release) + math.atan(spline)
+
+
+def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
+    """Return the axial force that pulls the ring out under torque, N; below 0 it lets go."""
+    torque = load.torque * load.share_of(flank)
+    push = axial_force(dog, torque, side_angle(dog, flank), load.friction_release)
+    return load.spline_friction * torque / load.spline_radius - push
+
+
 def separating_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
-    """Return the axial force of a loaded flank at low friction, N; positive separates."""
-    return axial_force(dog, load.design_torque, side_angle(dog, flank), load.friction_hold)
+    """Return the axial force of a loaded flank at low friction, N; positive separates.
+
+    What friction in the spline holds of it is taken off.
+    """
+    torque = load.design_torque * load.share_of(flank)
+    held = min(load.spline_friction, load.friction_hold) * torque / load.spline_radius
+    return axial_force(dog, torque, side_angle(dog, flank), load.friction_hold) - held
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:
@@ -72,20 +116,42 @@ def blocking_force(dog: Dog, load: LoadCase) -> float:
 
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
-    """Return the checks of release and holding."""
-    locking = math.atan(load.friction_release) / DEG
-    angles = (dog.chamfer, dog.traction, dog.braking)
-    return (
-        *(
-            Check(_RULES[name], angle / DEG, locking)
-            for name, angle in zip(_RELEASE, angles, strict=True)
-        ),
+    """Return the checks of release and holding, and of pulling out where that has a limit."""
+    slides, lets_go = math.atan(load.friction_release), release_angle(dog, load)
+    angles = [("chamfer_release", dog.chamfer, slides)]
+    if load.release_by_itself:
+        angles += [
+            ("traction_release", dog.traction, lets_go),
+            ("braking_release", dog.braking, lets_go),
+        ]
+    checks = (
+        *(Check(_rule(name, load), angle / DEG, least / DEG) for name, angle, least in angles),
         *(
             Check(
-                _RULES[f"separating_force_{flank}"],
+                _rule(f"separating_force_{flank}", load),
                 separating_force(dog, load, flank),
                 load.separating_force_limit,
             )
             for flank in FLANKS
         ),
     )
+    if load.pull_out_force_limit is None:
+        return checks
+    pull = max(pull_out_force(dog, load, flank) for flank in FLANKS)
+    return (*checks, Check(PULL_OUT_RULE, pull, load.pull_out_force_limit))
+
+
+def _rule(name: str, load: LoadCase) -> Rule:
+    """Return a rule, its formula with spline and coast where the load case has them."""
+    rule = _RULES[name]
+    if load.spline_friction > 0.0 and name in ("traction_release", "braking_release"):
+        with_spline = "angle against arctan of the static coefficient + arctan(mu_t r/r_t), spline"
+        return replace(rule, formula=with_spline)
+    if name.startswith("separating"):
+        formula = rule.formula
+        if load.spline_friction > 0.0:
+            formula += ", less min(mu_t, mu) K_A T/r_t that the spline holds"
+        if load.coast_share != 1.0 and name.endswith("braking"):
+            formula += "; T times load.coast_share"
+        return replace(rule, formula=formula)
+    return rule

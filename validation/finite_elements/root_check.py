@@ -35,10 +35,11 @@ def root_checks(dog: Dog, limits: Limits) -> list[RootCheck]:
 
     Takes some ten seconds; raises InputError where scikit-fem is missing.
     """
-    radius, force = limits.root_radius, limits.load.force_per_dog(dog)
+    radius = limits.root_radius
     model = RootModel(RootShape(dog, radius, dog.pitch))
     rows = []
     for flank in FLANKS:
+        force = limits.load.force_per_dog(dog, flank)
         for band in BANDS:
             found = model.stress(flank, band, force)
             formula = root_tension(dog, radius, Load(force, flank, found.lever))

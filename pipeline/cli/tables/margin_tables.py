@@ -11,6 +11,7 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.search.tolerance_effects import KINDS, Within
 from dogshape.sim.strength.checks import GROUPS, Check, feasible, smallest_margin
+from dogshape.sim.strength.dog_strength import UNJUDGED
 
 
 def strength_table(
@@ -18,12 +19,15 @@ def strength_table(
     within: Within,
     held: float,
     notes: Sequence[str] = (),
+    *,
     explain: bool = False,
+    sharing: float | None = None,
 ) -> RenderableType:
     """Return every check with value, limit and margins, by group.
 
     ``within`` has the margins left within the tolerances by the check's name, ``held`` is
-    what the blocking mechanism has to hold, N; ``notes`` are warnings.
+    what the blocking mechanism has to hold, N; ``notes`` are warnings; ``sharing`` is the load
+    sharing where number and accuracy of the dogs say it.
     """
     table = columns("check", "value", "", "limit", "unit", "margin", "worst case", "rss", "passed")
     for group, title in GROUPS.items():
@@ -54,8 +58,18 @@ def strength_table(
         *_within_line(within),
         *(f"warning: {note}" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
+        *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
     ]
-    return Group(table, *lines, *([_rules_table(checks)] if explain else []))
+    told = [_rules_table(checks), *_unjudged(checks)] if explain else []
+    return Group(table, *lines, *told)
+
+
+def _unjudged(checks: Sequence[Check]) -> list[str]:
+    """Return in words which checks the study leaves out, and the keys that they want."""
+    made = {check.name for check in checks}
+    return [
+        f"not judged: {name}; give {keys}" for name, keys in UNJUDGED.items() if name not in made
+    ]
 
 
 def _within_line(within: Within) -> list[str]:

@@ -61,7 +61,10 @@ def strength(
 
     def text() -> RenderableType:
         checks, held = found.design.checks, found.blocking_force_N
-        table = strength_table(checks, found.within, held, found.notes, explain)
+        sharing = found.load_sharing
+        table = strength_table(
+            checks, found.within, held, found.notes, explain=explain, sharing=sharing
+        )
         return Group(table, root_table(roots)) if fem else table
 
     emit(found.to_dict(), json, text)

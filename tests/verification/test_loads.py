@@ -1,0 +1,143 @@
+"""Release, pull-out and coast against equilibrium and hand calculation."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from scipy.optimize import brentq
+
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.flank import FLANKS
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import Limits, core_stress, shear_stress, strength_checks
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
+from dogshape.sim.units import DEG, MM, MPA
+
+SPLINE = LoadCase(spline_friction=0.1, spline_radius=17.6 * MM, pull_out_force_limit=641.5)
+
+
+def _by_name(dog: Dog, load: LoadCase) -> dict[str, Check]:
+    return {check.name: check for check in strength_checks(dog, Limits(load=load))}
+
+
+def _pull_by_equilibrium(dog: Dog, angle: float, mu: float, spline: float, radius: float) -> float:
+    """Return the pull in N at 200 N m from the normal forces of flank and spline themselves."""
+    # Outwards: normal sin less friction cos; along the circumference both carry the torque.
+    normal = 200.0 / dog.mean_radius / (math.cos(angle) + mu * math.sin(angle))
+    return spline * 200.0 / radius - normal * (math.sin(angle) - mu * math.cos(angle))
+
+
+def test_pull_out_is_the_balance_of_flank_and_spline(prototype: Dog) -> None:
+    """384 N for the prototype and 1130 N at 6.89 degrees; 200 N m, 0.12 and 0.10."""
+    narrow = replace(prototype, traction=6.8912 * DEG)
+    for dog, force in ((prototype, 384.2), (narrow, 1129.3)):
+        found = pull_out_force(dog, SPLINE, "traction")
+        by_hand = _pull_by_equilibrium(dog, dog.traction, 0.12, 0.1, 17.6 * MM)
+        assert found == pytest.approx(by_hand, rel=1e-12)
+        assert found == pytest.approx(force, abs=0.5)
+
+
+def test_a_flank_lets_go_where_the_pull_vanishes(prototype: Dog) -> None:
+    def pull(angle: float) -> float:
+        return pull_out_force(replace(prototype, traction=angle), SPLINE, "traction")
+
+    vanishes = brentq(pull, 5 * DEG, 30 * DEG)
+    assert release_angle(prototype, SPLINE) == pytest.approx(vanishes, rel=1e-9)
+    assert vanishes / DEG == pytest.approx(6.843 + 7.765, abs=0.01)
+    checks = _by_name(prototype, SPLINE)
+    assert checks["traction_release"].limit == pytest.approx(vanishes / DEG)
+    assert checks["braking_release"].limit == pytest.approx(vanishes / DEG)
+    assert checks["chamfer_release"].limit == pytest.approx(6.843, abs=0.001)
+    assert checks["pull_out_force"].value == pytest.approx(384.2, abs=0.5)
+    assert checks["pull_out_force"].margin == pytest.approx(1 - 384.2 / 641.5, abs=1e-3)
+
+
+def test_a_spline_holds_with_the_lower_coefficient(prototype: Dog) -> None:
+    """852 N less at 300 N m, 17.6 mm and 0.05, the holding coefficient, below the spline's 0.1."""
+    plain = LoadCase()
+    for flank in ("traction", "braking"):
+        less = separating_force(prototype, plain, flank) - separating_force(
+            prototype, SPLINE, flank
+        )
+        assert less == pytest.approx(0.05 * 300 / 17.6e-3, rel=1e-12)
+        slippery = replace(SPLINE, spline_friction=0.01)
+        less = separating_force(prototype, plain, flank) - separating_force(
+            prototype, slippery, flank
+        )
+        assert less == pytest.approx(0.01 * 300 / 17.6e-3, rel=1e-12)
+
+
+def test_coast_scales_every_load_of_the_braking_flank_alone(prototype: Dog) -> None:
+    whole, coast = _by_name(prototype, LoadCase()), _by_name(prototype, LoadCase(coast_share=0.4))
+    for name in ("flank_pressure", "root_bending", "separating_force"):
+        braking, traction = f"{name}_braking", f"{name}_traction"
+        assert coast[braking].value == pytest.approx(0.4 * whole[braking].value, rel=1e-12)
+        assert coast[traction].value == whole[traction].value
+    assert coast["shear_stress"].value == whole["shear_stress"].value
+    assert coast["root_fatigue"].value == coast["root_bending_traction"].value
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6, 0.3])
+def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
+    prototype: Dog, share: float
+) -> None:
+    """Traction flanks of 30 and braking ones of 5 degrees: coast moves what decides to traction."""
+    steep = replace(prototype, chamfer=0.0, traction=30 * DEG, braking=5 * DEG)
+    limits = Limits(load=LoadCase(coast_share=share))
+    by_flank = {
+        flank: math.hypot(
+            core_stress(steep, limits, flank),
+            math.sqrt(3.0) * shear_stress(steep, limits.load, flank),
+        )
+        for flank in FLANKS
+    }
+    found = _by_name(steep, limits.load)["equivalent_stress"].value * MPA
+    assert found == pytest.approx(max(by_flank.values()), rel=1e-12)
+    assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)
+
+
+def test_pull_out_under_coast_is_of_the_flank_that_holds_more(prototype: Dog) -> None:
+    steep = replace(prototype, traction=20 * DEG, braking=10 * DEG)
+    braking = _pull_by_equilibrium(steep, 10 * DEG, 0.12, 0.1, 17.6 * MM)
+    found = _by_name(steep, replace(SPLINE, coast_share=0.3))["pull_out_force"]
+    assert found.value == pytest.approx(0.3 * braking, rel=1e-9)
+
+
+def test_without_the_keys_there_is_no_new_check_and_no_new_hash() -> None:
+    plain = load_study("mq200")
+    neutral = ["mechanism.spline_friction=0.0", "load.coast_share=1.0"]
+    assert "pull_out_force" not in _by_name(plain.clutch.dog, plain.limits.load)
+    assert load_study("mq200", neutral).limits == plain.limits
+    assert load_study("mq200", neutral[1:]).config_hash == plain.config_hash
+    assert "coast_share" not in plain.file.load.model_dump()
+
+
+@pytest.mark.parametrize("given", ["mechanism.spline_friction=0.1", "effects.spline_friction=0.1"])
+def test_the_actuator_pulls_with_the_largest_shift_force_unless_the_study_says(given: str) -> None:
+    study = load_study("mq200", [given])
+    load = study.limits.load
+    assert load.pull_out_force_limit == 641.5
+    assert load.spline_friction == 0.1
+    assert load.spline_radius == pytest.approx(0.8 * 22e-3)
+    said = load_study("mq200", [given, "load.pull_out_force_limit_N=1200"]).limits.load
+    assert said.pull_out_force_limit == 1200.0
+    with pytest.raises(InputError, match=r"load.pull_out_force_limit_N is 0 N"):
+        load_study("mq200", ["load.pull_out_force_limit_N=0"])
+
+
+def test_where_the_actuator_may_pull_flanks_need_not_let_go() -> None:
+    keys = ["mechanism.spline_friction=0.1", "mechanism.spline_radius_mm=17.6"]
+    study = load_study("mq200", [*keys, "load.release_by_itself=false"])
+    checks = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
+    assert {"traction_release", "braking_release"}.isdisjoint(checks)
+    assert checks["pull_out_force"].passed
+    assert all(check.passed for check in checks.values())
+    free = load_study("mq200", ["load.release_by_itself=false"])
+    pull = {c.name: c for c in strength_checks(free.clutch.dog, free.limits)}["pull_out_force"]
+    assert pull.value < 0.0
+    assert pull.limit == 641.5

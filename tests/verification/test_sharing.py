@@ -1,0 +1,140 @@
+"""Load sharing by number and accuracy against closed forms, and springs solved one by one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.strength.dog_strength import Limits, strength_checks
+from dogshape.sim.strength.landing import landing_checks
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.sharing import landing_share, load_share, pitch_tolerance
+
+SCATTERS = (0.05, 0.3, 1.0, 5.0)
+
+
+@pytest.mark.parametrize("share", [load_share, landing_share])
+def test_one_dog_and_perfect_dogs_share_evenly(share: Callable[[int, float], float]) -> None:
+    assert [share(1, scatter) for scatter in SCATTERS] == pytest.approx([1.0] * 4, rel=1e-12)
+    assert [share(count, 0.0) for count in (2, 15, 36)] == pytest.approx([1.0] * 3, rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [load_share, landing_share])
+def test_where_gaps_are_wide_one_dog_takes_all(share: Callable[[int, float], float]) -> None:
+    for count in (2, 15, 31):
+        assert share(count, 1e6) == pytest.approx(1.0 / count, rel=1e-3)
+
+
+@pytest.mark.parametrize("scatter", SCATTERS)
+def test_two_dogs_share_as_the_half_normal_gap_between_them_says(scatter: float) -> None:
+    spread = math.sqrt(2.0) * scatter
+    taken = spread * math.sqrt(2.0 / math.pi) * (
+        1.0 - math.exp(-2.0 / spread**2)
+    ) + 2.0 * math.erfc(math.sqrt(2.0) / spread)
+    assert load_share(2, scatter) == pytest.approx(1.0 / (1.0 + 0.5 * taken), rel=0.01)
+
+
+@pytest.mark.parametrize("scatter", SCATTERS)
+def test_two_dogs_land_as_the_half_normal_gap_between_them_says(scatter: float) -> None:
+    spread = math.sqrt(2.0) * scatter
+
+    def peak(z: float) -> float:
+        one = math.sqrt(2.0)
+        both = 0.5 * (z + math.sqrt(max(4.0 - z * z, 0.0)))
+        density = math.sqrt(2.0 / math.pi) / spread * math.exp(-0.5 * (z / spread) ** 2)
+        return (one if z >= one else both) * density
+
+    mean = quad(peak, 0.0, 12.0 * spread, points=[math.sqrt(2.0)], limit=200)[0]
+    assert landing_share(2, scatter) == pytest.approx(1.0 / mean**2, rel=0.01)
+
+
+@pytest.mark.parametrize("power", [1, 2])
+@pytest.mark.parametrize("count", [7, 31])
+def test_shares_are_those_of_springs_solved_one_by_one(power: int, count: int) -> None:
+    """Force (power 1) and energy (power 2) of other draws, by a root finder."""
+    scatter, rng, found = 0.6, np.random.default_rng(5), []
+    for _ in range(600):
+        gaps = scatter * rng.standard_normal(count)
+
+        def left(approach: float, gaps: np.ndarray = gaps) -> float:
+            return float((np.maximum(approach - gaps, 0.0) ** power).sum()) - count
+
+        found.append(brentq(left, gaps.min(), gaps.max() + 2.0) - gaps.min())
+    error = np.std(found) / math.sqrt(len(found)) / np.mean(found)
+    share = {1: load_share(count, scatter), 2: landing_share(count, scatter)}[power]
+    assert share == pytest.approx(np.mean(found) ** -power, rel=3.0 * power * error)
+    assert error < 0.015
+
+
+@pytest.mark.parametrize(
+    ("micron", "shares"), [(5.0, (0.49, 0.37, 0.30)), (2.0, (0.71, 0.58, 0.50))]
+)
+def test_share_falls_with_the_number_of_dogs(
+    prototype: Dog, micron: float, shares: tuple[float, ...]
+) -> None:
+    """Springs of 100 N/um at 200 N m with 1.5 on 24 mm, as computed apart from this project."""
+    load = LoadCase(pitch_sd=micron * 1e-6, dog_stiffness=100e6)
+    for count, share in zip((15, 23, 31), shares, strict=True):
+        dog = Dog(**{**vars(prototype), "count": count, "height": 2.5e-3})
+        assert load.sharing(dog, load.design_torque) == pytest.approx(share, abs=0.01)
+    assert LoadCase().stiffness(prototype) == pytest.approx(100e6)
+
+
+def test_pitch_tolerance_is_that_of_the_standard(prototype: Dog) -> None:
+    """ISO 1328-1:2013, 48 mm and module 3.2: 6.3 um in class 5, and sqrt 2 a class."""
+    assert pitch_tolerance(5, 48e-3, 15) == pytest.approx(6.328e-6, rel=1e-9)
+    assert pitch_tolerance(7, 48e-3, 15) == pytest.approx(2 * 6.328e-6, rel=1e-9)
+    assert LoadCase(accuracy=6).scatter(prototype) == pytest.approx(
+        6.328e-6 * math.sqrt(2.0) / 3.0, rel=1e-9
+    )
+    assert LoadCase().scatter(prototype) is None
+
+
+def test_the_most_loaded_dog_takes_what_the_share_leaves_it(prototype: Dog) -> None:
+    load = LoadCase(accuracy=6, coast_share=0.3)
+    for flank, torque in (("traction", 300.0), ("braking", 90.0)):
+        force = load.force_per_dog(prototype, flank)
+        assert force == pytest.approx(torque / (0.024 * 15) / load.sharing(prototype, torque))
+    assert load.sharing(prototype, 90.0) < load.sharing(prototype, 300.0) < 1.0
+    fixed = {c.name: c for c in strength_checks(prototype, Limits())}["root_fatigue"].value
+    found = {c.name: c for c in strength_checks(prototype, Limits(load=load))}["root_fatigue"]
+    share = load.sharing(prototype, 300.0)
+    assert found.value == pytest.approx(fixed * 0.5 / share, rel=1e-12)
+
+
+def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
+    """Edge pressure grows with the root of the load, which grows with that of the share."""
+    load, line = LoadCase(accuracy=6), 54e3
+    loads = tuple(line if abs(o - 0.1e-3) < 1e-9 else 0.0 for o in OVERLAPS)
+    rough = landing_checks(prototype, Landing(loads), Limits(load=load))[2]
+    even = landing_checks(prototype, Landing(loads), Limits(load=LoadCase(load_sharing=1.0)))[2]
+    share = load.landing(prototype, line)
+    assert 1 / 15 < share < 1.0
+    assert rough.value == pytest.approx(even.value * share**-0.25, rel=1e-12)
+    assert load.landing(prototype, 10 * line) > share > load.landing(prototype, 0.1 * line)
+
+
+def test_keys_of_accuracy() -> None:
+    plain = load_study("mq200")
+    study = load_study("mq200", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
+    assert study.limits.load.pitch_sd == pytest.approx(3e-6)
+    assert study.limits.load.dog_stiffness == pytest.approx(120e6)
+    assert study.physics_hash == plain.physics_hash
+    assert load_study("mq200", ["load.accuracy=6"]).limits.load.accuracy == 6
+    for wrong, words in (
+        (["load.accuracy=14"], "load.accuracy is 14, but it must lie between 1 and 11"),
+        (["load.pitch_sd_um=-1"], "load.pitch_sd_um is -1 um"),
+        (["load.dog_stiffness_N_um=0"], "load.dog_stiffness_N_um is 0 N/um"),
+        (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
+    ):
+        with pytest.raises(InputError, match=words):
+            load_study("mq200", wrong)
