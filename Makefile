@@ -64,7 +64,7 @@ blind: $(VENV)/complete
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
-  valid_range keeping sense
+  valid_range keeping sense question
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
@@ -96,7 +96,7 @@ bank: $(VENV)/ready
 
 # The studies that are bundled, with the results that are kept of them, and what the best design of
 # the default study gains under other contact (half an hour).
-STUDIES := mq200 mq200_robust mq200_three
+STUDIES := mq200 mq200_robust mq200_three mq200_gearbox
 studies: $(VENV)/ready
 	for name in $(STUDIES); do \
 	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \

@@ -61,7 +61,8 @@ def judge(study: Study) -> None:
     first = found[0].expectation
     print("                                                slower by  least margin")
     print(
-        "design            time, ms         gain, ms     %    at most                       at worst"
+        "design            time, ms         gain, ms     %    at most"
+        "                       at worst"
     )
     for (name, params), one in zip(designs.items(), found.values(), strict=True):
         design, mean = design_of(study, params, one.measured), one.expectation

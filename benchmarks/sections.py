@@ -178,7 +178,10 @@ OTHERS: dict[str, dict[str, str]] = {
         ("", "What is the same, and what is not", "The first start"), DEFINITIONS
     ),
     "docs/search.md": {
-        **dict.fromkeys(("", "What is proposed", "What is simulated", "Checked"), DEFINITIONS),
+        **dict.fromkeys(
+            ("", "What is proposed", "What is simulated", "What a limit costs", "Checked"),
+            DEFINITIONS,
+        ),
         "What is kept": TABLES,
     },
     "docs/simulation.md": dict.fromkeys(("", "What is modelled", "Friction"), DEFINITIONS),

@@ -101,6 +101,11 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     most, words = _most(search)
     with WorkCounter(how.progress, most, most=True) as progress:
         progress.say(words)
+        if (angles := search.study.file.search.screen_angles) is not None:
+            progress.say(
+                f"before Drake each design is screened by the compiled engine, {angles} angles at "
+                "every operating point: seconds that no forecast counts"
+            )
 
         def after_round(line: str, state: SearchState) -> None:
             progress.say(line)

@@ -13,6 +13,7 @@ import shutil
 import signal
 import tempfile
 import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -34,6 +35,9 @@ Progress = Callable[[int], None]  #: called with the number of shifts just finis
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 TRIES = 3  #: times that workers may die one after the other without a shift finished
+
+# The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
+warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
 _one_at_a_time = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
 

@@ -67,10 +67,10 @@ def load_share(count: int, scatter: float) -> float:
     ``scatter`` is the standard deviation of the gaps over the approach of perfect dogs,
     sigma c N/F.
     """
-    gaps = scatter * _gaps(count)
+    gaps = scatter * _gaps(count)  # from the foremost, so that wide ones lose no digits
     touching = np.arange(1, count + 1)
     approach = _first((count + np.cumsum(gaps, axis=1)) / touching, gaps)
-    return float(1.0 / (approach - gaps[:, 0]).mean())
+    return float(1.0 / approach.mean())
 
 
 @lru_cache(maxsize=4096)
@@ -80,19 +80,20 @@ def landing_share(count: int, scatter: float) -> float:
     ``scatter`` is the standard deviation of the faces over the approach of perfect ones,
     sigma c/F_0.
     """
-    gaps = scatter * _gaps(count)
+    gaps = scatter * _gaps(count)  # from the foremost, so that wide ones lose no digits
     touching = np.arange(1, count + 1)
     mean = np.cumsum(gaps, axis=1) / touching
     spread = np.cumsum(gaps**2, axis=1) / touching - mean**2
     # The root is real up to the first number of dogs that fits; what is beyond is not looked at.
     approach = _first(mean + np.sqrt(np.maximum(count / touching - spread, 0.0)), gaps)
-    return float(1.0 / (approach - gaps[:, 0]).mean() ** 2)
+    return float(1.0 / approach.mean() ** 2)
 
 
 @lru_cache(maxsize=64)
 def _gaps(count: int) -> Floats:
-    """Return gaps of standard deviation 1, smallest first, (samples, count)."""
+    """Return gaps of standard deviation 1 beyond the smallest, in their order, (samples, count)."""
     drawn: Floats = np.sort(np.random.default_rng(SEED).standard_normal((SAMPLES, count)), axis=1)
+    drawn -= drawn[:, :1].copy()
     drawn.flags.writeable = False
     return drawn
 

@@ -127,7 +127,7 @@ def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> 
         ds.load_result(found.folder / "none")
 
 
-@pytest.mark.parametrize("name", ["mq200", "mq200_robust", "mq200_three"])
+@pytest.mark.parametrize("name", ["mq200", "mq200_robust", "mq200_three", "mq200_gearbox"])
 def test_kept_results_keep_to_the_schema(name: str) -> None:
     path = ROOT / "studies" / name / "result.json"
     require_result(json.loads(path.read_text()), name)

@@ -138,3 +138,9 @@ def test_keys_of_accuracy() -> None:
     ):
         with pytest.raises(InputError, match=words):
             load_study("mq200", wrong)
+
+
+def test_a_landing_without_force_is_of_one_dog() -> None:
+    """Gaps far beyond the approach: the foremost dog alone, whatever the scatter."""
+    for scatter in (1e12, 1e16):
+        assert landing_share(15, scatter) == pytest.approx(1.0 / 15.0, rel=1e-9)
