@@ -71,7 +71,7 @@ class Design:
 
 @dataclass(frozen=True)
 class Measured:
-    """What the shifts of a design say of its checks.
+    """Simulated values that the checks of a design are judged by.
 
     Parameters
     ----------
