@@ -93,8 +93,8 @@ def _evaluated(
     found = evaluate(study, dogs, executor, plans, seed, checked=checked)
     screened = screen(study, dogs, executor, seed)
     return [
-        replace(one, measured=measured or one.measured)
-        for one, measured in zip(found, screened, strict=True)
+        one if quick is None else replace(one, measured=quick.measured)
+        for one, quick in zip(found, screened, strict=True)
     ]
 
 

@@ -22,6 +22,7 @@ from dogshape.pipeline.search.guide import Params, Prediction, Response, drawn
 from dogshape.pipeline.search.point_choice import first_plan, telling_plan
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
+    MEASURED,
     SIMULATED,
     exact_losses,
     losses_of,
@@ -45,6 +46,7 @@ OWN = ("surrogate", "space_filling")  #: samplers that say what to simulate of a
 #: standard deviation of the constraint of the hardest landing (load over its limit, less one) over
 #: designs, at least: 0.19 in each of three sets of 12 to 16 designs that fill the default space
 LANDING_SPREAD = 0.2
+SCREENED = "screened"  #: attribute of a trial: rows of the compiled engine, where Drake has none
 LANDING = {rule.name for rule in LANDING_RULES}
 
 
@@ -100,21 +102,40 @@ class DogGuide:
         told = distinct(every)
         x = space.coordinates([trial.params for trial in told])
         # The constraint value of the hardest landing, feasible at or below zero.
-        names = LANDING | set(simulated_limits(self.study))
-        judged = distinct([t for t in trials if simulated(t) or "measured" in t.user_attrs])
-        landed = [[v for n, v in trial.constraints.items() if n in names] for trial in judged]
-        hardest = np.array([max(values, default=-1.0) for values in landed])
+        judged = distinct([t for t in trials if simulated(t) or MEASURED in t.user_attrs])
         places = space.coordinates([trial.params for trial in judged])
+        landed = [[v for n, v in trial.constraints.items() if n in LANDING] for trial in judged]
+        hardest = np.array([max(values, default=-1.0) for values in landed])
+        limits = [
+            # A loss may be fifty times its limit: far from it the size says little.
+            Response.fitted(places, np.arcsinh([t.constraints[name] for t in judged]))
+            for name in simulated_limits(self.study)
+        ]
         found = [losses_of(self.study, trial.values, trial.user_attrs) for trial in told]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
         landing = Response.fitted(places, hardest, least=LANDING_SPREAD)
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(self.study)):
             if objective.name == SIMULATED:
-                timed = column, self.over(every)
+                timed = column, self._proposing(trials, every)
             elif objective.simulated:
                 others[column] = Response.fitted(x, losses[:, column], errors[:, column])
-        return _DogPrediction(self, space, timed, others, landing)
+        return _DogPrediction(self, space, timed, others, (landing, *limits))
+
+    def _proposing(self, trials: Sequence[FrozenTrial], every: Sequence[FrozenTrial]) -> Over:
+        """Return the surrogate that proposals follow: that of ``over``, and screened designs.
+
+        The compiled engine is off Drake by less than either's standard error. What is told of a
+        design never rests on it.
+        """
+        quick = [t for t in distinct(trials) if SCREENED in t.user_attrs]
+        if not quick:
+            return self.over(every)
+        rows = [row for t in every for row in t.user_attrs["rows"]]
+        rows += [row for t in quick for row in t.user_attrs[SCREENED]]
+        data = with_rows(self.study, once(np.array(rows, dtype=float)))
+        effort = Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed)
+        return Over(fit(data, effort=effort), study_mix(self.study))
 
     def over(self, trials: Sequence[FrozenTrial]) -> Over:
         """Return the surrogate of the expected time that simulated trials give, fitted once.
@@ -181,13 +202,13 @@ class DogGuide:
 
 @dataclass(frozen=True)
 class _DogPrediction:
-    """Surrogate of the expected time with its column, processes of other columns, landing."""
+    """Surrogate of the expected time with its column, processes of other columns and of limits."""
 
     guide: DogGuide
     space: Space
     timed: tuple[int, Over] | None
     others: dict[int, Response]
-    landing: Response
+    limits: tuple[Response, ...]
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
         """Draw losses jointly; the rough part of times is left out, as no draw of it would last."""
@@ -201,5 +222,10 @@ class _DogPrediction:
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
-        """Return the probability that dogs land softly enough on each other, (m,)."""
-        return self.landing.below(self.space.coordinates(params))
+        """Return the probability that designs land softly enough and keep each limit, (m,).
+
+        Each is taken as independent of the others.
+        """
+        x = self.space.coordinates(params)
+        chances: Array = np.prod([one.below(x) for one in self.limits], axis=0)
+        return chances

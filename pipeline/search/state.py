@@ -17,6 +17,7 @@ from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.simulate.design import (
+    MEASURED,
     SIMULATED,
     Design,
     Measured,
@@ -31,8 +32,6 @@ from dogshape.sim.statistics.shift_records import landing_of
 from dogshape.sim.strength.landing import Demand, demand_of
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.hypervolume import not_dominated
-
-MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 
 Times = Mapping[int, tuple[float, float]]  #: expected times and standard errors, s, by trial
 

@@ -19,11 +19,18 @@ from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Study
-from dogshape.pipeline.search.dog_guide import simulated
+from dogshape.pipeline.search.dog_guide import SCREENED, simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.search import Search
-from dogshape.pipeline.search.state import MEASURED, NOTHING, Findings, measured_record, plan_of
-from dogshape.pipeline.simulate.design import SIMULATED, Design, Measured, design_of, values_of
+from dogshape.pipeline.search.state import NOTHING, Findings, measured_record, plan_of
+from dogshape.pipeline.simulate.design import (
+    MEASURED,
+    SIMULATED,
+    Design,
+    Measured,
+    design_of,
+    values_of,
+)
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, screen
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import is_whole, whole_plan
@@ -45,7 +52,8 @@ def finish(
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     seed = study.file.expectation.seed
-    measured = dict(zip(worth, screen(study, [*worth.values()], executor, seed), strict=True))
+    screens = dict(zip(worth, screen(study, [*worth.values()], executor, seed), strict=True))
+    measured = {k: None if one is None else one.measured for k, one in screens.items()}
     judged = {k: design_of(study, designs[k].params, one) for k, one in measured.items()}
     worth = {k: dog for k, dog in worth.items() if judged[k].feasible}
     plans = [plan_of(study, trials[k]) for k in worth]
@@ -58,6 +66,9 @@ def finish(
     noted = [
         _noted(study, t, designs[k], found.get(k), measured.get(k)) for k, t in enumerate(trials)
     ]
+    for k, one in screens.items():
+        if one is not None and k not in found:
+            noted[k].user_attrs[SCREENED] = row_record(one.rows)
     for k in worth.keys() - found.keys():
         noted[k].user_attrs["failed"] = [UNKNOWN]
     try:

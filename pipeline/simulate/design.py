@@ -28,6 +28,7 @@ from dogshape.surrogate.covariance import Array
 
 IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
+MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 
 

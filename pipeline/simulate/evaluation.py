@@ -94,8 +94,8 @@ def evaluate(
 
 def screen(
     study: Study, dogs: Sequence[Dog], executor: Executor, seed: int
-) -> list[Measured | None]:
-    """Measure by the compiled engine what checks are judged by; None where the study does not.
+) -> list[Simulated | None]:
+    """Simulate by the compiled engine what checks are judged by; None where the study does not.
 
     At ``search.screen_angles`` relative angles of every operating point, far more than Drake could
     simulate: landings are rare events, and the loss on a reference is the largest of many numbers.
@@ -107,7 +107,7 @@ def screen(
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
     with executor.apart() as running:
-        return [one.measured for one in evaluate(quick, dogs, running, plans, seed)]
+        return [*evaluate(quick, dogs, running, plans, seed)]
 
 
 def reference_of(study: Study) -> Dog:

@@ -136,7 +136,8 @@ def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
     assert not executor.journal.rows
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     (own,) = evaluate(quick, [dog], executor, [whole_plan(study, 16)], 1)
-    assert found == own.measured
+    assert found is not None
+    assert found.measured == own.measured
     assert screen(study_with(), [dog], executor, 1) == [None]
 
 

@@ -358,7 +358,7 @@ def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
         ("search.objectives=['expected_shift_time']", "did you mean 'expected_shift_time_s'?"),
         (
             "search.objectives=['shift_time']",
-            "did you mean 'worst_shift_time_s' or 'expected_shift_time_s'? Valid are axial_l",
+            "did you mean 'worst_shift_time_s' or 'expected_shift_time_s'",
         ),
         ("search.sampler=nsga", "did you mean 'nsga2'?"),
     ],
