@@ -186,7 +186,9 @@ OTHERS: dict[str, dict[str, str]] = {
     },
     "docs/simulation.md": dict.fromkeys(("", "What is modelled", "Friction"), DEFINITIONS),
     "docs/strength.md": {
-        **dict.fromkeys(("", "Material", "Dog on dog", "Drawing, print, CAD"), DEFINITIONS),
+        **dict.fromkeys(
+            ("", "Material", "Dog on dog", "Flank strike", "Drawing, print, CAD"), DEFINITIONS
+        ),
         **dict.fromkeys(("Load", "What touches", "Root", "Locking", "Tolerances"), TABLES),
     },
     "docs/studies.md": {

@@ -14,8 +14,9 @@ from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.running import Where
 from dogshape.sim.strength.checks import feasible
+from dogshape.sim.strength.dog_strength import strike_force, strike_torque
 from dogshape.sim.strength.manufacture import manufacturing_checks
-from dogshape.sim.units import MPA
+from dogshape.sim.units import MPA, RPM
 
 
 @dataclass(frozen=True, repr=False)
@@ -40,6 +41,36 @@ class Strength(Checked):
         load, dog = self.config.limits.load, self.config.clutch.dog
         return None if load.scatter(dog) is None else load.sharing(dog, load.design_torque)
 
+    @property
+    def strikes(self) -> list[dict[str, Any]]:
+        """Flank strikes: speed, torque, and force on the dog that bears most, by flank."""
+        dog, limits = self.config.clutch.dog, self.config.limits
+        strike = limits.strike
+        if strike is None:
+            return []
+        return [
+            {
+                "flank": flank,
+                "mismatch_rpm": strike.speed(flank) / RPM,
+                "torque_Nm": strike_torque(dog, limits, strike, flank),
+                "force_per_dog_N": strike_force(dog, limits, strike, flank),
+            }
+            for flank in strike.flanks
+        ]
+
+    @property
+    def said(self) -> list[str]:
+        """Load sharing and flank strikes in words, where the study has them."""
+        sharing = self.load_sharing
+        return [
+            *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
+            *(
+                f"{one['flank']} flanks that strike at {one['mismatch_rpm']:.4g} 1/min make "
+                f"{one['torque_Nm']:.0f} N m, {one['force_per_dog_N']:.0f} N on one dog"
+                for one in self.strikes
+            ),
+        ]
+
     def to_dict(self) -> dict[str, Any]:
         """Give every check, the load and the material's limits, in the edge's units."""
         limits, dog = self.config.limits, self.config.clutch.dog
@@ -61,6 +92,8 @@ class Strength(Checked):
                 "fatigue_stress_MPa": limits.fatigue_stress / MPA,
             },
         }
+        if self.strikes:
+            record["strikes"] = self.strikes
         if self.finite_elements is not None:
             record["finite_elements"] = [dict(one) for one in self.finite_elements]
         return record

@@ -21,6 +21,7 @@ from dogshape.sim.clutch_tables import (
 from dogshape.sim.statistics.distribution import Distribution
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.strike import RESTITUTION
 from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.units import DEG, MM
 
@@ -164,6 +165,19 @@ class LoadSection(Section):
     dog_stiffness_N_um: float | None = _unless_given()
     release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
     landing_share: float | None = _unless_given()
+
+
+class StrikeSection(Section):
+    """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
+
+    ring_inertia_kgm2: float
+    input_stiffness_Nm_rad: float
+    wheel_inertia_kgm2: float | None = _unless_given()
+    output_stiffness_Nm_rad: float | None = _unless_given()
+    backlash_deg: float = 0.0
+    restitution: float = RESTITUTION
+    mismatch_rpm: Numbers | None = _unless_given()
+    strikes: float | None = _unless_given()
 
 
 class MaterialSection(Section):
@@ -310,6 +324,7 @@ class StudyFile(Section):
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()
+    strike: StrikeSection | None = Field(default=None, exclude_if=_absent)
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
     tolerance: ToleranceSection = ToleranceSection()

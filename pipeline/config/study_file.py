@@ -42,9 +42,10 @@ from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.strength.materials import Material, material_of
+from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.texts import listed, read_toml
-from dogshape.sim.units import MM, unit_of
+from dogshape.sim.units import DEG, MM, RPM, unit_of
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
@@ -257,7 +258,7 @@ def build_study(file: StudyFile) -> Study:
     points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
-    limits = _limits(file, clutch.mechanism, max(point.profile.force for point in points))
+    limits = _limits(file, clutch.mechanism, points)
     return Study(file, clutch, limits, points, _variables(file), actuation, unsure)
 
 
@@ -336,20 +337,50 @@ def _rises(file: StudyFile) -> RiseTable:
     return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
 
 
-def _limits(file: StudyFile, mechanism: Mechanism, force: float) -> Limits:
-    """Return the limits; ``force`` in N is the actuator's where the study does not say its own."""
+def _limits(file: StudyFile, mechanism: Mechanism, points: Sequence[OperatingPoint]) -> Limits:
+    """Return the limits; what the study leaves open of actuator and strike follows from points."""
     load = _load_case(file)
     if mechanism.spline_friction > 0.0:
         spline = {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
         load = replace(load, **spline)
     if load.spline_friction > 0.0 or not load.release_by_itself:
-        load = replace(load, pull_out_force_limit=load.pull_out_force_limit or force)
+        force = load.pull_out_force_limit or max(point.profile.force for point in points)
+        load = replace(load, pull_out_force_limit=force)
     return Limits(
         load=load,
         material=_material(file),
         manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
         tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
+        strike=_strike(file, points),
+    )
+
+
+def _strike(file: StudyFile, points: Sequence[OperatingPoint]) -> Strike | None:
+    """Return the flank strike, at the mismatches of the points where it gives none of its own."""
+    given = file.strike
+    if given is None:
+        return None
+    if (given.wheel_inertia_kgm2 is None) != (given.output_stiffness_Nm_rad is None):
+        raise InputError(
+            "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together; "
+            "give both, or none for a rigid output side"
+        )
+    speeds = given.mismatch_rpm
+    whole = file.output.inertia_kgm2
+    return Strike(
+        ring_inertia=given.ring_inertia_kgm2,
+        sliding_inertia=file.sliding.inertia_kgm2,
+        input_stiffness=given.input_stiffness_Nm_rad,
+        wheel_inertia=given.wheel_inertia_kgm2 or whole,
+        output_inertia=whole,
+        output_stiffness=given.output_stiffness_Nm_rad,
+        backlash=given.backlash_deg * DEG,
+        restitution=given.restitution,
+        mismatch=tuple(p.mismatch for p in points)
+        if speeds is None
+        else tuple(speed * RPM for speed in speeds),
+        strikes=given.strikes,
     )
 
 

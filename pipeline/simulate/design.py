@@ -121,7 +121,8 @@ def notes_of(study: Study) -> list[str]:
     Of a root outside its formula's fit, and of a torque so small that its unit is in question.
     """
     dog, limits = study.clutch.dog, study.limits
-    loaded = [c for c in strength_checks(dog, limits) if c.rule.group == "load"]
+    steady = replace(limits, strike=None)
+    loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
     used = max(check.utilisation for check in loaded)
     notes = [f"{note}; --fem checks it" for note in outside_fit(dog, limits.root_radius)]
     if used < IDLE:

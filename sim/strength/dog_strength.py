@@ -9,6 +9,8 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
   :math:`\sigma_c = \sigma_n (1 + (K - 1) f)`; the peak decays as beside a hole (Kirsch 1898),
   :math:`f = (r^{-2} + 3 r^{-4})/4`, :math:`r = 1 + t/\varrho`. Tension and shear peak at
   different places, so this is on the safe side
+- flank strike: tension in the fillet and mean pressure under the force of ``sim.strength.strike``,
+  against static strength and yield stress of the case; with a number of strikes against fatigue too
 - fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F`
   (``sim.strength.materials``) for one load cycle a shift
 
@@ -33,6 +35,7 @@ from dogshape.sim.strength.manufacture import (
 )
 from dogshape.sim.strength.materials import MATERIALS, STATIC_CYCLES, Material
 from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
+from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import (
     Spread,
     Tolerances,
@@ -50,7 +53,8 @@ LEAST_AREA = 1e-8
 class Limits:
     """Everything that a design is checked against.
 
-    ``seated_tolerance`` is how far short of full depth a shift may end, m.
+    ``seated_tolerance`` is how far short of full depth a shift may end, m; without ``strike`` no
+    flank strike is judged.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -58,6 +62,7 @@ class Limits:
     manufacturing: ManufacturingLimits = field(default_factory=ManufacturingLimits)
     tolerances: Tolerances = field(default_factory=Tolerances)
     seated_tolerance: float = 5e-5
+    strike: Strike | None = None
 
     @property
     def root_radius(self) -> float:
@@ -81,8 +86,12 @@ class Limits:
     @property
     def fatigue_stress(self) -> float:
         """Local root stress that the shifts of the life leave sound, over safety, Pa."""
+        return self.endurance(self.load.shifts)
+
+    def endurance(self, cycles: float) -> float:
+        """Return the local root stress that ``cycles`` loads both ways leave sound, over safety."""
         load = self.load
-        return self.material.endurance(load.shifts) * load.reversal / load.safety_fatigue
+        return self.material.endurance(cycles) * load.reversal / load.safety_fatigue
 
 
 def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
@@ -114,6 +123,22 @@ def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
 def shear_stress(dog: Dog, load: LoadCase, flank: Flank = "traction") -> float:
     """Return the largest shear stress of the root, Pa."""
     return 1.5 * load.force_per_dog(dog, flank) / (dog.radial_width * dog.root_width)
+
+
+def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
+    """Return the torque of a strike on a flank, N m."""
+    stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
+    return strike.torque(strike.speed(flank), stiffness)
+
+
+def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
+    """Return the tangential force of a strike on the dog that bears most, N.
+
+    A blow is shared as a landing is: its energy is given, and what stands out takes it first.
+    """
+    torque = strike_torque(dog, limits, strike, flank)
+    equal = torque / (dog.mean_radius * dog.count)
+    return equal / math.sqrt(limits.load.landing(dog, equal / dog.radial_width))
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
@@ -213,9 +238,62 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
 
 
+_STRIKE_ROOT = Rule(
+    "flank_strike_root",
+    "load",
+    "tension in the fillet when flanks strike, the worse flank",
+    "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, wheel "
+    "and shafts, or nu w sqrt(k J) of a second strike",
+    "two-mass impact coupled through the shafts (Rao); limit: static strength, ISO 6336-3",
+    "MPa",
+    "material.bending_endurance_MPa",
+    True,
+)
+_STRIKE_LIFE = replace(
+    _STRIKE_ROOT,
+    source="two-mass impact coupled through the shafts (Rao); limit: static strength, or less "
+    "where the strikes of the life allow less, ISO 6336-3",
+    key="strike.strikes",
+)
+_STRIKE_FLANK = replace(
+    _STRIKE_ROOT,
+    name="flank_strike_flank",
+    meaning="mean pressure on the flank when flanks strike, the worse flank",
+    formula="F/A, F as in flank_strike_root",
+    source="two-mass impact coupled through the shafts (Rao); limit: yield stress of the case, "
+    "HV/3, over safety",
+    key="material.surface_hardness_HV",
+)
+
+
+def strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    """Return the checks of the flank strike, none where the study does not describe it."""
+    strike = limits.strike
+    if strike is None:
+        return ()
+    tension = pressure = 0.0
+    for flank in strike.flanks:
+        force = strike_force(dog, limits, strike, flank)
+        contact = flank_contact(dog, limits.root_radius, flank)
+        load = Load(force, flank, contact.level(limits.load.load_height))
+        tension = max(tension, root_tension(dog, limits.root_radius, load))
+        pressure = max(pressure, force / max(contact.area, LEAST_AREA))
+    root = limits.static_root_stress
+    if strike.strikes is not None:
+        root = min(root, limits.endurance(strike.strikes))
+    rule = _STRIKE_ROOT if strike.strikes is None else _STRIKE_LIFE
+    bears = limits.material.case_yield / limits.load.safety
+    return (
+        Check(rule, tension / MPA, root / MPA),
+        Check(_STRIKE_FLANK, pressure / MPA, bears / MPA),
+    )
+
+
 #: Checks that only some studies have, and what they want.
 UNJUDGED = {
     "pull_out_force": "mechanism.spline_friction, or load.pull_out_force_limit_N",
+    "flank_strike_root": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
+    "flank_strike_flank": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
 }
 
 #: Groups of checks, cheap and often failing ones first.
@@ -226,6 +304,7 @@ _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
     ),
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,
+    strike_checks,
     lambda dog, limits: (
         contact_check(dog, limits.root_radius, limits.tolerances, limits.seated_tolerance),
         clearance_check(dog, limits.tolerances),

@@ -21,13 +21,13 @@ def strength_table(
     notes: Sequence[str] = (),
     *,
     explain: bool = False,
-    sharing: float | None = None,
+    said: Sequence[str] = (),
 ) -> RenderableType:
     """Return every check with value, limit and margins, by group.
 
     ``within`` has the margins left within the tolerances by the check's name, ``held`` is
-    what the blocking mechanism has to hold, N; ``notes`` are warnings; ``sharing`` is the load
-    sharing where number and accuracy of the dogs say it.
+    what the blocking mechanism has to hold, N; ``notes`` are warnings; ``said`` is what
+    else there is to say of the loads.
     """
     table = columns("check", "value", "", "limit", "unit", "margin", "worst case", "rss", "passed")
     for group, title in GROUPS.items():
@@ -58,7 +58,7 @@ def strength_table(
         *_within_line(within),
         *(f"warning: {note}" for note in notes),
         f"the blocking mechanism has to hold {held:.0f} N",
-        *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
+        *said,
     ]
     told = [_rules_table(checks), *_unjudged(checks)] if explain else []
     return Group(table, *lines, *told)

@@ -61,9 +61,8 @@ def strength(
 
     def text() -> RenderableType:
         checks, held = found.design.checks, found.blocking_force_N
-        sharing = found.load_sharing
         table = strength_table(
-            checks, found.within, held, found.notes, explain=explain, sharing=sharing
+            checks, found.within, held, found.notes, explain=explain, said=found.said
         )
         return Group(table, root_table(roots)) if fem else table
 
