@@ -206,9 +206,17 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
-    ax, ay, az = work[where, i, 0] - work[where, 0, 0], work[where, i, 1] - work[where, 0, 1], work[where, i, 2] - work[where, 0, 2]
+    ax, ay, az = (
+        work[where, i, 0] - work[where, 0, 0],
+        work[where, i, 1] - work[where, 0, 1],
+        work[where, i, 2] - work[where, 0, 2],
+    )
     j = i + 1
-    bx, by, bz = work[where, j, 0] - work[where, 0, 0], work[where, j, 1] - work[where, 0, 1], work[where, j, 2] - work[where, 0, 2]
+    bx, by, bz = (
+        work[where, j, 0] - work[where, 0, 0],
+        work[where, j, 1] - work[where, 0, 1],
+        work[where, j, 2] - work[where, 0, 2],
+    )
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
@@ -218,7 +226,9 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
         f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
         x = f0 * work[where, 0, 0] + f1 * work[where, i, 0] + f2 * work[where, j, 0]
         y = f0 * work[where, 0, 1] + f1 * work[where, i, 1] + f2 * work[where, j, 1]
-        depth = f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
+        depth = (
+            f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
+        )
         vx, vy, vz = turn * y, -turn * x, -speed
         closing = vx * mx + vy * my + vz * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
