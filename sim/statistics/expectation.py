@@ -53,7 +53,9 @@ class PointExpectation:
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
     engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
     ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
-    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction.
+    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction. ``n_planar`` shifts of
+    the compiled engine stand behind a mean in two levels (``sim.statistics.two_levels``); counts
+    and shares are those of the other engine there.
     """
 
     point: OperatingPoint
@@ -64,6 +66,7 @@ class PointExpectation:
     engaged: float
     n: int
     blocked: int = 0
+    n_planar: int = 0
 
     @property
     def lost(self) -> int:
@@ -105,6 +108,11 @@ class Expectation:
     def shifts(self) -> int:
         """Number of shifts that finished."""
         return sum(p.n for p in self.points)
+
+    @property
+    def planar_shifts(self) -> int:
+        """Number of shifts of the compiled engine beside them, in two levels."""
+        return sum(p.n_planar for p in self.points)
 
     @property
     def lost(self) -> int:

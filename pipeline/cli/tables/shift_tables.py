@@ -29,7 +29,9 @@ def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType
 
 def expectation_table(result: Expectation) -> RenderableType:
     """Return the expected shift time of each operating point and over all."""
-    table = columns("mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n")
+    both = ["n compiled"] if result.planar_shifts else []
+    heads = "mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n"
+    table = columns(*heads, *both)
     for p in result.points:
         table.add_row(
             f"{p.point.mismatch / RPM:.4g}",
@@ -39,6 +41,7 @@ def expectation_table(result: Expectation) -> RenderableType:
             in_ms(p.sd),
             f"{p.engaged:.0%}",
             str(p.n),
+            *([str(p.n_planar)] if both else []),
         )
     total = (
         f"expected shift time {in_ms(result.mean)} +- {in_ms(result.standard_error)} ms "
@@ -46,6 +49,11 @@ def expectation_table(result: Expectation) -> RenderableType:
     )
     if result.numerical_error is not None and not math.isnan(result.numerical_error):
         total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
+    if both:
+        total += (
+            f"\nfrom {result.planar_shifts} shifts of the compiled engine, corrected by "
+            f"{result.shifts} of Drake"
+        )
     if result.lost:
         total += f"\n{_lost(result)}"
     if result.is_lower_bound:

@@ -99,6 +99,14 @@ def expect(
     precision: Annotated[
         float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
     ] = None,
+    levels: Annotated[
+        int | None,
+        typer.Option(
+            help="with --precision: 2 (default with Drake) simulates most angles in the compiled "
+            "engine and corrects its mean by Drake at some of them, unbiased; 1 takes the one "
+            "engine alone"
+        ),
+    ] = None,
     engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
@@ -113,6 +121,6 @@ def expect(
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(
         given, where, mismatch_rpm, force_N, force_rise_s, angles=angles_of(angles),
-        precision=precision,
+        precision=precision, levels=levels,
     )  # fmt: skip
     emit(found.to_dict(), json, lambda: expectation_table(found.mean))

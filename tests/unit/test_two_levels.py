@@ -1,0 +1,167 @@
+"""The choice of angles of both engines, with made-up shifts in place of simulated ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.simulate.precision import MOST, Precise
+from dogshape.pipeline.simulate.two_levels import (
+    FEW,
+    MANY,
+    SURE,
+    expect_in_two_levels,
+    first_angles,
+)
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.expectation import expect_point
+from dogshape.sim.statistics.shift_records import Record, result_of
+from tests.conftest import Listener, Said
+
+Dogshape = Callable[..., Said]
+Time = Callable[[OperatingPoint, float], float | None]
+
+
+@dataclass
+class MadeUp:
+    """An executor whose engines are functions of operating point and share of the pitch."""
+
+    drake: Time
+    planar: Time
+    asked: list[str] = field(default_factory=list)
+
+    def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
+        """Return the records of blocks."""
+        return [[self._shift(block, angle) for angle in block.angles] for block in blocks]
+
+    def _shift(self, block: Block, angle: float) -> Record:
+        engine = block.clutch.solver.engine
+        self.asked.append(engine)
+        time = self.planar if engine == "planar" else self.drake
+        found = time(block.point, angle / block.clutch.dog.pitch_angle)
+        outcome = "timed_out" if found is None else "engaged"
+        return {"outcome": outcome, "shift_time_s": found}
+
+
+def _slope(point: OperatingPoint, phase: float) -> float:
+    """A saw-tooth, higher at lower speeds."""
+    return 0.05 + 0.5 / abs(point.mismatch) * (phase % 1.0)
+
+
+def _noise(_: OperatingPoint, phase: float) -> float:
+    """Another time at each angle, as of the bounces of an engine that has nothing to do with it."""
+    return float(0.05 + 0.06 * ((1e4 * phase) % 1.0))
+
+
+def _engaging(share: float) -> Time:
+    return lambda point, phase: _slope(point, phase) if phase % 1.0 < share else None
+
+
+@pytest.fixture(scope="module")
+def default() -> Study:
+    return load_study("mq200")
+
+
+def _run(study: Study, engines: MadeUp, precision: float, said: list[str] | None = None) -> Precise:
+    with WorkCounter(Listener([] if said is None else said), 1) as progress:
+        return expect_in_two_levels(study, study.points, precision, engines, progress)  # type: ignore[arg-type]
+
+
+def test_equal_engines_need_few_of_drakes(default: Study) -> None:
+    found = _run(default, MadeUp(_slope, _slope), 0.01).expectation
+    assert found.standard_error <= 0.01 * found.mean
+    assert {(p.n, p.n_planar) for p in found.points} == {(FEW, MANY)}
+    exact = [0.05 + 0.25 / abs(p.point.mismatch) for p in found.points]
+    assert found.mean == pytest.approx(np.mean(exact), abs=3.0 * found.standard_error)
+
+
+def test_it_stops_at_the_precision_and_not_at_the_next_doubling(default: Study) -> None:
+    """Some points get more angles, not all of them, and those that need them most."""
+    said: list[str] = []
+    found = _run(default, MadeUp(_slope, _slope), 0.0015, said).expectation
+    assert 0.5 * 0.0015 < found.standard_error / found.mean <= 0.0015
+    counts = [p.n_planar for p in found.points]
+    assert min(counts) == MANY < max(counts)
+    assert counts[0] == max(counts), "the slowest mismatch has the highest saw-tooth"
+    assert any("compiled ones; more where they tell most" in line for line in said)
+
+
+def test_an_engine_that_does_not_help_is_left(default: Study) -> None:
+    """Drake's own even angles are better than differences from noise."""
+    found = _run(default, MadeUp(_slope, _noise), 0.01)
+    assert all(p.n_planar == 0 and p.n >= SURE for p in found.expectation.points)
+    assert found.expectation.standard_error <= 0.01 * found.expectation.mean
+    for told, rows in zip(found.expectation.points, found.rows, strict=True):
+        shifts = [result_of(row) for row in rows]
+        assert told == expect_point(told.point, shifts, 1.0, 0.2)
+
+
+def test_an_engine_that_helps_at_some_points_is_left_at_the_others(default: Study) -> None:
+    def planar(point: OperatingPoint, phase: float) -> float:
+        return (_noise if point.mismatch > 20.0 else _slope)(point, phase)
+
+    found = _run(default, MadeUp(_slope, planar), 0.002).expectation
+    fast = [p for p in found.points if p.point.mismatch > 20.0]
+    slow = [p for p in found.points if p.point.mismatch < 5.0]
+    assert all(p.n_planar == 0 for p in fast)
+    assert all(p.n_planar >= MANY for p in slow)
+
+
+def test_what_engages_in_one_engine_alone_is_counted(default: Study) -> None:
+    """Drake hangs at a tenth of the angles, the compiled engine nowhere, and the other way."""
+    for drake, planar in ((0.9, 1.0), (1.0, 0.9)):
+        found = _run(default, MadeUp(_engaging(drake), _engaging(planar)), 0.02).expectation
+        slopes = [0.05 + 0.25 * drake / abs(p.point.mismatch) for p in found.points]
+        exact = np.mean(slopes) + (1.0 - drake) / drake * 1.2
+        assert found.mean == pytest.approx(exact, abs=3.0 * found.standard_error)
+
+
+def test_nothing_engages(default: Study) -> None:
+    said: list[str] = []
+    engines = MadeUp(lambda *_: None, _slope)
+    found = _run(default, engines, 0.01, said).expectation
+    assert found.is_lower_bound
+    assert said[-1] == "nothing engages at some operating point: no precision can be reached"
+    assert max(p.n for p in found.points) in (2 * FEW, 4 * FEW)
+
+
+def test_a_precision_out_of_reach_is_told(default: Study) -> None:
+    said: list[str] = []
+    found = _run(default, MadeUp(_noise, _slope), 0.0001, said).expectation
+    assert {p.n for p in found.points} == {MOST}
+    assert f"is what {MOST} angles of Drake at each operating point give" in said[-1]
+
+
+def test_the_same_question_has_the_same_answer(default: Study) -> None:
+    first, second = (_run(default, MadeUp(_slope, _noise), 0.01) for _ in range(2))
+    assert first == second
+
+
+def test_first_angles_are_enough_to_believe_an_error() -> None:
+    assert first_angles(28, 0.01).few == FEW
+    assert first_angles(28, 0.005).few == 2 * FEW
+    assert first_angles(1, 0.2).few == 24
+    assert first_angles(1, 0.01).few == SURE
+    assert first_angles(1, 0.01).many == MANY
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--precision", 0.1, "--levels", 3), ("--levels is 3", "1 or 2")),
+        (("--levels", 1), ("--levels goes with --precision",)),
+        (("--precision", 0.1, "--levels", 2, "--engine", "planar"), ("leave out --levels",)),
+    ],
+)
+def test_bad_levels_are_a_sentence(
+    dogshape: Dogshape, options: tuple[object, ...], words: tuple[str, ...]
+) -> None:
+    said = dogshape("expect", "mq200", *options)
+    assert said.status == 2
+    assert all(word in said.sentence for word in words)
