@@ -99,7 +99,7 @@ class DogGuide:
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""
         every = [trial for trial in trials if simulated(trial)]
-        told = distinct(every)
+        told = distinct([t for t in trials if simulated(t) or SCREENED in t.user_attrs])
         x = space.coordinates([trial.params for trial in told])
         # The constraint value of the hardest landing, feasible at or below zero.
         judged = distinct([t for t in trials if simulated(t) or MEASURED in t.user_attrs])

@@ -80,7 +80,10 @@ def finish(
                 storage.set_trial_system_attr(trial._trial_id, PLAN, whole_plan(study))
         return finish(search, ids, executor, findings)
     for k, trial in enumerate(noted):
-        estimates = {n: e.value for n, e in found[k].estimates.items()} if k in found else {}
+        # A design that failed its screen keeps the compiled engine's values: proposals learn of it.
+        one = found.get(k) or screens.get(k)
+        known = one is not None and one.known
+        estimates = {n: e.value for n, e in one.estimates.items()} if one and known else {}
         if trial.number in times:
             estimates[SIMULATED] = times[trial.number]
         trial.values = values_of(study, designs[k], estimates)
