@@ -75,6 +75,11 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"\| 90 % \|", "a quantile"),
             (r"more\s+than a percent", "threshold of the table"),
         ),
+        "In two levels": (
+            (r"at first 48 even\s+angles|24 pairs", "constants of the method"),
+            (r"the 95 % intervals|of 96 angles", "level of an interval, size of the benchmark"),
+            (r"precision below 1 %", "advice"),
+        ),
     },
     "docs/search.md": {
         "How sure the front is": ((r"5 and 95 %|\(0\.2\)|96 angles", "rules of replication"),),

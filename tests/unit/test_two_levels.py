@@ -19,7 +19,7 @@ from dogshape.pipeline.simulate.two_levels import (
     first_angles,
 )
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import expect_point
 from dogshape.sim.statistics.shift_records import Record, result_of
 from tests.conftest import Listener, Said
@@ -141,6 +141,20 @@ def test_a_precision_out_of_reach_is_told(default: Study) -> None:
 def test_the_same_question_has_the_same_answer(default: Study) -> None:
     first, second = (_run(default, MadeUp(_slope, _noise), 0.01) for _ in range(2))
     assert first == second
+
+
+def test_pairs_have_the_same_angles_and_factors() -> None:
+    """Both engines simulate the same uncertain clutch, however many angles either has."""
+    study = load_study("mq200_robust")
+    few, middle, many = (
+        even_block(study.clutch, study.points[1], n, (4, 1), FEW, uncertainty=study.uncertainty)
+        for n in (FEW, 2 * FEW, MANY)
+    )
+    drawn = {round(angle, 12): v for angle, v in zip(many.angles, many.variants, strict=True)}
+    assert len(drawn) == MANY
+    for block in (few, middle):
+        for angle, variant in zip(block.angles, block.variants, strict=True):
+            assert drawn[round(angle, 12)] == variant
 
 
 def test_first_angles_are_enough_to_believe_an_error() -> None:
