@@ -35,7 +35,7 @@ RIM_RULE = Rule(
 
 
 def rim_factor(dog: Dog, limits: ManufacturingLimits) -> float:
-    """Return what a thin rim raises the stress of the root by."""
+    """Return the factor by which a thin rim raises the stress of the root, at least 1."""
     if limits.rim is None or limits.rim >= THICK * dog.height:
         return 1.0
     return max(1.0, 1.6 * math.log(2.242 * dog.height / limits.rim))

@@ -182,3 +182,25 @@ def test_explanation_names_what_is_not_judged(dogshape: Callable[..., Said]) -> 
     assert told["load"]["load_sharing"] == pytest.approx(0.62, abs=0.01)
     names = {check["name"] for check in told["checks"]}
     assert {"pull_out_force", "flank_strike_root", "flank_strike_flank", "rim"} <= names
+
+
+def test_limits_of_further_loads_move_with_the_keys_that_their_rules_name() -> None:
+    keys = {
+        "mechanism.spline_friction": 0.05,
+        "manufacturing.rim_mm": 6.0,
+        "load.pull_out_force_limit_N": 900.0,
+        "strike.ring_inertia_kgm2": 5e-4,
+        "strike.input_stiffness_Nm_rad": 15e3,
+        "strike.strikes": 1e5,
+    }
+    study = load_study("mq200", keys)
+    wanted = ("pull_out_force", "flank_strike_root", "flank_strike_flank", "rim")
+    found = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
+    for name in wanted:
+        key = found[name].rule.key
+        section, last = key.split(".")
+        given = study.file.model_dump()[section].get(last) or 700.0
+        moved = load_study("mq200", {**keys, key: 0.9 * given})
+        (other,) = [c for c in strength_checks(moved.clutch.dog, moved.limits) if c.name == name]
+        assert other.limit != pytest.approx(found[name].limit, rel=1e-3), name
+        assert all((found[name].rule.meaning, found[name].rule.formula, found[name].rule.source))
