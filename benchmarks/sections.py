@@ -194,7 +194,17 @@ OTHERS: dict[str, dict[str, str]] = {
         **dict.fromkeys(
             ("", "Material", "Dog on dog", "Flank strike", "Drawing, print, CAD"), DEFINITIONS
         ),
-        **dict.fromkeys(("Load", "What touches", "Root", "Locking", "Tolerances"), TABLES),
+        **dict.fromkeys(
+            (
+                "Load",
+                "What touches",
+                "Root",
+                "Locking",
+                "Under the loads of a gearbox",
+                "Tolerances",
+            ),
+            TABLES,
+        ),
     },
     "docs/studies.md": {
         "": DEFINITIONS,

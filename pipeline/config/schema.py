@@ -203,6 +203,7 @@ class ManufacturingSection(Section):
     tip_core_mm: float = ManufacturingLimits.tip_core / MM
     chamfer_share: float = ManufacturingLimits.chamfer_share
     module_mm: float = ManufacturingLimits.module / MM
+    rim_mm: float | None = _unless_given()
 
 
 class ToleranceSection(Section):

@@ -3,6 +3,8 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
 - flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.flank``)
 - root bending: local tension :math:`\sigma` in the fillet (``sim.strength.notch``) with the load at
   the load height, against the static bending strength of the case, 2.5 times its endurance
+- a rim behind the root thinner than 1.2 heights raises the stress of the root
+  (``sim.strength.rim``)
 - shear :math:`\tau = 1.5 F/(b s)`, *s* the width at the root (parabola over a rectangle)
 - equivalent stress of the core :math:`\sqrt{\sigma_c^2 + 3 \tau^2}` against its proof stress, below
   the case of depth *t*: with notch factor *K* and nominal :math:`\sigma_n`,
@@ -35,6 +37,7 @@ from dogshape.sim.strength.manufacture import (
 )
 from dogshape.sim.strength.materials import MATERIALS, STATIC_CYCLES, Material
 from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
+from dogshape.sim.strength.rim import rim_checks, rim_factor
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import (
     Spread,
@@ -102,7 +105,8 @@ def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
 
 def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
     """Return the tension in the fillet below a loaded flank, Pa."""
-    return root_tension(dog, limits.root_radius, root_load(dog, limits, flank))
+    tension = root_tension(dog, limits.root_radius, root_load(dog, limits, flank))
+    return tension * rim_factor(dog, limits.manufacturing)
 
 
 def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
@@ -117,7 +121,8 @@ def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
     depth = 1.0 + limits.material.case_depth / radius
     decay = (depth**-2 + 3.0 * depth**-4) / 4.0
     notch = notch_factor(dog, radius, flank)
-    return root_nominal(dog, root_load(dog, limits, flank)) * (1.0 + (notch - 1.0) * decay)
+    nominal = root_nominal(dog, root_load(dog, limits, flank))
+    return nominal * (1.0 + (notch - 1.0) * decay) * rim_factor(dog, limits.manufacturing)
 
 
 def shear_stress(dog: Dog, load: LoadCase, flank: Flank = "traction") -> float:
@@ -235,7 +240,8 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         ("equivalent_stress", equivalent, allowable),
         ("root_fatigue", max(tension.values()), limits.fatigue_stress),
     )
-    return tuple(Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
+    made = (Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
+    return (*made, *rim_checks(dog, limits.manufacturing))
 
 
 _STRIKE_ROOT = Rule(
@@ -276,7 +282,8 @@ def strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         force = strike_force(dog, limits, strike, flank)
         contact = flank_contact(dog, limits.root_radius, flank)
         load = Load(force, flank, contact.level(limits.load.load_height))
-        tension = max(tension, root_tension(dog, limits.root_radius, load))
+        rim = rim_factor(dog, limits.manufacturing)
+        tension = max(tension, root_tension(dog, limits.root_radius, load) * rim)
         pressure = max(pressure, force / max(contact.area, LEAST_AREA))
     root = limits.static_root_stress
     if strike.strikes is not None:
@@ -294,6 +301,7 @@ UNJUDGED = {
     "pull_out_force": "mechanism.spline_friction, or load.pull_out_force_limit_N",
     "flank_strike_root": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
     "flank_strike_flank": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
+    "rim": "manufacturing.rim_mm",
 }
 
 #: Groups of checks, cheap and often failing ones first.

@@ -30,6 +30,7 @@ class ManufacturingLimits:
     root_radius : with which roots are filleted and tip edges rounded.
     chamfer_share : depth of the face at its edge over the height of the dog.
     module : mean diameter over count; smaller dogs lose their shape in hardening.
+    rim : thickness of the ring behind the roots; None for one that is thick enough.
     """
 
     tip_width: float = 1.5e-3
@@ -40,6 +41,7 @@ class ManufacturingLimits:
     tip_core: float = 0.5e-3
     chamfer_share: float = 0.35
     module: float = 1.25e-3
+    rim: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, low, high in (
@@ -53,6 +55,9 @@ class ManufacturingLimits:
             ("module_mm", self.module / MM, 0.05, 100.0),
         ):
             require_between(f"manufacturing.{name}", value, low, high, "correct the limit")
+        if self.rim is not None:
+            remedy = "give the thickness in mm"
+            require_between("manufacturing.rim_mm", self.rim / MM, 0.1, 1000.0, remedy)
 
 
 _RULES = {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -16,7 +17,9 @@ from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, core_stress, shear_stress, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
+from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.units import DEG, MM, MPA
+from tests.conftest import Said
 
 SPLINE = LoadCase(spline_friction=0.1, spline_radius=17.6 * MM, pull_out_force_limit=641.5)
 
@@ -141,3 +144,63 @@ def test_where_the_actuator_may_pull_flanks_need_not_let_go() -> None:
     pull = {c.name: c for c in strength_checks(free.clutch.dog, free.limits)}["pull_out_force"]
     assert pull.value < 0.0
     assert pull.limit == 641.5
+
+
+@pytest.mark.parametrize(
+    ("ratio", "factor"), [(2.0, 1.0), (1.2, 1.0), (0.8, 1.6487), (0.5, 2.4007)]
+)
+def test_a_thin_rim_raises_the_stress_of_the_root(
+    prototype: Dog, ratio: float, factor: float
+) -> None:
+    """ISO 6336-3: 1.6 ln(2.242 h/s) below 1.2 heights, and nothing above."""
+    rim = ManufacturingLimits(rim=ratio * prototype.height)
+    plain = {c.name: c for c in strength_checks(prototype, Limits())}
+    thin = {c.name: c for c in strength_checks(prototype, Limits(manufacturing=rim))}
+    for name in ("root_bending_traction", "root_bending_braking", "root_fatigue"):
+        assert thin[name].value == pytest.approx(factor * plain[name].value, rel=2e-4)
+    assert thin["shear_stress"].value == plain["shear_stress"].value
+    assert thin["rim"].margin == pytest.approx(ratio / 0.5 - 1.0)
+    assert "rim" not in plain
+    assert load_study("mq200", ["manufacturing.rim_mm=3"]).limits.manufacturing.rim == 3e-3
+    with pytest.raises(InputError, match=r"manufacturing.rim_mm is 0 mm"):
+        load_study("mq200", ["manufacturing.rim_mm=0"])
+
+
+def test_explanation_names_what_is_not_judged(dogshape: Callable[..., Said]) -> None:
+    plain = dogshape("strength", "mq200", "--no-simulation", "--explain").out
+    for name in ("pull_out_force", "flank_strike_root", "flank_strike_flank", "rim"):
+        assert f"not judged: {name}; give" in plain
+    keys = ["mechanism.spline_friction=0.05", "manufacturing.rim_mm=6", "load.accuracy=6"]
+    keys += ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
+    sets = [word for key in keys for word in ("--set", key)]
+    full = dogshape("strength", "mq200", "--no-simulation", "--explain", *sets)
+    assert "not judged" not in full.out
+    assert "load sharing by number and accuracy: 0.62" in full.out
+    assert "traction flanks that strike at 249 1/min make 834 N m" in full.out
+    told = dogshape("strength", "mq200", "--no-simulation", "--json", *sets).json
+    assert told["strikes"][0]["torque_Nm"] == pytest.approx(834, abs=1)
+    assert told["load"]["load_sharing"] == pytest.approx(0.62, abs=0.01)
+    names = {check["name"] for check in told["checks"]}
+    assert {"pull_out_force", "flank_strike_root", "flank_strike_flank", "rim"} <= names
+
+
+def test_limits_of_further_loads_move_with_the_keys_that_their_rules_name() -> None:
+    keys = {
+        "mechanism.spline_friction": 0.05,
+        "manufacturing.rim_mm": 6.0,
+        "load.pull_out_force_limit_N": 900.0,
+        "strike.ring_inertia_kgm2": 5e-4,
+        "strike.input_stiffness_Nm_rad": 15e3,
+        "strike.strikes": 1e5,
+    }
+    study = load_study("mq200", keys)
+    wanted = ("pull_out_force", "flank_strike_root", "flank_strike_flank", "rim")
+    found = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
+    for name in wanted:
+        key = found[name].rule.key
+        section, last = key.split(".")
+        given = study.file.model_dump()[section].get(last) or 700.0
+        moved = load_study("mq200", {**keys, key: 0.9 * given})
+        (other,) = [c for c in strength_checks(moved.clutch.dog, moved.limits) if c.name == name]
+        assert other.limit != pytest.approx(found[name].limit, rel=1e-3), name
+        assert all((found[name].rule.meaning, found[name].rule.formula, found[name].rule.source))
