@@ -60,6 +60,7 @@ class TwoLevelPoint:
     alone : what the engine that counts says without the cheap one.
     mean, mean_engaged : over both levels, with retries and without.
     cheap_variance : of the cheap engine's mean.
+    coarse_variance : of such a mean over n angles, from all of its N/n starts.
     spread : variance of a single difference.
     sd : standard deviation of a single shift's time, by the cheap engine.
     n, n_cheap : shifts of both engines.
@@ -70,6 +71,7 @@ class TwoLevelPoint:
     mean: float
     mean_engaged: float
     cheap_variance: float
+    coarse_variance: float
     spread: float
     sd: float
     n: int
@@ -117,12 +119,14 @@ def two_level_point(
     mean = total / share
     z_many, z_few = ((part[0] - mean * part[1]) / share for part in (many, few))
     differences = z_few - z_many[list(places)]
-    engaged = many[1] > 0.0
+    engaged, step = many[1] > 0.0, len(cheap) // len(dear)
+    starts = [(z_many[k::step], bool(engaged[k::step].all())) for k in range(step)]
     return TwoLevelPoint(
         alone=alone,
         mean=float(mean),
         mean_engaged=float(times / share),
         cheap_variance=variance_of_mean(z_many, even=bool(engaged.all())),
+        coarse_variance=float(np.mean([variance_of_mean(z, even=even) for z, even in starts])),
         spread=len(dear) * variance_of_mean(differences, even=False),
         sd=float(many[2, engaged].std(ddof=1)) if engaged.sum() > 1 else 0.0,
         n=len(dear),
