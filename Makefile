@@ -64,7 +64,7 @@ blind: $(VENV)/complete
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
-  valid_range keeping sense question
+  valid_range keeping sense
 SURROGATE := learning_curve active_learning asking
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
@@ -101,7 +101,7 @@ studies: $(VENV)/ready
 	for name in $(STUDIES); do \
 	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
-	$(call print_tables,contact_sets gearbox_loads)
+	$(call print_tables,contact_sets gearbox_loads question)
 
 # Samplers compared, with torch, which nothing else wants (an hour and a half).
 samplers: $(VENV)/ready
