@@ -34,7 +34,7 @@ from dogshape.pipeline.search.point_choice import HALF, telling_points
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.state import SearchState, checked_design
 from dogshape.pipeline.search.trials import attributes_of
-from dogshape.pipeline.simulate.design import SIMULATED, objectives_of, values_of
+from dogshape.pipeline.simulate.design import MEASURED, SIMULATED, objectives_of, values_of
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import Plan, is_whole, most_to_replicate
@@ -250,6 +250,8 @@ def _simulate(
 def renewed(study: Study, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
     """Copy a trial with what all shifts of its design say; predicted times stay as told."""
     known: dict[str, Any] = {**trial.user_attrs, **attributes_of(found)}
+    if study.file.search.screen_angles is not None:  # few shifts do not overrule a screen of many
+        known[MEASURED] = trial.user_attrs[MEASURED]
     if not is_whole(plan):
         known["standard_error_s"] = trial.user_attrs["standard_error_s"]
         for name in ("simulated", "standard_errors"):

@@ -29,6 +29,7 @@ from dogshape.surrogate.covariance import Array
 IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
+WORST = "smallest_margin_worst"
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 
 
@@ -208,7 +209,7 @@ OBJECTIVES = {
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
         Objective("smallest_margin", "smallest margin", "", maximise=True),
         Objective(
-            "smallest_margin_worst",
+            WORST,
             "smallest margin, tolerances at their worst",
             "",
             _margin_at_worst,

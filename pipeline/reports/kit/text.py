@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dogshape.sim.units import unit_of
+from dogshape.sim.units import suffix_of, unit_of
 
 MINUS = "\N{MINUS SIGN}"
 LABELS = {
@@ -40,8 +40,8 @@ def place_name(mismatch_rpm: float, force_N: float) -> str:
 
 
 def check_name(name: str) -> str:
-    """Name a check in words."""
-    return name.replace("_", " ")
+    """Name a check in words, without the unit that a quantity's key ends in."""
+    return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
 def label(name: str) -> str:

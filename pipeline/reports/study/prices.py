@@ -3,7 +3,8 @@
 Designs that fill the space, and more about the best of them under each limit, are checked by
 closed forms and predicted by the surrogate. Where an upper bound L becomes f L a design passes with
 a margin of 1 - f, where a lower one does with f - 1: so one pool of designs gives all curves.
-Landing and other simulated limits are left out, as nothing predicts them here.
+Landing and other simulated limits are left out, as nothing predicts them here. Where a study bounds
+the smallest margin with tolerances at their worst, margins are taken there.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ from scipy.stats import qmc
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.reports.kit.look import BLUE, GREEN, GREY, INK, ORANGE, RED, Row, styled
 from dogshape.pipeline.reports.kit.text import check_name
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import WORST, design_of
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
 
 FACTORS = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5)  #: on a limit
@@ -156,19 +158,26 @@ def _needed(check: Check, factor: float) -> float:
 
 
 def _checks(study: Study, params: dict[str, float]) -> tuple[Check, ...]:
+    """Work out the checks of a design that need no simulation; none of what is no dog."""
     try:
-        return design_of(study, params).checks
+        checks = design_of(study, params).checks
     except DogshapeError:
         return ()
+    return tuple(check for check in checks if check.name != WORST)
 
 
 def _margins(study: Study, designs: Array, count: int) -> Array:
-    """Compute the margin of every check that needs no simulation; what is no dog has none."""
+    """Compute the margins of the designs; what is no dog has none."""
     rows = np.full((len(designs), count), -np.inf)
+    worst = WORST in (study.file.search.limits or {})
     for place, row in enumerate(designs.tolist()):
-        checks = _checks(study, study.named(row))
-        if checks:
-            rows[place] = [check.margin for check in checks]
+        params = study.named(row)
+        if not (checks := _checks(study, params)):
+            continue
+        rows[place] = [check.margin for check in checks]
+        if worst and (rows[place] < 0.0).sum() <= 1:
+            lost = margin_losses(study.dog_with(params), study.limits)
+            rows[place] -= [lost[c.name].worst_case if c.name in lost else 0.0 for c in checks]
     return rows
 
 

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import label, percent
+from dogshape.pipeline.reports.kit.text import check_name, label, percent
 from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
 from dogshape.pipeline.reports.study import point_gains as places
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
@@ -123,6 +123,7 @@ def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -
         "label": label,
         "percent": percent,
         "ms": summary.ms,
+        "check_name": check_name,
         "step_price": step_price,
         "at_factor": at_factor,
         "headline": summary.headline(result),
