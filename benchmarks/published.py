@@ -227,6 +227,21 @@ def _adams(effect: str, name: str) -> Callable[[], Sequence[float]]:
     return lambda: [_hypothesis("adams", [effect])["parameters"][name]["mean"]]
 
 
+def _asked(design: str) -> list[float]:
+    """Give time and error, gain, loss at the worst point and both least margins of a design."""
+    row = numbers("question", design)
+    return [*row[:2], *row[4:]]
+
+
+def _gearbox() -> list[float]:
+    """Give the time of the gearbox study's choice and of the prototype with their errors, ms."""
+    return [
+        MS * _study("mq200_gearbox")[who][key]
+        for who in ("best", "prototype")
+        for key in ("expected_shift_time_s", "standard_error_s")
+    ]
+
+
 def _best() -> Any:
     return result("mq200")["best"]
 
@@ -244,6 +259,16 @@ ENTRIES: list[Entry] = [
             ),
             *(row["axial_length_mm"] for row in (_best(), _prototype("mq200"))),
         ],
+    ),
+    Entry(
+        README,
+        "| {:.1f} ± {:.1f} ms instead of {:.1f} ± {:.1f} ms, {:.1f} mm long |",
+        lambda: [*_gearbox(), result("mq200_gearbox")["best"]["axial_length_mm"]],
+    ),
+    Entry(
+        README,
+        "would need {:.0f} N to be pulled out",
+        lambda: numbers("gearbox_loads", "toothing 0.1:", "chosen (19)", "pulled out with"),
     ),
     Entry(README, "| slower by {:.0f} and {:.0f} ms at two points", _slower),
     Entry(
@@ -477,8 +502,8 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         RESULTS,
-        "| expected time; axial length | {:.1f} ± {:.1f} ms; {:.1f} mm | {:.1f} ± {:.1f} ms; "
-        "{:.1f} mm |",
+        "| `mq200` | expected time; axial length | {:.1f} ± {:.1f} ms; {:.1f} mm "
+        "| {:.1f} ± {:.1f} ms; {:.1f} mm |",
         lambda: [
             v
             for who, row in (("prototype", _prototype("mq200")), ("best", _best()))
@@ -609,6 +634,35 @@ ENTRIES: list[Entry] = [
             surrogate()["validation"]["q2_points"],
             MS * surrogate()["validation"]["rmse_points_s"],
             PERCENT * surrogate()["validation"]["coverage_points"],
+        ],
+    ),
+    *(
+        Entry(RESULTS, template, partial(_asked, name))
+        for name, template in {
+            "mq200, 19": "chosen (19) | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "| {:.1f} % pull-out force | {:.1f} % |",
+            "mq200, 43": "`mq200`, 43 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "| {:.1f} % slot width | {:.1f} % |",
+            "mq200, 6": "`mq200`, 6 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "| {:.1f} % pull-out force | {:.1f} % |",
+            "gearbox, chosen": "`mq200_gearbox`, chosen | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "| {:.1f} % contact ratio | {:.1f} % |",
+        }.items()
+    ),
+    Entry(
+        RESULTS,
+        "| prototype | {:.1f} ± {:.1f} | | {:.1f} | {:.1f} % edge pressure | {:.1f} % |",
+        lambda: [_asked("prototype")[k] for k in (0, 1, 3, 4, 5)],
+    ),
+    Entry(
+        RESULTS,
+        "(#as-a-gearbox-asks) | expected time; axial length | {:.1f} ± {:.1f} ms; {:.1f} mm "
+        "| {:.1f} ± {:.1f} ms; {:.1f} mm |",
+        lambda: [
+            *_gearbox()[2:],
+            _prototype("mq200_gearbox")["axial_length_mm"],
+            *_gearbox()[:2],
+            result("mq200_gearbox")["best"]["axial_length_mm"],
         ],
     ),
     # docs/search.md

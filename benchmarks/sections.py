@@ -39,6 +39,12 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
         "Other bundled studies": (),
+        "As a gearbox asks": (
+            (
+                r"friction of 0\.1 in|no more than 2 ms|at 64 angles|what 1 % of",
+                "keys of its study file",
+            ),
+        ),
         "Against the published model": (
             (r"25 cells that have", "cells of the bench tables with a time"),
             (

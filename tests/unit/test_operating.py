@@ -221,7 +221,8 @@ def test_rows_of_uncertain_shifts_are_traced_to_their_study() -> None:
         f"uncertain.friction_factor={FRICTION}",
         "uncertain.force_factor={distribution='uniform', low=0.8, high=1.2}",
         "uncertain.inertia_factor={distribution='uniform', low=0.8, high=1.2}",
-        "uncertain.dissipation_factor={distribution='lognormal', median=0.5, factor=2, low=0.1}",
+        "uncertain.dissipation_factor="
+        "{distribution='lognormal', median=0.5, factor=2, low=0.1, high=3}",
     ]
     study = load_study("mq200", more)
     other = load_study("mq200", [*more[:3], more[3].replace("0.8", "0.9"), *more[4:]])

@@ -408,7 +408,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     stored = known_surrogate(study)
     assert stored is not None
     save(folder.surrogate, stored)
-    known = {"effects": {"designs": 3}, "indices": []}
+    known = {"effects": {"designs": 3}, "indices": [], "prices": []}
     calls: list[str] = []
 
     def learned(*_: Any) -> Row:
@@ -417,6 +417,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
 
     monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.Over", lambda *_: None)
     monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.learned", learned)
+    monkeypatch.setattr("dogshape.pipeline.reports.study.surrogate_effects.prices", lambda *_: [])
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
     assert calls.count("learned") == 1
