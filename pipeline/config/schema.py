@@ -163,6 +163,8 @@ class LoadSection(Section):
     accuracy: int | None = _unless_given()
     pitch_sd_um: float | None = _unless_given()
     dog_stiffness_N_um: float | None = _unless_given()
+    run_out_um: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
+    tilt_mrad: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
     landing_share: float | None = _unless_given()
 

@@ -143,7 +143,7 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
     """
     torque = strike_torque(dog, limits, strike, flank)
     equal = torque / (dog.mean_radius * dog.count)
-    return equal / math.sqrt(limits.load.landing(dog, equal / dog.radial_width))
+    return equal / math.sqrt(limits.load.blow(dog, equal))
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:

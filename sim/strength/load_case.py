@@ -35,6 +35,7 @@ input speed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from dogshape.sim.errors import InputError, refusal, require_between
@@ -70,6 +71,8 @@ class LoadCase:
     pull_out_force_limit : that the actuator pulls the ring out with, N; None for no such check.
     accuracy : class of ISO 1328-1 that the dogs are made to; None for the fixed load sharing.
     pitch_sd : standard deviation of a single pitch deviation in place of a class, m.
+    run_out : total radial run-out of one ring on the other that no play takes, m.
+    tilt : angle between the rings as they land, rad.
     dog_stiffness : of a pair of dogs along the circumference, N/m; None for 25 N/(mm um) of width.
     release_by_itself : whether flanks have to let go under torque without a pull.
     spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
@@ -93,6 +96,8 @@ class LoadCase:
     release_by_itself: bool = True
     accuracy: int | None = None
     pitch_sd: float | None = None
+    run_out: float = 0.0
+    tilt: float = 0.0
     dog_stiffness: float | None = None
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
@@ -115,6 +120,8 @@ class LoadCase:
             ("pull_out_force_limit_N", self.pull_out_force_limit, 1.0, 1e6),
             ("accuracy", self.accuracy, 1, 11),
             ("pitch_sd_um", _edge("_um", self.pitch_sd), 0.0, 1000.0),
+            ("run_out_um", from_si("_um", self.run_out), 0.0, 1000.0),
+            ("tilt_mrad", from_si("_mrad", self.tilt), 0.0, 50.0),
             ("dog_stiffness_N_um", _edge("_N_um", self.dog_stiffness), 0.1, 1e5),
             ("landing_share", self.landing_share, 1e-4, 0.5),
         ):
@@ -156,20 +163,38 @@ class LoadCase:
 
     def sharing(self, dog: Dog, torque: float) -> float:
         """Return the equal load of a dog under ``torque`` (N m) over that of the most loaded."""
-        scatter = self.scatter(dog)
-        if scatter is None or torque == 0.0:
+        if torque == 0.0:
             return self.load_sharing
         equal = torque / (dog.mean_radius * dog.count)
-        return load_share(dog.count, scatter * self.stiffness(dog) / equal)
+        return self._share(load_share, dog, equal, 0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
-        scatter = self.scatter(dog)
-        if scatter is None or line_load == 0.0:
-            return self.load_sharing
-        force = line_load * dog.radial_width
         # Thousands of landings differ by less: three digits let them share an answer.
-        return landing_share(dog.count, float(f"{scatter * self.stiffness(dog) / force:.3g}"))
+        force = line_load * dog.radial_width
+        return self._share(landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
+
+    def blow(self, dog: Dog, force: float) -> float:
+        """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
+        return self._share(landing_share, dog, force, 0.5 * self.run_out, digits=3)
+
+    def _share(
+        self,
+        share: Callable[[int, float, float], float],
+        dog: Dog,
+        force: float,
+        wave: float,
+        digits: int = 17,
+    ) -> float:
+        """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
+        scatter = self.scatter(dog)
+        if (scatter is None and wave == 0.0) or force == 0.0:
+            return self.load_sharing
+        scatter, wave = (
+            float(f"{error * self.stiffness(dog) / force:.{digits}g}")
+            for error in (scatter or 0.0, wave)
+        )
+        return share(dog.count, scatter, wave)
 
 
 def _edge(unit: str, value: float | None) -> float | None:

@@ -57,6 +57,35 @@ def test_two_dogs_land_as_the_half_normal_gap_between_them_says(scatter: float) 
     assert landing_share(2, scatter) == pytest.approx(1.0 / mean**2, rel=0.01)
 
 
+@pytest.mark.parametrize("count", [2, 9, 36])
+@pytest.mark.parametrize("wave", [0.1, 0.4])
+def test_a_slow_error_alone_has_a_closed_form_while_all_touch(count: int, wave: float) -> None:
+    """Mean of the largest of N cosines a step apart: sin(pi/N)/(pi/N)."""
+    foremost = wave * math.sin(math.pi / count) / (math.pi / count)
+    assert load_share(count, 0.0, wave) == pytest.approx(1.0 / (1.0 + foremost), rel=2e-3)
+    if count > 2:  # the squares of two opposite cosines are not half in every phase
+        landed = math.sqrt(1.0 - 0.5 * wave**2) + foremost
+        assert landing_share(count, 0.0, wave) == pytest.approx(landed**-2, rel=2e-3)
+
+
+def test_a_slow_error_joins_the_scatter() -> None:
+    assert load_share(15, 0.5, 1e-9) == pytest.approx(load_share(15, 0.5), rel=1e-6)
+    assert landing_share(15, 0.5, 0.5) < min(landing_share(15, 0.5), landing_share(15, 0.0, 0.5))
+    few = landing_share(15, 0.0, 1e6)  # the foremost alone
+    assert few == pytest.approx(1.0 / 15.0, rel=0.01)
+
+
+def test_a_wide_slow_error_lands_on_an_arc() -> None:
+    """Many dogs, wave far above the approach: a parabola's arc, 2/15 (2d)^(5/2)/(pi sqrt a) = 1."""
+    wave, count = 50.0, 20_000
+    shifts = np.cos(2.0 * np.pi * np.arange(count) / count)
+    gaps = wave * (1.0 - shifts)
+    depth = brentq(lambda d: float((np.maximum(d - gaps, 0.0) ** 2).mean()) - 1.0, 0.0, 100.0)
+    closed = (15.0 * math.pi * math.sqrt(wave / 2.0) / 8.0) ** 0.4
+    assert depth == pytest.approx(closed, rel=0.02)
+    assert landing_share(360, 0.0, wave) == pytest.approx(depth**-2, rel=0.02)
+
+
 @pytest.mark.parametrize("power", [1, 2])
 @pytest.mark.parametrize("count", [7, 31])
 def test_shares_are_those_of_springs_solved_one_by_one(power: int, count: int) -> None:
@@ -123,6 +152,31 @@ def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
     assert load.landing(prototype, 10 * line) > share > load.landing(prototype, 0.1 * line)
 
 
+def test_run_out_loads_flanks_and_tilt_loads_faces(prototype: Dog) -> None:
+    plain = LoadCase(pitch_sd=2e-6)
+    out, tilted = LoadCase(pitch_sd=2e-6, run_out=20e-6), LoadCase(pitch_sd=2e-6, tilt=5e-4)
+    wave = 10e-6 * plain.stiffness(prototype) * prototype.mean_radius * 15 / 300.0
+    assert out.sharing(prototype, 300.0) == pytest.approx(
+        load_share(15, 0.2 * wave, wave), rel=1e-9
+    )
+    assert out.sharing(prototype, 300.0) < plain.sharing(prototype, 300.0)
+    assert out.blow(prototype, 1e3) < plain.blow(prototype, 1e3) == tilted.blow(prototype, 1e3)
+    assert tilted.landing(prototype, 5e4) < plain.landing(prototype, 5e4)
+    assert out.landing(prototype, 5e4) == plain.landing(prototype, 5e4)
+    assert tilted.sharing(prototype, 300.0) == plain.sharing(prototype, 300.0)
+
+
+def test_slow_errors_of_class_6(prototype: Dog) -> None:
+    """What docs/strength.md says of 15 dogs."""
+    for run_out, share in ((0.0, 0.615), (10e-6, 0.514), (30e-6, 0.362)):
+        load = LoadCase(accuracy=6, run_out=run_out)
+        assert load.sharing(prototype, 300.0) == pytest.approx(share, abs=0.005)
+    for line, plain, tilted in ((50e3, 0.151, 0.111), (20e3, 0.096, 0.083)):
+        for tilt, share in ((0.0, plain), (0.5e-3, tilted)):
+            load = LoadCase(accuracy=6, tilt=tilt)
+            assert load.landing(prototype, line) == pytest.approx(share, abs=0.003)
+
+
 def test_keys_of_accuracy() -> None:
     plain = load_study("mq200")
     study = load_study("mq200", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
@@ -135,6 +189,8 @@ def test_keys_of_accuracy() -> None:
         (["load.pitch_sd_um=-1"], "load.pitch_sd_um is -1 um"),
         (["load.dog_stiffness_N_um=0"], "load.dog_stiffness_N_um is 0 N/um"),
         (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
+        (["load.tilt_mrad=-1"], "load.tilt_mrad is -1 mrad, but"),
+        (["load.run_out_um=2000"], "load.run_out_um is 2000 um"),
     ):
         with pytest.raises(InputError, match=words):
             load_study("mq200", wrong)
