@@ -16,7 +16,7 @@ from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import RPM
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs: the prototype, two
-#: shapes far from it, and the neighbourhood of the best design of the default study.
+#: shapes far from it, and the neighbourhood of the best design of the paper's study.
 DESIGNS = {
     "prototype": (8.0, 12.0, 22.0, 3.7, 15),
     "steep": (6.0, 20.5, 13.3, 2.54, 11),
@@ -68,6 +68,6 @@ def measure(plant: ClutchPlant, point: OperatingPoint, angles: Iterable[float]) 
     return Cell(np.array(times), cpu / len(times), evaluations / len(times))
 
 
-def default_study() -> Study:
-    """Return the default study."""
-    return load_study("mq200")
+def paper_study() -> Study:
+    """Return the paper's study."""
+    return load_study("mq200_paper")

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 import dogshape.sim.shift.plant
-from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
+from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.mesh import Mesh, rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
@@ -76,7 +76,7 @@ def error(cell: Cell, reference: Cell) -> tuple[float, float]:
 
 def tolerance() -> None:
     """Print the table of tolerances."""
-    study = default_study()
+    study = paper_study()
     print("error of the mean shift time, %, by accuracy")
     head = "".join(f"{a:>9.0e}" for a in ACCURACIES)
     print(f"{'design':<10} {'1/min':>6} {'N':>6} {'mean, ms':>9}{head}")
@@ -118,7 +118,7 @@ def summary(table: np.ndarray, evaluations: np.ndarray) -> None:
 
 def meshes() -> None:
     """Print the error of the default contact mesh against finer ones."""
-    study = default_study()
+    study = paper_study()
     print("\nerror of the mean shift time by the mesh of the rigid side, %: against 384 triangles")
     print(f"{'design':<10} {'1/min':>6} {'N':>6} {'6 triangles':>12} {'24':>9} {'96':>9}")
     for design in DESIGNS:

@@ -2,7 +2,7 @@
 
     python -m benchmarks.convergence_designs
 
-Designs fill the feasible space of the default study (``pipeline.train.filling``); each is simulated
+Designs fill the feasible space of the paper's study (``pipeline.train.filling``); each is simulated
 at one operating point of either sign, eight even angles each, at the default accuracy and at 1e-5
 with half the largest step. A shift *flips* where only one of the two engages or where their times
 differ by more than 5 %: a dog caught another slot or was thrown back once more. Counting slots and
@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import beta
 
-from benchmarks.common import default_study, measure
+from benchmarks.common import measure, paper_study
 from benchmarks.convergence import REFERENCE, with_accuracy
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.train.filling import filling_designs
@@ -187,7 +187,7 @@ def worst(made: Sequence[Pair], count: int = 8) -> None:
 
 
 if __name__ == "__main__":
-    drawn = pairs(default_study(), DESIGNS, ANGLES)
+    drawn = pairs(paper_study(), DESIGNS, ANGLES)
     print(f"{DESIGNS} designs, a point of either sign, {ANGLES} angles; accuracy 3e-4 and 1e-5")
     summary(drawn)
     worst(drawn)

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import default_study, point_of
+from benchmarks.common import paper_study, point_of
 from benchmarks.convergence import plant_with
 from dogshape.pipeline.config.study_file import VARIABLES, Study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -237,5 +237,5 @@ def _stiff(clutch: Clutch, factor: float) -> Clutch:
 
 
 if __name__ == "__main__":
-    windows(default_study())
-    variants(default_study())
+    windows(paper_study())
+    variants(paper_study())

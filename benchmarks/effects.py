@@ -13,7 +13,7 @@ import math
 import time
 from dataclasses import replace
 
-from benchmarks.common import default_study, point_of
+from benchmarks.common import paper_study, point_of
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import solver_for
@@ -63,7 +63,7 @@ def _measured(settings: list[Setting]) -> tuple[float, int, float, float]:
 
 def main() -> None:
     """Print the table."""
-    study = default_study()
+    study = paper_study()
     names = [(name,) for name in load() if name not in QUIET]
     for contact in CONTACT_SETS.values():
         clutch = replace(study.clutch, contact=contact, solver=solver_for(contact))

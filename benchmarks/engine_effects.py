@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import default_study, point_of
+from benchmarks.common import paper_study, point_of
 from dogshape.sim.effects import load
 from dogshape.sim.engines import engage
 from dogshape.sim.setting import Setting
@@ -32,7 +32,7 @@ def times(setting: Setting, engine: str) -> NDArray[np.float64]:
 
 def main() -> None:
     """Simulate and print."""
-    study, effects = default_study(), load()
+    study, effects = paper_study(), load()
     settings = [Setting(study.clutch, point_of(study, *given)) for given in POINTS]
     base = {name: [times(one, name) for one in settings] for name in ("drake", "planar")}
     print(f"change of the mean over {len(POINTS)} operating points and {ANGLES} angles, ms")

@@ -3,7 +3,7 @@
     python -m benchmarks.engines [--seed N] [--designs N]
 
 Clutches of three sizes (prototype, small, large), both contact sets, designs drawn over the
-search space, seven mismatch speeds of either sign at a random force of the default study, eight
+search space, seven mismatch speeds of either sign at a random force of the paper's study, eight
 even angles from a random start: 3 x 2 x designs x 7 x 8 shifts in each engine, in turn. The
 published set is Drake's ``cenic`` at its default accuracy; ``--fine`` makes its steps finer.
 Where both differ by more than a percent, up to ``--causes`` shifts drawn at random are simulated
@@ -20,7 +20,7 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
@@ -61,7 +61,7 @@ def sampled(
     seed: int, designs: int, fine: bool
 ) -> list[tuple[str, str, float, list[Pair], Series]]:
     """Simulate: size, contact set, speed in 1/min, pairs of shifts and CPU time of each, s."""
-    rng, study, found = np.random.default_rng(seed), default_study(), []
+    rng, study, found = np.random.default_rng(seed), paper_study(), []
     forces = sorted({point.profile.force for point in study.points})
     profiles = {point.profile.force: point.profile for point in study.points}
     for size, (_, _, rings, _, _) in SIZES.items():
@@ -215,7 +215,7 @@ def main() -> None:
     parser.add_argument("--causes", type=int, default=100)
     parser.add_argument("--fine", action="store_true", help="Drake at its refined accuracy")
     given = parser.parse_args()
-    study = default_study()
+    study = paper_study()
     engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
     groups = sampled(given.seed, given.designs, given.fine)
     print(f"seed {given.seed}, {given.designs} designs of each clutch and contact set, "

@@ -2,7 +2,7 @@
 
     python -m benchmarks.expectation
 
-The prototype at all operating points of the default study, 96 even angles at each in Drake and in
+The prototype at all operating points of the paper's study, 96 even angles at each in Drake and in
 the compiled engine. One process; takes some ten minutes; needs the extra ``blind``.
 
 **Random angles**: what the variance over these angles asks for, times what a shift costs, in Drake
@@ -27,7 +27,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks.common import angles_of, default_study
+from benchmarks.common import angles_of, paper_study
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.progress import SILENT, WorkCounter
@@ -96,7 +96,7 @@ class Dense:
 
 def main() -> None:
     """Print the comparison."""
-    study = default_study()
+    study = paper_study()
     dense, other = simulated(study)
     times, cpu = dense.times("drake"), dense.cost("drake")
     mean = float(np.nanmean(times, axis=1).mean())

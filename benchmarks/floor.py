@@ -14,7 +14,7 @@ from collections import Counter
 
 import numpy as np
 
-from benchmarks.common import angles_of, default_study
+from benchmarks.common import angles_of, paper_study
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.phases import PHASES, touching
 from dogshape.sim.shift.plant import ClutchPlant
@@ -32,7 +32,7 @@ PLACES = {
 def derivative(plant: ClutchPlant, place: str) -> float:
     """Return the CPU of one derivative in s: the least of nine runs."""
     way, part, step = PLACES[place]
-    point = default_study().points[0]
+    point = paper_study().points[0]
     best = np.inf
     for _ in range(9):
         simulator = plant.start(point, part * plant.clutch.dog.pitch_angle)
@@ -53,7 +53,7 @@ def derivative(plant: ClutchPlant, place: str) -> float:
 
 def main() -> None:
     """Print both tables."""
-    study = default_study()
+    study = paper_study()
     plant = ClutchPlant(study.clutch)
     print("CPU of one derivative")
     for place in PLACES:

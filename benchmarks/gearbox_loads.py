@@ -1,4 +1,4 @@
-"""What designs of the default study pass under the loads of a gearbox.
+"""What designs of the paper's study pass under the loads of a gearbox.
 
     python -m benchmarks.gearbox_loads [--jobs N]
 
@@ -48,7 +48,7 @@ SETTINGS: dict[str, Keys] = {
 def judged(design: dict[str, float], keys: Keys, jobs: int) -> Strength:
     """Return all checks of a design, keys in edge units, with its landing."""
     shape = {f"dog.{name}": value for name, value in design.items()}
-    study = load_study("mq200", {**shape, **keys, "solver.engine": "planar"})
+    study = load_study("mq200_paper", {**shape, **keys, "solver.engine": "planar"})
     return check_strength(study, Where(jobs))
 
 
@@ -71,7 +71,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--jobs", type=int, default=0)
     jobs = parser.parse_args().jobs
-    designs: Designs = designs_of(load_study("mq200"))
+    designs: Designs = designs_of(load_study("mq200_paper"))
     for name, keys in SETTINGS.items():
         given = ", ".join(f"{key}={value}" for key, value in keys.items())
         print(f"\n{name}: {given or 'nothing further'}")

@@ -2,7 +2,7 @@
 
     python -m benchmarks.impact_force
 
-Prototype and chosen design of the default study at its 28 operating points, three even angles each,
+Prototype and chosen design of the paper's study at its 28 operating points, three even angles each,
 the same for all settings: mean of the shifts' peak axial and tangential force with the standard
 error of their ratio, and the hardest landing dog on dog, an extreme and so mostly luck. The fork
 moves with the sliding ring (``sim.shift.mechanism``, the effect moving_mass).
@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from dogshape.pipeline.config.study_file import Study
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch
@@ -143,7 +143,7 @@ def settings() -> list[tuple[float, float]]:
 
 def main() -> None:
     """Print the table."""
-    study = default_study()
+    study = paper_study()
     print(f"peak forces of the ring, kN: means of {len(study.points)} operating points, {ANGLES} "
           "angles each, with ratios to the default;")  # fmt: skip
     print(f"closed form, all faces flat: at {SPEED} m/s, and at the speed after free flight")

@@ -25,7 +25,7 @@ RUNS = 5
 
 def main() -> None:
     """Print ms a shift, the median of several runs, and its share of a shift."""
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     blocks = even_blocks(study.clutch, study.points, study.file.expectation.angles, 1)
     begin = time.process_time()
     rows = [row for block in blocks[::4] for row in run_block(block)]

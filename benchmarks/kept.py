@@ -21,7 +21,7 @@ def result(study: str) -> Any:
 @cache
 def surrogate() -> Any:
     """Read the figures of the surrogate that the package brings."""
-    path = ROOT / "studies" / "mq200" / "surrogate.json"
+    path = ROOT / "studies" / "mq200_paper" / "surrogate.json"
     document = json.loads(path.read_text(encoding="utf-8"))
     return {key: document[key] for key in ("validation", "comparison")}
 

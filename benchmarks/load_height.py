@@ -40,7 +40,7 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from benchmarks.common import clutch_of, default_study
+from benchmarks.common import clutch_of, paper_study
 from dogshape.sim.shift.flank import FlankContact, flank_contact
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.strength.load_case import LoadCase
@@ -275,7 +275,7 @@ def line_force(dog: Dog) -> float:
 
 def dog_of(name: str) -> Dog:
     """Return the dog of one of the designs."""
-    return clutch_of(default_study(), name).dog
+    return clutch_of(paper_study(), name).dog
 
 
 def bed_height(height: float, force: float, angle: float) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from dogshape.pipeline.export import svg
 from dogshape.pipeline.export.drawing import outline
 from dogshape.sim.shift.geometry import Dog
@@ -105,4 +105,4 @@ def picture(dog: Dog) -> str:
 
 
 if __name__ == "__main__":
-    print(picture(default_study().clutch.dog), end="")
+    print(picture(paper_study().clutch.dog), end="")

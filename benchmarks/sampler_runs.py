@@ -78,7 +78,7 @@ class Record:
 
 def problem(*overrides: str) -> Study:
     """Return the study that all samplers search."""
-    return load_study("mq200", [*PROBLEM, *overrides])
+    return load_study("mq200_paper", [*PROBLEM, *overrides])
 
 
 def search(sampler: str, seed: int, designs: int) -> Record:

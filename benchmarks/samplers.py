@@ -2,7 +2,7 @@
 
     python -m benchmarks.samplers [--seeds N] [--designs N] [--jobs N] [--out DIR] [--kept]
 
-The default study's objectives and constraints at six of its operating points, four angles each;
+The paper's study's objectives and constraints at six of its operating points, four angles each;
 ``benchmarks/sampler_runs.py`` says how each sampler is run. All begin with the same ten designs and
 may spend the same number of shifts, and none knows what the package brings. Each run has a
 processor to itself, so that the time is that of one worker.

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, default_study, measure, point_of
+from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
@@ -107,7 +107,7 @@ def table(count: int, settings: EngineSettings) -> None:
         widths = (14, 9, 9, 8, 8, 9, 9, 9)
         cells = [f"{text:>{width}}" for text, width in zip(head[1:], widths, strict=True)]
         print(f"{head[0]:<10}" + "".join(cells))
-    study = default_study()
+    study = paper_study()
     rows = []
     for design in DESIGNS:
         clutch = clutch_of(study, design)
@@ -132,7 +132,7 @@ def table(count: int, settings: EngineSettings) -> None:
 
 def three(count: int) -> None:
     """Print how all three engines agree, each at its fine settings."""
-    study = default_study()
+    study = paper_study()
     cells: dict[str, list[Cell]] = {"Drake": [], "MuJoCo": [], "compiled": []}
     for design in DESIGNS:
         clutch = clutch_of(study, design)
@@ -235,7 +235,7 @@ CASES: tuple[tuple[str, int, tuple[Case, ...]], ...] = (
 
 def causes(count: int) -> None:
     """Print the cells that differ most, with one thing changed at a time."""
-    study = default_study()
+    study = paper_study()
     for design, index, cases in CASES:
         mismatch, force = POINTS[index]
         point = point_of(study, mismatch, force)

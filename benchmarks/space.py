@@ -1,4 +1,4 @@
-"""What ``dogshape fit mq200`` left in ``results/mq200-space``, for the tables about it."""
+"""Find what ``fit mq200_paper`` left in ``results/mq200_paper-space``, for the tables about it."""
 
 from __future__ import annotations
 
@@ -61,8 +61,10 @@ class Space:
 
 
 def space() -> Space:
-    """Return the filled folder of the default study; exit where it is not there yet."""
-    folder = StudyFolder(Path("results/mq200-space"))
+    """Return the filled folder of the paper's study; exit where it is not there yet."""
+    folder = StudyFolder(Path("results/mq200_paper-space"))
     if not folder.best.exists():
-        sys.exit("results/mq200-space is not filled yet: run 'dogshape fit mq200' first")
+        sys.exit(
+            "results/mq200_paper-space is not filled yet: run 'dogshape fit mq200_paper' first"
+        )
     return Space(folder, folder.stored_study())

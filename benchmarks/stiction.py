@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.common import angles_of, default_study, measure, point_of
+from benchmarks.common import angles_of, measure, paper_study, point_of
 from dogshape.sim.shift.clutch import solver_for
 from dogshape.sim.shift.contact import CONTACT_SETS
 from dogshape.sim.shift.plant import ClutchPlant
@@ -26,7 +26,7 @@ POINTS = ((5.0, 235.2), (10.0, 641.5), (50.0, 469.0))
 
 def main() -> None:
     """Print the table."""
-    study = default_study()
+    study = paper_study()
     print("mean shift time of those that engage, ms, and how many of twelve stay blocked")
     for name, velocities in VELOCITIES.items():
         head = "".join(f"{v * 1e3:>11.1f} mm/s" for v in velocities)

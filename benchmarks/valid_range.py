@@ -2,7 +2,7 @@
 
     python -m benchmarks.valid_range
 
-Shifts of the prototype and of the chosen design of the default study at angles of one pitch; the
+Shifts of the prototype and of the chosen design of the paper's study at angles of one pitch; the
 force rises within 0.05 s. A cell has how many of them were refused (``sim.shift.passing``), and the
 deepest penetration of those that were not.
 """
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from benchmarks.kept import result
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -28,8 +28,8 @@ ANGLES = 6
 
 
 def chosen(clutch: Clutch) -> Clutch:
-    """Give the clutch with the chosen design of the default study."""
-    p = result("mq200")["best"]
+    """Give the clutch with the chosen design of the paper's study."""
+    p = result("mq200_paper")["best"]
     dog = replace(
         clutch.dog,
         count=int(p["count"]),
@@ -57,7 +57,7 @@ def cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
 
 def main() -> None:
     """Print the table."""
-    clutch = default_study().clutch
+    clutch = paper_study().clutch
     print(f"refused of {ANGLES} shifts, and the deepest penetration of the others, mm")
     print(f"{'design':<12}{'1/min':>8}" + "".join(f"{f'{force:g} N':>16}" for force in FORCES))
     for name, mine in (("prototype", clutch), ("chosen", chosen(clutch))):

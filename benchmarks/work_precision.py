@@ -22,7 +22,7 @@ import plotly.graph_objects as go
 from pydrake.geometry import HydroelasticContactRepresentation as Representation
 
 import dogshape.sim.shift.plant
-from benchmarks.common import angles_of, default_study
+from benchmarks.common import angles_of, paper_study
 from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -123,7 +123,7 @@ def second_settings(clutch: Clutch) -> list[Setting]:
 
 def run(angles: int) -> list[Setting]:
     """Simulate all settings, interleaved."""
-    study = default_study()
+    study = paper_study()
     made = settings_of(study.clutch)
     points = [p for p in study.points if p.mismatch >= 24.0 * RPM]
     for index, point in enumerate(points):

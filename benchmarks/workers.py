@@ -2,7 +2,7 @@
 
     python -m benchmarks.workers [--rounds N]
 
-Shifts of the prototype at half of the default study's operating points are simulated with one
+Shifts of the prototype at half of the paper's study's operating points are simulated with one
 and two worker processes and with one and two Dask workers on this machine, in turns. The model
 takes the measured time of each block of shifts and the measured time to fit and ask a round, and
 lays the blocks of a round on W workers, each taking the next block when it is free: what is lost
@@ -24,7 +24,7 @@ import numpy as np
 import optuna
 from distributed import LocalCluster
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from dogshape.pipeline.config.study_file import Study
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
@@ -86,7 +86,7 @@ def quiet_cluster(workers: int) -> LocalCluster:
 
 
 def asking_times(study: Study) -> list[float]:
-    """Return the time in s of each proposal of the default study's last round.
+    """Return the time in s of each proposal of the paper's study's last round.
 
     The first one fits the process too.
     """
@@ -161,7 +161,7 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=3)
     rounds = parser.parse_args().rounds
     optuna.logging.set_verbosity(optuna.logging.WARNING)
-    study = default_study()
+    study = paper_study()
     made = measure(study, rounds)
     print_measured(made, rounds)
     print_model(study, np.median(made[0].blocks, axis=0).tolist(), asking_times(study))

@@ -29,7 +29,7 @@ from dogshape.sim.units import DEG, RPM
 #: Rise time of the published shift forces, s by N (thesis table 2).
 RISE = {235.2: 0.2510, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 
-#: Overrides that make the default study small: two operating points, few angles, narrow ranges.
+#: Overrides that make the paper's study small: two operating points, few angles, narrow ranges.
 SMALL = [
     "operating.mismatch_rpm=[50, 149]",
     "operating.force_N=[469.0]",
@@ -89,8 +89,8 @@ def point() -> Callable[[float, float], OperatingPoint]:
 
 @pytest.fixture
 def small_study() -> Study:
-    """The default study at smoke size."""
-    return load_study("mq200", SMALL)
+    """The paper's study at smoke size."""
+    return load_study("mq200_paper", SMALL)
 
 
 def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: Any) -> Run:

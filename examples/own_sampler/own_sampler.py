@@ -21,7 +21,7 @@ def objective(trial: optuna.Trial, angles: int) -> float:
         "count": trial.suggest_int("count", 12, 24),
     }
     try:
-        found = ds.Study("mq200", **dog).expect(
+        found = ds.Study("mq200_paper", **dog).expect(
             mismatch_rpm=100, force_N=469, angles=angles, jobs=1
         )
     except ds.DogshapeError as error:

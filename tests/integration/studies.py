@@ -66,6 +66,6 @@ def finished_study(factory: pytest.TempPathFactory, name: str, **more: Any) -> F
     settings = SETTINGS | {f"search.{key}": value for key, value in more.items()}
 
     def search(folder: Path) -> None:
-        ds.Study("mq200", settings).search(folder, jobs=1, report=False)
+        ds.Study("mq200_paper", settings).search(folder, jobs=1, report=False)
 
     return made_once(factory, name, search)

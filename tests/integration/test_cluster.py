@@ -20,8 +20,8 @@ from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
 
 OVERRIDES = [part for text in SMALL for part in ("--set", text)]
-STUDY = ["mq200", "--no-report", *OVERRIDES]
-EXPECT = ["mq200", "--angles", "3", *OVERRIDES, "--json"]
+STUDY = ["mq200_paper", "--no-report", *OVERRIDES]
+EXPECT = ["mq200_paper", "--angles", "3", *OVERRIDES, "--json"]
 
 
 def _call(verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -141,7 +141,7 @@ def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
 def test_no_cluster_is_said(tmp_path: Path) -> None:
     """One that waits for ever runs into the limit of ``_call``."""
     nobody = f"tcp://127.0.0.1:{free_port()}"
-    asked = (("expect", EXPECT), ("study", ["mq200", "--out", str(tmp_path / "out")]))
+    asked = (("expect", EXPECT), ("study", ["mq200_paper", "--out", str(tmp_path / "out")]))
     refusing = [
         subprocess.Popen(
             command_of(verb, *more, "--cluster", nobody), cwd=ROOT, stderr=subprocess.PIPE

@@ -35,7 +35,9 @@ def test_help_has_an_example(dogshape: Call, verb: str) -> None:
 
 
 def test_shift(dogshape: Call, tmp_path: Path) -> None:
-    said = dogshape("shift", "mq200", *ONE_SHIFT, "--html", "a.html", "--trace", "a.csv", "--json")
+    said = dogshape(
+        "shift", "mq200_paper", *ONE_SHIFT, "--html", "a.html", "--trace", "a.csv", "--json"
+    )
     assert said.status == 0
     assert said.json["outcome"] == "engaged"
     assert said.json["shift_time_s"] == pytest.approx(0.0826, rel=0.02)
@@ -56,7 +58,7 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
 
 
 def test_shift_for_people(dogshape: Call) -> None:
-    said = dogshape("shift", "mq200", *ONE_SHIFT, "--force-rise-s", 0.1)
+    said = dogshape("shift", "mq200_paper", *ONE_SHIFT, "--force-rise-s", 0.1)
     assert said.status == 0
     assert "engaged in" in said.out
     assert "face contact" in said.out
@@ -65,7 +67,7 @@ def test_shift_for_people(dogshape: Call) -> None:
 def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
     flat = ("--set", "dog.chamfer_deg=2")
     still = ("--mismatch-rpm", 0, "--force-N", 469, "--relative-angle-deg", 0)
-    said = dogshape("shift", "mq200", *still, *flat, "--json")
+    said = dogshape("shift", "mq200_paper", *still, *flat, "--json")
     assert said.status == 0
     assert said.json["outcome"] == "blocked"
     assert said.json["shift_time_s"] is None
@@ -73,7 +75,7 @@ def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
 
 def test_expect_one_point(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape("expect", "mq200", *point, "--angles", 4, "--jobs", 1, "--json")
+    said = dogshape("expect", "mq200_paper", *point, "--angles", 4, "--jobs", 1, "--json")
     assert said.status == 0
     (only,) = said.json["points"]
     assert only["n"] == 4
@@ -84,9 +86,11 @@ def test_expect_one_point(dogshape: Call) -> None:
 
 def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape("expect", "mq200", *point, "--angles", "0,12", "--jobs", 1, "--json")
+    said = dogshape("expect", "mq200_paper", *point, "--angles", "0,12", "--jobs", 1, "--json")
     times = [
-        dogshape("shift", "mq200", *point, "--relative-angle-deg", a, "--json").json["shift_time_s"]
+        dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", a, "--json").json[
+            "shift_time_s"
+        ]
         for a in (0, 12)
     ]
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
@@ -97,8 +101,12 @@ HARD_POINTS = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force
 
 
 def test_expect_to_a_precision(dogshape: Call) -> None:
-    wide = dogshape("expect", "mq200", *HARD_POINTS, "--precision", 0.2, "--json", "--jobs", 1)
-    fine = dogshape("expect", "mq200", *HARD_POINTS, "--precision", 0.02, "--json", "--jobs", 1)
+    wide = dogshape(
+        "expect", "mq200_paper", *HARD_POINTS, "--precision", 0.2, "--json", "--jobs", 1
+    )
+    fine = dogshape(
+        "expect", "mq200_paper", *HARD_POINTS, "--precision", 0.02, "--json", "--jobs", 1
+    )
     assert wide.status == fine.status == 0
     for said, goal in ((wide, 0.2), (fine, 0.02)):
         found: Any = said.json
@@ -106,7 +114,9 @@ def test_expect_to_a_precision(dogshape: Call) -> None:
         assert 0.0 <= found["numerical_error_s"] < 1e-5
     shifts = [sum(said.json["engines"].values()) for said in (wide, fine)]
     assert shifts[0] < shifts[1]
-    one = dogshape("expect", "mq200", *HARD_POINTS, "--precision", 0.02, "--levels", 1, "--json")
+    one = dogshape(
+        "expect", "mq200_paper", *HARD_POINTS, "--precision", 0.02, "--levels", 1, "--json"
+    )
     apart = one.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]
     assert abs(apart) < 2.0 * (one.json["standard_error_s"] + fine.json["standard_error_s"])
     assert list(one.json["engines"]) == ["drake"]
@@ -116,7 +126,7 @@ def test_expect_to_a_precision(dogshape: Call) -> None:
 @pytest.fixture
 def studied(finished: Finished, tmp_path: Path) -> Path:
     """A folder with the results of a study at smoke size."""
-    finished.copy(tmp_path / "home" / "results" / "mq200")
+    finished.copy(tmp_path / "home" / "results" / "mq200_paper")
     return tmp_path / "home"
 
 
@@ -124,31 +134,33 @@ def test_study_then_report_fit_and_check(
     dogshape: Call, studied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(studied)
-    report = studied / "results/mq200/report.html"
+    report = studied / "results/mq200_paper/report.html"
     assert not report.exists()
-    assert dogshape("report", "results/mq200", "--json").json == {
-        "report": "results/mq200/report.html"
+    assert dogshape("report", "results/mq200_paper", "--json").json == {
+        "report": "results/mq200_paper/report.html"
     }
     assert report.stat().st_size > 1_000_000
 
-    fitted = dogshape("fit", "results/mq200", "--out", "mine.json", "--json")
+    fitted = dogshape("fit", "results/mq200_paper", "--out", "mine.json", "--json")
     assert fitted.status == 0
     assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
     assert fitted.json["n"] == 12
 
-    checked = dogshape("check", "mq200", *SETS, "--surrogate", "mine.json", "--json")
+    checked = dogshape("check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--json")
     assert checked.status == 0
     assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
     assert checked.json["feasible"] is True
     assert checked.json["in_range"] is True
 
     at = ("--mismatch-rpm", 80, "--force-N", 469, "--surrogate", "mine.json", "--json")
-    one = dogshape("check", "mq200", *SETS, *at)
+    one = dogshape("check", "mq200_paper", *SETS, *at)
     assert one.json["operating_points"] == 1
     assert one.json["expected_shift_time_s"] != checked.json["expected_shift_time_s"]
 
     Path("designs.csv").write_text("name,chamfer_deg,count\na,8,15\nb,9.5,17\n")
-    many = dogshape("check", "mq200", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv")
+    many = dogshape(
+        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
+    )
     assert "wrote designs-times.csv: 2 designs" in many.out
     answers = pd.read_csv("designs-times.csv")
     assert answers["name"].tolist() == ["a", "b"]
@@ -158,23 +170,23 @@ def test_study_then_report_fit_and_check(
     assert (answers["low_s"] < answers["high_s"]).all()
     Path("designs.csv").write_text("chamfr_deg\n8\n")
     wrong = dogshape(
-        "check", "mq200", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
+        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
     )
     assert "did you mean 'chamfer_deg'?" in wrong.sentence
 
-    far = dogshape("check", "mq200", *SETS, "--set", "dog.height_mm=7", "--json")
+    far = dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]
-    assert "extrapolates" in dogshape("check", "mq200", *SETS, "--set", "dog.height_mm=7").out
+    assert "extrapolates" in dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7").out
 
-    weak = dogshape("check", "mq200", *SETS, "--set", "dog.traction_deg=5")
+    weak = dogshape("check", "mq200_paper", *SETS, "--set", "dog.traction_deg=5")
     assert weak.status == 1
 
-    other = dogshape("check", "mq200", *SETS, "--set", "contact.set=adams2019")
+    other = dogshape("check", "mq200_paper", *SETS, "--set", "contact.set=adams2019")
     assert other.status == 2
     assert "other physics" in other.sentence
 
-    again = dogshape("study", "mq200", *SETS)
+    again = dogshape("study", "mq200_paper", *SETS)
     assert again.status == 2
     assert "add --resume" in again.sentence
 
@@ -190,19 +202,19 @@ def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) ->
         "reference_error": 0.3,
     }
     sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
-    said = dogshape("fit", "mq200", *SETS, *sets, "--json")
+    said = dogshape("fit", "mq200_paper", *SETS, *sets, "--json")
     assert said.status == 0, said.err
     assert said.json["n"] == 3
     assert said.json["source"] == "references"
     assert said.json["designs"] == 11
     assert said.json["shifts"] == 66
-    table = pd.read_csv("results/mq200-space/points.csv")
+    table = pd.read_csv("results/mq200_paper-space/points.csv")
     assert len(table) == 22
     assert table["shifts"].eq(3).all()
-    checked = dogshape("check", "mq200", *SETS, "--json")
+    checked = dogshape("check", "mq200_paper", *SETS, "--json")
     assert checked.json["surrogate"] == said.json["file"]
-    again = dogshape("fit", "results/mq200-space", "--json")
-    assert again.json == {**said.json, "file": "results/mq200-space/surrogate.json"}
+    again = dogshape("fit", "results/mq200_paper-space", "--json")
+    assert again.json == {**said.json, "file": "results/mq200_paper-space/surrogate.json"}
 
 
 def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
@@ -251,43 +263,49 @@ def test_validate_asks_about_a_slip_of_units(dogshape: Call, tmp_path: Path) -> 
 HARD = ("--mismatch-rpm", 50, "--force-N", 5000)
 BAD: list[tuple[tuple[Any, ...], str]] = [
     (("strength", "nowhere"), "there is no study at nowhere"),
-    (("strength", "mq200", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
-    (("strength", "mq200", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
-    (("shift", "mq200", *ONE_SHIFT, "--set", "dog.count=40"), "width of the tip at the inner"),
-    (("shift", "mq200", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
-    (("shift", "mq200", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
-    (("shift", "mq200", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
-    (("shift", "mq200", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
-    (("expect", "mq200", *HARD), "actuation.rise_s, or give --force-rise-s."),
-    (("check", "mq200", *HARD), "extend actuation.force_N and actuation.rise_s."),
+    (("strength", "mq200_paper", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
+    (("strength", "mq200_paper", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
     (
-        ("study", "mq200", "--set", "operating.force_N=[99]"),
+        ("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.count=40"),
+        "width of the tip at the inner",
+    ),
+    (("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
+    (("shift", "mq200_paper", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
+    (("shift", "mq200_paper", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
+    (("shift", "mq200_paper", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
+    (("expect", "mq200_paper", *HARD), "actuation.rise_s, or give --force-rise-s."),
+    (("check", "mq200_paper", *HARD), "extend actuation.force_N and actuation.rise_s."),
+    (
+        ("study", "mq200_paper", "--set", "operating.force_N=[99]"),
         "actuation.force_N and actuation.rise_s.",
     ),
     (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
-    (("shift", "mq200", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
+    (("shift", "mq200_paper", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
     (
-        ("shift", "mq200", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
+        ("shift", "mq200_paper", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
         "--html is no/such/folder/a.html, but there is no folder no/such/folder; make it",
     ),
-    (("shift", "mq200", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
-    (("strength", "no/such/mq200"), "there is no study at no/such/mq200"),
-    (("strength", "mq200", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
-    (("fit", "results/mq200"), "there is no study at results/mq200"),
+    (("shift", "mq200_paper", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
+    (("strength", "no/such/mq200_paper"), "there is no study at no/such/mq200_paper"),
+    (("strength", "mq200_paper", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
+    (("fit", "results/mq200_paper"), "there is no study at results/mq200_paper"),
     (("validate", "mq200_adams", "--angles", 2), "needs at least three"),
-    (("expect", "mq200", "--force-rise-s", 0.1), "goes with one operating point"),
-    (("shift", "mq200", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
-    (("expect", "mq200", "--mismatch-rpm", 5), "give both"),
-    (("expect", "mq200", "--angles", "few"), "--angles is 'few'"),
-    (("expect", "mq200", "--angles", "0"), "--angles is '0'"),
-    (("study", "mq200", "--out", "/proc/none"), "cannot be written"),
-    (("study", "mq200", "--out", "x", "--storage", "sqlite:////no/such/d.db"), "cannot be opened"),
+    (("expect", "mq200_paper", "--force-rise-s", 0.1), "goes with one operating point"),
+    (("shift", "mq200_paper", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
+    (("expect", "mq200_paper", "--mismatch-rpm", 5), "give both"),
+    (("expect", "mq200_paper", "--angles", "few"), "--angles is 'few'"),
+    (("expect", "mq200_paper", "--angles", "0"), "--angles is '0'"),
+    (("study", "mq200_paper", "--out", "/proc/none"), "cannot be written"),
+    (
+        ("study", "mq200_paper", "--out", "x", "--storage", "sqlite:////no/such/d.db"),
+        "cannot be opened",
+    ),
     (("report", "nowhere"), "there is no study.json in nowhere"),
-    (("check", "mq200", "--surrogate", "none.json"), "there is no surrogate at"),
-    (("check", "mq200", "--set", "contact.set=adams2019"), "other physics than the study's"),
-    (("check", "mq200", "--designs", "none.csv"), "there is no table of designs at none.csv"),
-    (("check", "mq200", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
-    (("fit", "mq200", "--question", "bst"), "did you mean 'best'?"),
+    (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
+    (("check", "mq200_paper", "--set", "contact.set=adams2019"), "other physics than the study's"),
+    (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
+    (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
+    (("fit", "mq200_paper", "--question", "bst"), "did you mean 'best'?"),
     (("validate", "mq200_adams", "--correct", "tiem=ms"), "did you mean 'time'?"),
     (("validate", "mq200_stand", "--correct", "force=arm"), "a force referred to the sleeve twice"),
     (("validate", "nowhere"), "there is no data set at nowhere"),
@@ -305,10 +323,10 @@ def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], w
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("strength", "mq200", "--colour", "red"), "--colour"),
-        (("shift", "mq200"), "Missing option"),
-        (("shrength", "mq200"), "shrength"),
-        (("expect", "mq200", "--jobs", "-1"), "--jobs"),
+        (("strength", "mq200_paper", "--colour", "red"), "--colour"),
+        (("shift", "mq200_paper"), "Missing option"),
+        (("shrength", "mq200_paper"), "shrength"),
+        (("expect", "mq200_paper", "--jobs", "-1"), "--jobs"),
     ],
 )
 def test_wrong_options_are_one_sentence(
@@ -324,30 +342,30 @@ def test_version_and_status_through_the_entry_point() -> None:
     entry = [sys.executable, "-m", "dogshape.pipeline"]
     version = subprocess.run([*entry, "--version"], capture_output=True, text=True, check=True)
     assert re.fullmatch(r"dogshape \d+\.\d+\.\d+, drake \S+", version.stdout.strip())
-    weak = [*entry, "strength", "mq200", "--no-simulation", "--set", "dog.traction_deg=5"]
+    weak = [*entry, "strength", "mq200_paper", "--no-simulation", "--set", "dog.traction_deg=5"]
     assert subprocess.run(weak, capture_output=True, check=False).returncode == 1
 
 
 def test_nothing_engaged_is_said(dogshape: Call) -> None:
     hasty = ("--set", "shift.timeout_s=0.01", "--angles", 3, "--jobs", 1)
     point = ("--mismatch-rpm", 50, "--force-N", 469)
-    said = dogshape("expect", "mq200", *point, *hasty, "--json")
+    said = dogshape("expect", "mq200_paper", *point, *hasty, "--json")
     assert said.json["lower_bound"] is True
     assert said.json["points"][0]["mean_engaged_s"] is None
     assert said.json["mean_engaged_s"] is None
     assert (said.json["not_engaged"], said.json["shifts"]) == (3, 3)
-    assert "p = 1/(n + 1)" in dogshape("expect", "mq200", *point, *hasty).out
+    assert "p = 1/(n + 1)" in dogshape("expect", "mq200_paper", *point, *hasty).out
 
 
 def test_two_angles_say_nothing_of_the_error(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape("expect", "mq200", *point, "--angles", 2, "--jobs", 1, "--json")
+    said = dogshape("expect", "mq200_paper", *point, "--angles", 2, "--jobs", 1, "--json")
     assert said.json["standard_error_s"] is None
 
 
 def test_damaged_results_are_refused(dogshape: Call, studied: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
-    shutil.copytree(studied / "results/mq200", copy)
+    shutil.copytree(studied / "results/mq200_paper", copy)
     for content in ("{}", '{"trials": null}', "[]", "{"):
         (copy / "result.json").write_text(content)
         said = dogshape("report", copy)

@@ -57,7 +57,7 @@ Open = Callable[..., Opened]
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return load_study("mq200", SETTINGS)
+    return load_study("mq200_paper", SETTINGS)
 
 
 @pytest.fixture(scope="module")
@@ -218,7 +218,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     results = []
     for name, failing in (("passes", set[float]()), ("fails", hard)):
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", Landings(failing))
-        again = load_study("mq200", [*SETTINGS, "search.replicate=0.1"])
+        again = load_study("mq200_paper", [*SETTINGS, "search.replicate=0.1"])
         how = Run(StudyFolder(tmp_path / name), 1, report=False)
         results.append(run_study(again, how))
     passes, fails = results

@@ -17,7 +17,7 @@ from tests.conftest import SMALL
 
 def _small_space(*more: str) -> Study:
     """A study of the number of dogs alone: few designs, some of which pass the checks."""
-    file = load_study("mq200", [*SMALL, "search.trials=40", *more]).file
+    file = load_study("mq200_paper", [*SMALL, "search.trials=40", *more]).file
     few = VariablesSection(count=[13, 20])
     return build_study(file.model_copy(update={"variables": few}))
 

@@ -31,7 +31,7 @@ from dogshape.surrogate.time_curves import at_points, times_at
 from dogshape.surrogate.validation_figures import Validation
 from tests.browser import PROBE, look
 
-#: Ends of the search ranges of the default study, and what each variable adds across them, s.
+#: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
 LOW, HIGH = np.array([0.0, 4.0, 4.0, 1.6, 6.0]), np.array([20.0, 30.0, 30.0, 6.0, 36.0])
 SLOPES = np.array([-0.012, 0.0, 0.01, 0.02, -0.05])
 BEND = 0.03  #: of the square of the chamfer's share of its range, s
@@ -60,8 +60,8 @@ def truth(x: Array, points: Array) -> Array:
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    """The default study."""
-    return load_study("mq200")
+    """The paper's study."""
+    return load_study("mq200_paper")
 
 
 def feasible(study: Study, count: int, seed: int) -> Array:
@@ -226,7 +226,7 @@ def searched(study: Study, tmp_path: Path) -> dict[str, float]:
     (design,) = islice(filling_designs(study, 5, border=False), 1)
     rest = dict.fromkeys(("best", "confirmation", "surrogate", "versions"))
     result = {**rest, "trials": [], "objectives": [], "physics_hash": study.physics_hash}
-    folder = tmp_path / "results" / "mq200"
+    folder = tmp_path / "results" / "mq200_paper"
     folder.mkdir(parents=True)
     content = {**result, "front": [{"trial": 7, **design}]}
     (folder / "result.json").write_text(json.dumps(content))
@@ -240,11 +240,11 @@ def test_page_of_a_surrogate(
     tmp_path: Path,
 ) -> None:
     save(Path("mine.json"), _stored(surrogate))
-    said = dogshape("explore", "mq200", "--surrogate", "mine.json", "--json")
+    said = dogshape("explore", "mq200_paper", "--surrogate", "mine.json", "--json")
     assert said.status == 0, said.err
     assert said.err.count("\n") == 4
     found = said.json
-    assert found["file"] == "results/mq200/explore.html"
+    assert found["file"] == "results/mq200_paper/explore.html"
     assert {"effects", "indices", "slices", "validation", "comparison", "data"} <= set(found)
     assert found["data"]["hash"] == surrogate.data.digest
     _assert_slices(found["slices"], searched)
@@ -286,7 +286,7 @@ def _assert_slices(slices: list[dict[str, Any]], searched: dict[str, float]) -> 
 def test_other_physics_is_refused(dogshape: Callable[..., Any], surrogate: Surrogate) -> None:
     save(Path("mine.json"), _stored(surrogate))
     said = dogshape(
-        "explore", "mq200", "--surrogate", "mine.json", "--set", "contact.set=adams2019"
+        "explore", "mq200_paper", "--surrogate", "mine.json", "--set", "contact.set=adams2019"
     )
     assert said.status == 2
     assert "other physics" in said.sentence
@@ -294,7 +294,7 @@ def test_other_physics_is_refused(dogshape: Callable[..., Any], surrogate: Surro
 
 def test_a_slice_has_no_peak_at_a_design_that_was_simulated(study: Study) -> None:
     """Where the data of a design stray most, its slice is as smooth as anywhere."""
-    kept = load(bundled_root() / "mq200" / "surrogate.json").surrogate
+    kept = load(bundled_root() / "mq200_paper" / "surrogate.json").surrogate
     over = Over(kept, Mix(np.array([[249.0, 469.0]]), np.ones(1), 0.0))
     every = kept.data.designs
     strays = np.abs(over.predict(every)[0] / over.predict(every, alone=False)[0] - 1.0)

@@ -16,7 +16,7 @@ Call = Callable[..., Said]
 
 def test_finite_elements_on_request(dogshape: Call) -> None:
     needed(fem_available(), "scikit-fem")
-    said = dogshape("strength", "mq200", "--no-simulation", "--fem", "--json").json
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--fem", "--json").json
     rows = {(row["flank"], row["band"]): row for row in said["finite_elements"]}
     assert len(rows) == 6
     for row in rows.values():
@@ -27,7 +27,7 @@ def test_finite_elements_on_request(dogshape: Call) -> None:
 
 def test_export_to_cad(dogshape: Call) -> None:
     needed(cad_available(), "build123d")
-    said = dogshape("export", "mq200", "--step", "rings.step")
+    said = dogshape("export", "mq200_paper", "--step", "rings.step")
     assert said.status == 0
     assert "wrote rings.step (both rings)" in said.out
     assert Path("rings.step").read_text().startswith("ISO-10303-21;")

@@ -36,7 +36,7 @@ from tests.server import ROOT, command_of
 def _command(out: Path, *more: str) -> list[str]:
     overrides = [part for text in SMALL for part in ("--set", text)]
     return command_of(
-        "study", "mq200", "--out", str(out), "--resume", "--no-report", *overrides, *more
+        "study", "mq200_paper", "--out", str(out), "--resume", "--no-report", *overrides, *more
     )
 
 
@@ -73,7 +73,7 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: Finish
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
-    run_study(load_study("mq200", SMALL), searching(tmp_path, 1, resume=True))
+    run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, resume=True))
     assert _designs(_result(tmp_path)) == _designs(finished.result)
     assert _result(tmp_path)["confirmation"] == finished.result["confirmation"]
     keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
@@ -99,7 +99,7 @@ def test_a_full_disk_is_said_and_costs_nothing(
     kept = _lines(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200", SMALL), searching(tmp_path, 1, resume=True))
+    again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, resume=True))
     assert _lines(tmp_path)[: len(kept)] == kept
     assert _designs(again) == _designs(finished.result)
 
@@ -134,7 +134,7 @@ def test_a_disk_full_of_trials(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished, moment: int
 ) -> None:
     """The shifts are known, so that none has to be simulated for the trials."""
-    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=4"])
     short.copy(tmp_path / "out", "trials.log", "result.json")
     true, calls = JournalFileBackend.append_logs, []
 
@@ -199,7 +199,7 @@ def test_a_stale_lock_of_the_trials_costs_no_wait(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished
 ) -> None:
     """No attempt at the lock meets one that is there: Optuna would wait half a minute for it."""
-    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=4"])
     short.copy(tmp_path)
     lock = tmp_path / "trials.log.lock"
     lock.symlink_to(tmp_path / "trials.log")
@@ -218,7 +218,7 @@ def test_a_stale_lock_of_the_trials_costs_no_wait(
 def test_a_clock_that_jumps_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, short: Finished
 ) -> None:
-    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=4"])
     chance, true, asked = random.Random(1), time.time, []
 
     def jumping() -> float:
@@ -226,7 +226,7 @@ def test_a_clock_that_jumps_changes_nothing(
         return true() + chance.uniform(-4e8, 4e8)
 
     monkeypatch.setattr("time.time", jumping)
-    begun = load_study("mq200", [*SMALL, "search.trials=2"])
+    begun = load_study("mq200_paper", [*SMALL, "search.trials=2"])
     run_study(begun, searching(tmp_path / "jumps", 1))
     jumped = run_study(study, searching(tmp_path / "jumps", 1, resume=True))
     assert _designs(jumped) == _designs(short.result)
@@ -283,20 +283,22 @@ def test_what_the_clock_ended_is_dropped_from_a_journal_of_before(tmp_path: Path
     assert line.startswith("1 of the shifts failed at solver.time_limit_s or hung")
 
 
-def test_keys_of_the_default_study_stay() -> None:
+def test_keys_of_the_paper_study_stay() -> None:
     """Hashes that stored results carry, from before the limits were keys."""
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     assert study.physics_hash == "d9069ea6093eea848d23"
     assert even_blocks(study.clutch, study.points[:1], 3, 1)[0].keys[0] == "5a607148e2d870a34bd4"
-    limited = load_study("mq200", ["solver.max_steps=1000"])
+    limited = load_study("mq200_paper", ["solver.max_steps=1000"])
     assert limited.physics_hash != study.physics_hash
-    assert load_study("mq200", ["solver.time_limit_s=5"]).physics_hash == study.physics_hash
+    assert load_study("mq200_paper", ["solver.time_limit_s=5"]).physics_hash == study.physics_hash
 
 
 def test_a_study_goes_on_with_shifts_that_fail(tmp_path: Path, dogshape: Any) -> None:
     overrides = [part for text in SMALL for part in ("--set", text)]
     limits = ["--set", "search.trials=2", "--set", "solver.max_steps=420"]
-    said: Said = dogshape("study", "mq200", "--out", tmp_path, "--jobs", 1, *overrides, *limits)
+    said: Said = dogshape(
+        "study", "mq200_paper", "--out", tmp_path, "--jobs", 1, *overrides, *limits
+    )
     assert said.status == 0, said.err
     assert "2 of 2 designs" in said.err
     failed = _result(tmp_path)["failed_shifts"]

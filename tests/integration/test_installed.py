@@ -30,7 +30,7 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
     for arguments in (
-        ["strength", "mq200", "--no-simulation"],
+        ["strength", "mq200_paper", "--no-simulation"],
         ["validate", "mq200_adams", "--help"],
     ):
         done = subprocess.run(
@@ -38,7 +38,7 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
             cwd=work, env=environment, capture_output=True, text=True, timeout=120, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr
-    shift = ["shift", "mq200", "--mismatch-rpm", "100", "--force-N", "469"]
+    shift = ["shift", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"]
     shift += ["--relative-angle-deg", "12", "--html", "a.html"]
     subprocess.run([sys.executable, "-c", code, *shift], cwd=work, env=environment, check=True)
     assert (work / "a.html").stat().st_size > 1_000_000

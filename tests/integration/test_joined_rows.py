@@ -20,7 +20,7 @@ def test_a_search_goes_on_with_the_rows_that_it_began_with(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fewer rows, other parameters or none at all are refused; other figures are not."""
-    brought = known_surrogate(load_study("mq200"))
+    brought = known_surrogate(load_study("mq200_paper"))
     assert brought is not None
     known = brought.surrogate
     data = replace(known, data=known.data.subset(np.arange(100)))
@@ -31,7 +31,7 @@ def test_a_search_goes_on_with_the_rows_that_it_began_with(
         "began with other rows": replace(brought, surrogate=replace(known, times=times)),
         "rows that the package does not bring now; go on with the version of dogshape": None,
     }
-    study = load_study("mq200", ["search.trials=1"])
+    study = load_study("mq200_paper", ["search.trials=1"])
     StudyFolder(tmp_path).open(study, resume=True)
     began = open_search(study, StudyFolder(tmp_path), None, True, known=digest_of(brought))
     for words, other in others.items():

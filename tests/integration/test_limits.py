@@ -28,7 +28,7 @@ PLANAR = "solver.engine=planar"
 
 def study_with(*overrides: str) -> Study:
     """Load the small study for the compiled engine."""
-    return load_study("mq200", [*SMALL, PLANAR, *overrides])
+    return load_study("mq200_paper", [*SMALL, PLANAR, *overrides])
 
 
 def measured(study: Study, **dog: float) -> tuple[Any, list[Record]]:
@@ -95,7 +95,7 @@ def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
 
 
 def test_an_unknown_quantity_is_refused(dogshape: Callable[..., Said]) -> None:
-    said = dogshape("strength", "mq200", "--set", "search.limits.worst_shift_time=0.1")
+    said = dogshape("strength", "mq200_paper", "--set", "search.limits.worst_shift_time=0.1")
     assert said.status == 2
     assert "did you mean 'worst_shift_time_s'?" in said.err
 
@@ -129,7 +129,7 @@ def test_the_share_of_landings_does_not_grow_with_the_angles() -> None:
 
 def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
     study = load_study(
-        "mq200", [*SMALL, "search.screen_angles=16", "search.limits.worst_shift_time_s=1.0"]
+        "mq200_paper", [*SMALL, "search.screen_angles=16", "search.limits.worst_shift_time_s=1.0"]
     )
     executor, dog = scratch_executor(), study.clutch.dog
     (found,) = screen(study, [dog], executor, 1)
@@ -171,5 +171,5 @@ def _dog(row: dict[str, Any]) -> dict[str, float]:
 
 
 def test_the_public_package_says_the_same() -> None:
-    study = ds.Study("mq200", {"search.limits.axial_length_mm": 8.0})
+    study = ds.Study("mq200_paper", {"search.limits.axial_length_mm": 8.0})
     assert not study.strength(simulate=False).feasible

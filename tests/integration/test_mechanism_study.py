@@ -19,7 +19,7 @@ from tests.conftest import SMALL, searching
 def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> None:
     """Search, confirmation, surrogate and folder, by the compiled engine."""
     keys = ["mechanism.spline_friction=0.1", "mechanism.delay_s=0.05", "effects.drag_torque=0.2"]
-    study = load_study("mq200", [*SMALL, "solver.engine=planar", *keys])
+    study = load_study("mq200_paper", [*SMALL, "solver.engine=planar", *keys])
     result = run_study(study, searching(tmp_path, jobs=1))
     assert result["physics_hash"] == study.physics_hash
     assert result["confirmation"] is not None
@@ -38,4 +38,4 @@ def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> Non
     found = check_design(study, None, None, path)
     assert found.to_dict()["low_s"] > 0.06
     with pytest.raises(InputError, match="mechanism_spline_friction is absent here"):
-        check_design(load_study("mq200", [*SMALL, "solver.engine=planar"]), None, None, path)
+        check_design(load_study("mq200_paper", [*SMALL, "solver.engine=planar"]), None, None, path)

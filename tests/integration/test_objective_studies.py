@@ -92,7 +92,7 @@ def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
     budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
     points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
     more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
-    study = _tiny("mq200", *more, "shift.timeout_s=1.1")
+    study = _tiny("mq200_paper", *more, "shift.timeout_s=1.1")
     result, _ = _run(study, tmp_path)
     rows = [row for row in result["trials"] if row["feasible"]]
     assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)

@@ -68,7 +68,7 @@ function probe(said) {
 def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of a small study by a sampler that also proposes infeasible designs."""
     folder = tmp_path_factory.mktemp("report")
-    study = load_study("mq200", [*SMALL, "search.sampler=tpe"])
+    study = load_study("mq200_paper", [*SMALL, "search.sampler=tpe"])
     run_study(study, Run(StudyFolder(folder), jobs=1))
     return folder
 
@@ -159,7 +159,7 @@ def test_report_needs_no_network(reported: Path) -> None:
 
 def test_report_before_the_first_design_passes(tmp_path: Path) -> None:
     study = load_study(
-        "mq200", [*SMALL, "search.sampler=random", "search.trials=2",
+        "mq200_paper", [*SMALL, "search.sampler=random", "search.trials=2",
                   "material.allowable_pressure_MPa=2"]
     )  # fmt: skip
     result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))

@@ -50,7 +50,7 @@ NAMES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     """A small search run to its end."""
     folder = tmp_path_factory.mktemp("partial")
-    return folder, run_study(load_study("mq200", FEW), searching(folder, jobs=1))
+    return folder, run_study(load_study("mq200_paper", FEW), searching(folder, jobs=1))
 
 
 def _points_of(folder: Path) -> dict[tuple[float, ...], dict[tuple[float, float], int]]:
@@ -72,7 +72,7 @@ def test_designs_are_simulated_at_a_few_points_and_confirmed_at_all(
     points = _points_of(folder)
     confirmed = {d["trial"] for d in result["confirmation"]["designs"]}
     assert len(confirmed) == min(2, len(result["front"]))
-    study = load_study("mq200", FEW)
+    study = load_study("mq200_paper", FEW)
     announced = most_to_search(study, 16, partial=True, prototype=True)
     assert result["n_simulated_shifts"] <= announced + most_to_confirm(study, len(confirmed))
     for row in result["trials"]:
@@ -112,7 +112,7 @@ def test_probabilities_say_how_sure_the_front_is(found: tuple[Path, dict[str, An
 
 @pytest.mark.slow
 def test_the_same_search_on_two_workers(found: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
-    again = run_study(load_study("mq200", FEW), searching(tmp_path, jobs=2))
+    again = run_study(load_study("mq200_paper", FEW), searching(tmp_path, jobs=2))
     keys = (*NAMES, "expected_shift_time_s", "standard_error_s", "probability_on_front")
     first, second = ([[row.get(k) for k in keys] for row in r["trials"]] for r in (found[1], again))
     assert first == second
@@ -141,7 +141,7 @@ def test_cut_off_while_it_told_and_asked_it_ends_as_it_would_have(
     found: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
     """First designs that were told in part are foretold from all of them; so is what follows."""
-    study, how = load_study("mq200", FEW), Run(StudyFolder(tmp_path), jobs=1, resume=True)
+    study, how = load_study("mq200_paper", FEW), Run(StudyFolder(tmp_path), jobs=1, resume=True)
     for name in ("study.json", "shifts.jsonl"):  # what is asked was simulated
         shutil.copy(found[0] / name, tmp_path)
     for name, calls in (("tell", 5), ("ask", 2)):
@@ -155,7 +155,7 @@ def test_cut_off_while_it_told_and_asked_it_ends_as_it_would_have(
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return load_study("mq200", ["search.points=6"])
+    return load_study("mq200_paper", ["search.points=6"])
 
 
 def test_first_plans_take_turns_and_keep_the_hard_points(study: Study) -> None:
@@ -200,12 +200,12 @@ def test_plans_share_angles_with_whole_designs(study: Study) -> None:
     ],
 )
 def test_only_what_can_be_foretold_is_left_out(override: str, partial: bool) -> None:
-    study = load_study("mq200", ["search.points=6", override])
+    study = load_study("mq200_paper", ["search.points=6", override])
     assert DogGuide(study).partial == partial
 
 
 def test_too_few_designs_to_foretell_from_are_simulated_whole(tmp_path: Path) -> None:
-    study = load_study("mq200", [*FEW, "search.trials=2", "search.confirm_designs=1"])
+    study = load_study("mq200_paper", [*FEW, "search.trials=2", "search.confirm_designs=1"])
     result = run_study(study, searching(tmp_path, jobs=1))
     assert [row["points"] for row in result["trials"]] == [8, 8]
     assert all(len(points) == 8 for points in _points_of(tmp_path).values())

@@ -21,12 +21,12 @@ ONE = {"mismatch_rpm": 100, "force_N": 469}
 
 @pytest.fixture(scope="module")
 def shift() -> ds.Shift:
-    return ds.Study("mq200", chamfer_deg=11, count=18).shift(**ONE, angle_deg=10)
+    return ds.Study("mq200_paper", chamfer_deg=11, count=18).shift(**ONE, angle_deg=10)
 
 
 def test_a_shift_is_what_the_command_line_prints(shift: ds.Shift, dogshape: Dogshape) -> None:
     said = dogshape(
-        *("shift", "mq200", "--mismatch-rpm", "100", "--force-N", "469"),
+        *("shift", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"),
         *("--relative-angle-deg", "10", "--set", "dog.chamfer_deg=11", "--set", "dog.count=18"),
         "--json",
     )
@@ -54,13 +54,13 @@ def test_a_shift_as_table_figure_and_page(shift: ds.Shift, tmp_path: Path) -> No
 def test_results_show_themselves(shift: ds.Shift) -> None:
     assert f"shift time {1e3 * (shift.time_s or 0):.1f} ms" in repr(shift)
     assert "<th" in shift._repr_html_()
-    assert "chamfer_deg=11" in repr(ds.Study("mq200", chamfer_deg=11))
+    assert "chamfer_deg=11" in repr(ds.Study("mq200_paper", chamfer_deg=11))
 
 
 def test_expectation_is_what_the_command_line_prints(dogshape: Dogshape) -> None:
-    found = ds.Study("mq200").expect(**ONE, angles=[0, 8, 16], jobs=1)
+    found = ds.Study("mq200_paper").expect(**ONE, angles=[0, 8, 16], jobs=1)
     said = dogshape(
-        *("expect", "mq200", "--mismatch-rpm", "100", "--force-N", "469"),
+        *("expect", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"),
         *("--angles", "0,8,16", "--jobs", "1", "--json"),
     )
     assert json.loads(said.out) == found.to_dict()
@@ -70,11 +70,11 @@ def test_expectation_is_what_the_command_line_prints(dogshape: Dogshape) -> None
 
 
 def test_settings_are_keys_of_the_study_file() -> None:
-    study = ds.Study("mq200", {"contact.set": "adams2019"}, height_mm=3.5)
+    study = ds.Study("mq200_paper", {"contact.set": "adams2019"}, height_mm=3.5)
     assert study.config.clutch.contact.name == "adams2019"
     assert study.dog["height_mm"] == 3.5
     with pytest.raises(ds.InputError, match=r"did you mean 'dog[.]chamfer_deg'"):
-        ds.Study("mq200", chamfr_deg=11)
+        ds.Study("mq200_paper", chamfr_deg=11)
 
 
 def test_a_library_is_silent_and_tells_its_progress(capfd: pytest.CaptureFixture[str]) -> None:
@@ -87,7 +87,7 @@ def test_a_library_is_silent_and_tells_its_progress(capfd: pytest.CaptureFixture
         def say(self, line: str) -> None:
             raise AssertionError(line)
 
-    ds.Study("mq200").expect(**ONE, angles=4, jobs=1, progress=Mine())
+    ds.Study("mq200_paper").expect(**ONE, angles=4, jobs=1, progress=Mine())
     assert max(told) == 8
     assert capfd.readouterr() == ("", "")
 
@@ -105,8 +105,8 @@ def test_a_folder_of_the_users_own_shadows_nothing(tmp_path: Path) -> None:
     for name in ("sim", "studies", "pipeline"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("raise RuntimeError('not mine')\n")
-    code = "import dogshape as ds; print(ds.Study('mq200').name)"
+    code = "import dogshape as ds; print(ds.Study('mq200_paper').name)"
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
     )
-    assert done.stdout.strip() == "mq200", done.stderr
+    assert done.stdout.strip() == "mq200_paper", done.stderr

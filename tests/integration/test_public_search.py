@@ -28,7 +28,7 @@ SETS = [part for text in SMALL for part in ("--set", text)]
 def found(finished: Finished, tmp_path_factory: pytest.TempPathFactory) -> ds.StudyResult:
     """The finished study at smoke size, opened again by its problem."""
     out = finished.copy(tmp_path_factory.mktemp("public") / "mine")
-    return ds.Study("mq200", SETTINGS).search(out, jobs=1, report=False, resume=True)
+    return ds.Study("mq200_paper", SETTINGS).search(out, jobs=1, report=False, resume=True)
 
 
 @pytest.fixture
@@ -43,7 +43,7 @@ def test_a_search_is_what_the_command_line_prints(
 ) -> None:
     """The same study resumed has nothing left to simulate."""
     arguments = ("--out", found.folder, "--resume", "--no-report", "--jobs", "1", "--json")
-    said = dogshape("study", "mq200", *SETS, *arguments)
+    said = dogshape("study", "mq200_paper", *SETS, *arguments)
     assert said.status == 0, said.err
     assert json.loads(said.out) == json.loads(json.dumps(found.to_dict()))
     assert set(said.json) >= {"best", "front", "n_simulated_shifts", "report"}
@@ -118,16 +118,16 @@ def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> 
     with pytest.raises(ds.InputError, match="--set cannot change a study that was run"):
         ds.fit(found.folder, ["dog.count=18"])
     with pytest.raises(ds.InputError, match="give them to Study"):
-        ds.fit(ds.Study("mq200"), ["dog.count=18"])
-    with pytest.raises(ds.InputError, match=r"search of 'mq200'.*search[.]trials is 0"):
-        ds.Study("mq200").search(found.folder, trials=0)
+        ds.fit(ds.Study("mq200_paper"), ["dog.count=18"])
+    with pytest.raises(ds.InputError, match=r"search of 'mq200_paper'.*search[.]trials is 0"):
+        ds.Study("mq200_paper").search(found.folder, trials=0)
     with pytest.raises(ds.DogshapeError, match=r"another configuration.*search[.]seed"):
-        ds.Study("mq200", SETTINGS).search(found.folder, seed=7, resume=True)
+        ds.Study("mq200_paper", SETTINGS).search(found.folder, seed=7, resume=True)
     with pytest.raises(ds.DogshapeError, match=r"there is no study[.]json"):
         ds.load_result(found.folder / "none")
 
 
-@pytest.mark.parametrize("name", ["mq200", "mq200_robust", "mq200_three", "mq200_gearbox"])
+@pytest.mark.parametrize("name", ["mq200_paper", "mq200_robust", "mq200_three", "mq200"])
 def test_kept_results_keep_to_the_schema(name: str) -> None:
     path = ROOT / "studies" / name / "result.json"
     require_result(json.loads(path.read_text()), name)

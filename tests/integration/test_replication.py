@@ -97,7 +97,7 @@ Ended = Callable[..., Opened]
 
 
 def _study(*more: str) -> Study:
-    return load_study("mq200", [*MADE_UP, *more])
+    return load_study("mq200_paper", [*MADE_UP, *more])
 
 
 @pytest.fixture(scope="module")
@@ -358,7 +358,7 @@ def test_what_a_design_tells() -> None:
 
 
 def test_what_replication_may_take_may_change_between_runs() -> None:
-    file = load_study("mq200").file
+    file = load_study("mq200_paper").file
     assert file.search.replicate == REPLICATE
     assert "replicate" not in file.search.model_dump()
-    assert comparable(file) == comparable(load_study("mq200", ["search.replicate=0"]).file)
+    assert comparable(file) == comparable(load_study("mq200_paper", ["search.replicate=0"]).file)

@@ -46,7 +46,7 @@ class Claimed:
 
 def _study(sampler: str) -> Study:
     return load_study(
-        "mq200",
+        "mq200_paper",
         ["search.startup=3", f"search.trials={TRIALS}", f"search.sampler={sampler}",
          "shift.timeout_s=1.1"],
     )  # fmt: skip

@@ -45,7 +45,7 @@ def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
 
 def _command(out: Path, *more: str) -> list[str]:
     overrides = [part for text in SMALL for part in ("--set", text)]
-    return command_of("study", "mq200", "--out", str(out), "--no-report", *overrides, *more)
+    return command_of("study", "mq200_paper", "--out", str(out), "--no-report", *overrides, *more)
 
 
 def test_a_study_ends_with_everything(finished: Finished) -> None:
@@ -61,7 +61,7 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
     shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
     assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts == SHIFTS
-    study = load_study("mq200", SMALL)
+    study = load_study("mq200_paper", SMALL)
     announced = most_to_search(study, 12, partial=False, prototype=True)
     assert shifts == announced + most_to_confirm(study, len(confirmed))
     assert result["confirmation"]["gain_s"] == pytest.approx(
@@ -103,15 +103,15 @@ def test_rows_carry_inputs_and_versions(finished: Finished) -> None:
 def test_same_seed_gives_the_same_trials_on_more_workers(
     finished: Finished, tmp_path: Path
 ) -> None:
-    again = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=2))
+    again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=2))
     assert _designs(again) == _designs(finished.result)
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
 
 def test_another_seed_gives_other_trials(finished: Finished) -> None:
-    study = load_study("mq200", [*SMALL, "search.seed=2"])
+    study = load_study("mq200_paper", [*SMALL, "search.seed=2"])
     first = _proposals(study, 3)
-    assert first != _proposals(load_study("mq200", SMALL), 3)
+    assert first != _proposals(load_study("mq200_paper", SMALL), 3)
     assert finished.result["trials"][1]["height_mm"] != first[1]["height_mm"]
 
 
@@ -150,7 +150,7 @@ def test_stopped_and_resumed_equals_uninterrupted(
     kept = journal.read_bytes()
     whole = kept[: kept.rfind(b"\n") + 1]
     assert whole.count(b"\n") >= 8
-    resumed = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=1, resume=True))
+    resumed = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=1, resume=True))
     assert journal.read_bytes().startswith(whole)
     rows = _rows(tmp_path)
     assert len({row["key"] for row in rows}) == len(rows) == SHIFTS
@@ -163,7 +163,7 @@ def test_a_finished_study_can_be_given_more_trials(
 ) -> None:
     short.copy(tmp_path)
     assert not (tmp_path / "surrogate.json").exists()
-    longer = run_study(load_study("mq200", SMALL), searching(tmp_path, jobs=1, resume=True))
+    longer = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=1, resume=True))
     assert _designs(longer) == _designs(finished.result)
 
 
@@ -173,13 +173,13 @@ def test_a_torn_journal_of_trials_is_mended(
     short.copy(tmp_path)
     with (tmp_path / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
-    longer = load_study("mq200", [*SMALL, "search.trials=5"])
+    longer = load_study("mq200_paper", [*SMALL, "search.trials=5"])
     found = run_study(longer, searching(tmp_path, jobs=1, resume=True))
     assert _designs(found) == _designs(finished.result)[:5]
 
 
 def test_a_broken_journal_of_trials_is_said(short: Finished, tmp_path: Path) -> None:
-    study = load_study("mq200", [*SMALL, "search.trials=4"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=4"])
     short.copy(tmp_path)
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
@@ -196,8 +196,8 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     folder = finished.copy(tmp_path)
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     with pytest.raises(StorageError, match="holds a study already; add --resume"):
-        run_study(load_study("mq200", SMALL), searching(folder))
-    other = load_study("mq200", [*SMALL, "sliding.mass_kg=0.4"])
+        run_study(load_study("mq200_paper", SMALL), searching(folder))
+    other = load_study("mq200_paper", [*SMALL, "sliding.mass_kg=0.4"])
     words = r"another configuration \(sliding\.mass_kg was 0\.3 and is now 0\.4\); give the one"
     with pytest.raises(StorageError, match=words):
         run_study(other, searching(folder, resume=True))
@@ -209,7 +209,7 @@ def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Study) -> 
     folder.open(small_study, resume=False)
     changed = ["search.seed=3", "search.points=4", "variables.count=[12, 26]", "search.trials=99"]
     with pytest.raises(StorageError) as refused:
-        folder.open(load_study("mq200", [*SMALL, *changed]), resume=True)
+        folder.open(load_study("mq200_paper", [*SMALL, *changed]), resume=True)
     assert (
         "search.points was 10 and is now 4; search.seed was 1 and is now 3; "
         "variables.count was [12, 24] and is now [12, 26]); give"
@@ -231,13 +231,13 @@ def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
     monkeypatch.setattr("dogshape.pipeline.study.train", train)
     result = {"n_simulated_designs": designs, "trials": []}
     monkeypatch.setattr("dogshape.pipeline.study._searched", lambda *_: (result, print))
-    run_study(load_study("mq200", SMALL), searching(tmp_path))
+    run_study(load_study("mq200_paper", SMALL), searching(tmp_path))
     assert bool(asked) is learned
 
 
 def test_a_search_is_bounded(tmp_path: Path, dogshape: Any) -> None:
     """More than fits into a machine's memory is a slip, not a search of 1e13 years."""
-    said: Said = dogshape("study", "mq200", "--out", tmp_path, "--trials", 10**20)
+    said: Said = dogshape("study", "mq200_paper", "--out", tmp_path, "--trials", 10**20)
     assert said.status == 2
     assert "search.trials is" in said.sentence
     assert "10000" in said.sentence
@@ -275,13 +275,13 @@ def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Study) -
 def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -> None:
     url = f"sqlite:///{tmp_path}/search.db"
     settings = [*SMALL, "search.sampler=random", "search.trials=4"]
-    study = load_study("mq200", settings)
+    study = load_study("mq200_paper", settings)
     first = run_study(study, searching(tmp_path / "a", 1, storage=url))
     assert len(first["trials"]) == 4
     assert not (tmp_path / "a" / "trials.log").exists()
-    with pytest.raises(StorageError, match="holds a study 'mq200' already"):
+    with pytest.raises(StorageError, match="holds a study 'mq200_paper' already"):
         run_study(study, searching(tmp_path / "b", 1, storage=url))
-    other = load_study("mq200", [*settings, "sliding.mass_kg=0.4"])
+    other = load_study("mq200_paper", [*settings, "sliding.mass_kg=0.4"])
     with pytest.raises(StorageError, match="of another configuration"):
         run_study(other, searching(tmp_path / "c", 1, storage=url, resume=True))
     again = run_study(study, searching(tmp_path / "a", 1, storage=url, resume=True))
@@ -290,7 +290,7 @@ def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -
 
 @pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
 def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
-    study = load_study("mq200", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
+    study = load_study("mq200_paper", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
     result = run_study(study, searching(tmp_path, jobs=1))
     barred = [row for row in result["trials"] if not row["feasible"]]
     assert barred
@@ -310,7 +310,7 @@ def test_own_sampler_proposes_feasible_designs_only(small_study: Study) -> None:
 
 def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
     """With the time replaced by a bowl, the process beats designs that only fill the space."""
-    study = load_study("mq200", [*SMALL, "search.objectives=['expected_shift_time_s']"])
+    study = load_study("mq200_paper", [*SMALL, "search.objectives=['expected_shift_time_s']"])
     names = list(study.variables)
     low, high = np.array(list(study.variables.values())).T
     goal = np.array([12.0, 15.0, 18.0, 3.5, 20.0])
@@ -338,13 +338,13 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 
 
 def test_no_feasible_design_is_said(small_study: Study, tmp_path: Path) -> None:
-    tight = load_study("mq200", [*SMALL, "material.allowable_pressure_MPa=2"])
+    tight = load_study("mq200_paper", [*SMALL, "material.allowable_pressure_MPa=2"])
     with pytest.raises(InputError, match="passes every check; widen"):
         run_study(tight, searching(tmp_path, jobs=1))
 
 
 def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
-    still = load_study("mq200", SMALL)
+    still = load_study("mq200_paper", SMALL)
     file = still.file.model_copy(update={"variables": VariablesSection()})
     with pytest.raises(InputError, match=r"\[variables\] is empty"):
         run_study(build_study(file), searching(tmp_path / "out"))
@@ -364,7 +364,7 @@ def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
     ],
 )
 def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> None:
-    study = load_study("mq200", [*SMALL, override])
+    study = load_study("mq200_paper", [*SMALL, override])
     with pytest.raises(DogshapeError) as refused:
         run_study(study, searching(tmp_path / "out", jobs=1))
     assert words in str(refused.value)

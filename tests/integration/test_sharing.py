@@ -38,7 +38,7 @@ def _start(server: Server, name: str, out: Path, *more: str) -> Process:
     overrides = [part for text in (*SMALL, f"name={name}", *more) for part in ("--set", text)]
     where = ["--storage", server.url, "--out", str(out), "--resume", "--no-report", "--jobs", "1"]
     return subprocess.Popen(
-        command_of("study", "mq200", *where, *overrides),
+        command_of("study", "mq200_paper", *where, *overrides),
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -193,7 +193,7 @@ def test_locks_tell_the_living(server: Server) -> None:
 def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, words: str) -> None:
     full = url.format(free=free_port(), server=server.url)
     with pytest.raises(StorageError) as refused:
-        run_study(load_study("mq200", SMALL), searching(tmp_path, 1, storage=full))
+        run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=full))
     assert words in str(refused.value)
     assert "secret" not in str(refused.value)
 
@@ -203,13 +203,13 @@ def test_a_missing_driver_names_the_extra(
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "psycopg", None)
     with pytest.raises(StorageError, match=r"needs psycopg; install the extra.*\[machines\]"):
-        run_study(load_study("mq200", SMALL), searching(tmp_path, 1, storage=server.url))
+        run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=server.url))
 
 
 def test_a_machine_with_other_versions_is_refused(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = load_study("mq200", [*SMALL, "search.trials=1", "name=versions"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=1", "name=versions"])
     run_study(study, searching(tmp_path / "a", 1, server.url))
     monkeypatch.setattr(
         "dogshape.pipeline.search.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"}
@@ -221,7 +221,7 @@ def test_a_machine_with_other_versions_is_refused(
 def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
     from dogshape.pipeline.store.claims import OneFile
 
-    study = load_study("mq200", [*SMALL, "search.trials=1"])
+    study = load_study("mq200_paper", [*SMALL, "search.trials=1"])
     held = OneFile(tmp_path / "search.db")
     with pytest.raises(StorageError, match="SQLite serves one at a time"):
         run_study(study, searching(tmp_path, 1, f"sqlite:///{tmp_path}/search.db"))

@@ -71,7 +71,7 @@ def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
 ) -> None:
     """The run counts such shifts as failed and ends; the next one ends as if nothing had been."""
-    study, busy = load_study("mq200", FEW), Busy()
+    study, busy = load_study("mq200_paper", FEW), Busy()
     monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", busy)
     first = run_study(study, searching(tmp_path, 1))
     monkeypatch.undo()
@@ -92,7 +92,7 @@ def test_a_result_of_before_that_the_clock_spoilt_is_mended(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
 ) -> None:
     """Earlier versions kept what the clock ended, and told the trials that rest on it."""
-    study = load_study("mq200", FEW)
+    study = load_study("mq200_paper", FEW)
     with pytest.MonkeyPatch.context() as before:
         before.setattr("dogshape.pipeline.simulate.executor.run_block", Busy())
         for module in ("store.journal", "simulate.evaluation"):
@@ -108,7 +108,7 @@ def test_a_result_of_before_that_the_clock_spoilt_is_mended(
 def test_lost_shifts_are_said_and_simulated_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], calm: Finished
 ) -> None:
-    study, path = load_study("mq200", FEW), tmp_path / "shifts.jsonl"
+    study, path = load_study("mq200_paper", FEW), tmp_path / "shifts.jsonl"
     folder = StudyFolder(tmp_path)
     for name in ("study.json", "trials.log", "result.json"):
         (tmp_path / name).write_bytes((calm.folder / name).read_bytes())
@@ -132,7 +132,7 @@ def test_lost_shifts_are_said_and_simulated_again(
 
 
 def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None:
-    study = load_study("mq200", SMALL)
+    study = load_study("mq200_paper", SMALL)
     blocks = even_blocks(study.clutch, study.points, 3, 1)
     failed = {"outcome": "diverged", "shift_time_s": None, "reason": REASON}
     sound = {"outcome": "engaged", "shift_time_s": 0.1}
@@ -176,7 +176,7 @@ def test_constraints_are_those_of_the_last_simulation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where nothing can be predicted, all points are simulated, and dogs may land harder."""
-    study = load_study("mq200", [*SMALL, "search.batch=2"])
+    study = load_study("mq200_paper", [*SMALL, "search.batch=2"])
     search, ids, plans = _asked(study, monkeypatch)
     for trial_id in ids:
         search.optuna._storage.set_trial_system_attr(trial_id, "dogshape:plan", [3, 0])
@@ -193,7 +193,7 @@ def test_constraints_are_those_of_the_last_simulation(
 def test_what_another_run_told_leaves_no_other_trial_running(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = load_study("mq200", [*SMALL, "search.batch=3"])
+    study = load_study("mq200_paper", [*SMALL, "search.batch=3"])
     search, ids, _ = _asked(study, monkeypatch)
     search.optuna.tell(search.optuna.get_trials()[0].number, [0.2, 8.0])
     finish(search, ids, Executor(ShiftJournal(tmp_path / "shifts.jsonl"), 1))

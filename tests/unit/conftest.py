@@ -16,5 +16,5 @@ def result() -> Row:
 
 @pytest.fixture
 def study() -> Study:
-    """The default study."""
-    return load_study("mq200")
+    """The paper's study."""
+    return load_study("mq200_paper")

@@ -51,10 +51,10 @@ def test_files_are_written_and_named(dogshape: Call, tmp_path: Path, name: str) 
     folder = tmp_path / name
     folder.mkdir(parents=True)
     page, drawing = Path(name) / "shift.html", Path(name) / "dog.svg"
-    shown = dogshape("shift", "mq200", *ONE_SHIFT, "--html", page)
+    shown = dogshape("shift", "mq200_paper", *ONE_SHIFT, "--html", page)
     assert shown.status == 0
     assert f"wrote {page}" in shown.out
-    drawn = dogshape("export", "mq200", "--svg", drawing)
+    drawn = dogshape("export", "mq200_paper", "--svg", drawing)
     assert drawn.status == 0
     assert str(drawing) in drawn.out
     assert page.is_file()
@@ -79,7 +79,7 @@ def test_a_study_names_its_report(
     result: dict[str, Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
     report = Path("runs [v2]") / "[/red]" / "report.html"
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     for row in result["trials"]:
         row |= {**study.prototype, **row}
     whole = result | {"failed_shifts": {"[/red] stuck": 1}}

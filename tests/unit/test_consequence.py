@@ -33,7 +33,7 @@ EFFECTS = load()
 
 @pytest.fixture(scope="module")
 def study() -> Study:
-    return load_study("mq200")
+    return load_study("mq200_paper")
 
 
 def _run(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -74,7 +74,9 @@ def test_the_kept_result_gives_the_designs(study: Study) -> None:
     designs = designs_of(study, 3)
     assert next(iter(designs)) == "prototype"
     assert len(designs) == 4
-    result = json.loads((bundled_root() / "mq200" / "result.json").read_text(encoding="utf-8"))
+    result = json.loads(
+        (bundled_root() / "mq200_paper" / "result.json").read_text(encoding="utf-8")
+    )
     confirmed = result["confirmation"]
     assert list(designs)[1] == f"design {confirmed['chosen']}"
     failed = [d for d in confirmed["designs"] if not all(c["passed"] for c in d["checks"])]
@@ -95,18 +97,18 @@ def test_angles_of_follow_their_distribution(study: Study) -> None:
 def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever its study file lies, and however the folder is called."""
     monkeypatch.chdir(tmp_path)
-    own = load_study("mq200", ["name=truck"])
+    own = load_study("mq200_paper", ["name=truck"])
     folder = StudyFolder(Path("runs") / "first")
     folder.root.mkdir(parents=True)
     folder.open(own, resume=False)
     with pytest.raises(DataError, match=r"the study in runs/first has no result; run .*--resume"):
         studied(folder.root)
-    shutil.copy(bundled_root() / "mq200" / "result.json", folder.result)
+    shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
     found, designs = studied(folder.root)
     assert found.name == "truck"
-    assert designs == studied("mq200")[1]
+    assert designs == studied("mq200_paper")[1]
     mine = Path("mine.toml")
-    text = (bundled_root() / "mq200" / "study.toml").read_text()
-    mine.write_text(text.replace('name = "mq200"', 'name = "truck"'))
+    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
+    mine.write_text(text.replace('name = "mq200_paper"', 'name = "truck"'))
     with pytest.raises(DataError, match=r"in results/truck; run 'dogshape study mine.toml' first"):
         studied("mine.toml")

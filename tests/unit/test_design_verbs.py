@@ -25,7 +25,7 @@ QUICK = [
 
 
 def test_strength_checks_everything(dogshape: Call) -> None:
-    said = dogshape("strength", "mq200", *QUICK, "--json")
+    said = dogshape("strength", "mq200_paper", *QUICK, "--json")
     assert said.status == 0
     assert said.json["feasible"] is True
     checks = {c["name"]: c for c in said.json["checks"]}
@@ -41,17 +41,19 @@ def test_strength_checks_everything(dogshape: Call) -> None:
 
 
 def test_margins_within_tolerances_stand_beside_the_nominal_ones(dogshape: Call) -> None:
-    said = dogshape("strength", "mq200", "--no-simulation", "--json")
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--json")
     for check in said.json["checks"]:
         worst, rss = check["margin_worst_case"], check["margin_root_sum_square"]
         assert worst <= rss + 1e-12 <= check["margin"] + 2e-12
-    wide = dogshape("strength", "mq200", "--no-simulation", "--set", "tolerance.height_mm=0.6")
+    wide = dogshape(
+        "strength", "mq200_paper", "--no-simulation", "--set", "tolerance.height_mm=0.6"
+    )
     assert wide.status == 1
     assert "contact_ratio" in wide.out
 
 
 def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
-    bad = dogshape("strength", "mq200", "--no-simulation", "--set", "dog.traction_deg=5")
+    bad = dogshape("strength", "mq200_paper", "--no-simulation", "--set", "dog.traction_deg=5")
     assert bad.status == 1
     line = next(line for line in bad.out.splitlines() if "traction_release" in line)
     assert line.rstrip().endswith("NO")
@@ -60,7 +62,7 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
 
 
 def test_what_was_not_simulated_is_said(dogshape: Call) -> None:
-    said = dogshape("strength", "mq200", "--no-simulation", "--json").json
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--json").json
     assert said["feasible"] is True
     assert said["not_checked"] == [
         "face_pressure_impact", "core_pressure_impact", "edge_pressure_impact"
@@ -69,33 +71,33 @@ def test_what_was_not_simulated_is_said(dogshape: Call) -> None:
 
 def test_a_tolerance_that_leaves_no_dog_is_null_in_json(dogshape: Call) -> None:
     """At 60 dogs the tip is so narrow that a deviation has the flanks meet."""
-    said = dogshape("strength", "mq200", "--no-simulation", "--set", "dog.count=60", "--json")
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--set", "dog.count=60", "--json")
     assert said.status == 1
     assert any(check["margin_worst_case"] is None for check in said.json["checks"])
-    text = dogshape("strength", "mq200", "--no-simulation", "--set", "dog.count=60").out
+    text = dogshape("strength", "mq200_paper", "--no-simulation", "--set", "dog.count=60").out
     assert "no dog" in text
 
 
 def test_export_of_a_weak_design_warns(dogshape: Call) -> None:
-    said = dogshape("export", "mq200", "--svg", "a.svg", "--set", "load.torque_Nm=900")
+    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--set", "load.torque_Nm=900")
     assert said.status == 0
     assert "warning: not feasible (separating_force_traction" in said.err
 
 
 def test_what_cannot_be_made_is_not_simulated(dogshape: Call) -> None:
-    bad = dogshape("strength", "mq200", "--set", "dog.count=40", "--json")
+    bad = dogshape("strength", "mq200_paper", "--set", "dog.count=40", "--json")
     assert bad.status == 1
     assert {c["group"] for c in bad.json["checks"]} == set(GROUPS) - {"impact", "goal"}
 
 
 def test_explain_gives_formula_source_and_key(dogshape: Call) -> None:
-    said = dogshape("strength", "mq200", "--no-simulation", "--explain")
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--explain")
     for words in ("Jasny et al. 2019", "ISO 6336-3", "1.5 F/(b s)", "load.friction_release"):
         assert words in said.out
 
 
 def test_export_writes_ring_and_drawing(dogshape: Call) -> None:
-    said = dogshape("export", "mq200", "--stl", "ring.stl", "--svg", "dog.svg", "--json")
+    said = dogshape("export", "mq200_paper", "--stl", "ring.stl", "--svg", "dog.svg", "--json")
     assert said.status == 0
     content = Path("ring.stl").read_bytes()
     (triangles,) = struct.unpack_from("<I", content, 80)
@@ -107,7 +109,7 @@ def test_export_writes_ring_and_drawing(dogshape: Call) -> None:
 
 
 def test_drawing_carries_every_dimension() -> None:
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     words = dimensioned_svg(study.clutch.dog, study.limits)
     for text in (
         "tip (3.89)", "root (6.17)", "pitch (10.053)", "h 3.70 ±0.05", "flank (3.12)",
@@ -131,7 +133,7 @@ def test_drawing_carries_every_dimension() -> None:
 def test_export_refuses_in_a_sentence(
     dogshape: Call, arguments: tuple[object, ...], sentence: str
 ) -> None:
-    said = dogshape("export", "mq200", *arguments)
+    said = dogshape("export", "mq200_paper", *arguments)
     assert said.status == 2
     assert sentence in said.sentence
 
@@ -140,7 +142,7 @@ def test_nothing_is_written_where_the_extra_is_missing(
     dogshape: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "build123d", None)
-    said = dogshape("export", "mq200", "--svg", "a.svg", "--stl", "a.stl", "--step", "a.step")
+    said = dogshape("export", "mq200_paper", "--svg", "a.svg", "--stl", "a.stl", "--step", "a.step")
     assert said.status == 2
     assert "STEP files need build123d" in said.sentence
     assert list(Path().iterdir()) == []
@@ -149,7 +151,7 @@ def test_nothing_is_written_where_the_extra_is_missing(
 def test_a_torque_in_the_wrong_unit_is_asked_about(dogshape: Call) -> None:
     """0.2 kN m for 200 N m loads nothing; what the study has is no cause for a question."""
     words = "is load.torque_Nm in N m?"
-    slip = dogshape("strength", "mq200", "--no-simulation", "--set", "load.torque_Nm=0.2")
+    slip = dogshape("strength", "mq200_paper", "--no-simulation", "--set", "load.torque_Nm=0.2")
     assert "uses at most 0.10%" in slip.out
     assert words in " ".join(slip.out.split())
-    assert words not in dogshape("strength", "mq200", "--no-simulation").out
+    assert words not in dogshape("strength", "mq200_paper", "--no-simulation").out

@@ -57,7 +57,7 @@ NAMES = [
     "relative_angle",
     "reversed_mismatch",
 ]
-#: Of the default study at its first operating point, without any mechanism.
+#: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
 
 
@@ -146,7 +146,7 @@ def test_priors_run_from_end_to_end() -> None:
 
 
 def test_keys_of_shifts_without_mechanism_stay(setting: Setting) -> None:
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     assert study.physics_hash == PHYSICS
     assert Block(study.clutch, study.points[0], (0.1,)).keys == [FIRST]
     assert not set(MECHANISM_KEYS) & set(clutch_record(setting.clutch))
@@ -352,7 +352,7 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
 
 @pytest.mark.parametrize("extra", [{"mechanism_friction_N": 20.0}, {"force_lag_s": 0.01}])
 def test_shifts_with_effects_teach_a_study_nothing(extra: dict[str, float]) -> None:
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     angles = tuple((np.arange(3) / 3 * study.clutch.dog.pitch_angle).tolist())
     plain = list(run_block(Block(study.clutch, study.points[-1], angles)))
     other = [{**row, **extra, "shift_time_s": 0.5} for row in plain]

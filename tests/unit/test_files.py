@@ -128,8 +128,8 @@ def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["export", "mq200", "--svg", "full"],
-        ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+        ["export", "mq200_paper", "--svg", "full"],
+        ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
          "--relative-angle-deg", "10", "--trace", "full"],
     ],
     ids=["export", "shift"],
@@ -167,16 +167,16 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "arguments"),
     [
-        ("shift.engage", ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+        ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
                            "--relative-angle-deg", "10", "--html", "no/x.html"]),
-        ("shift.engage", ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469",
+        ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
                            "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
-        ("exploration.explored", ["explore", "mq200", "--out", "there/x.html"]),
+        ("exploration.explored", ["explore", "mq200_paper", "--out", "there/x.html"]),
         ("pipeline.cli.verbs.strength_export.to_stl",
-         ["export", "mq200", "--svg", "x.svg", "--stl", "no/x.stl"]),
+         ["export", "mq200_paper", "--svg", "x.svg", "--stl", "no/x.stl"]),
         ("pipeline.cli.verbs.check.predict_designs",
-         ["check", "mq200", "--designs", "d.csv", "--out", "no/x.csv"]),
-        ("fitted.train", ["fit", "mq200", "--out", "no/x.json"]),
+         ["check", "mq200_paper", "--designs", "d.csv", "--out", "no/x.csv"]),
+        ("fitted.train", ["fit", "mq200_paper", "--out", "no/x.json"]),
     ],
 )  # fmt: skip
 def test_a_target_is_tried_before_the_work(

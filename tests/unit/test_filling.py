@@ -42,7 +42,7 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -
 
 @pytest.mark.parametrize("mismatch", ["[5, 249]", "[-100, 100]", "[-249, -5]"])
 def test_operating_points_reach_their_edges(mismatch: str) -> None:
-    study = load_study("mq200", [f"operating.mismatch_rpm={mismatch}"])
+    study = load_study("mq200_paper", [f"operating.mismatch_rpm={mismatch}"])
     low, high = min(study.mismatches), max(study.mismatches)
     points = [filling_point(study, 1, index) for index in range(200)]
     speeds = np.array([point.mismatch / RPM for point in points])
@@ -113,7 +113,7 @@ def test_rows_are_groups_of_whole_draws() -> None:
 def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, ShiftJournal]:
     """A study with a dozen designs simulated at two points of their own."""
     sets = ["surrogate.points=2", "surrogate.angles=3", "operating.mismatch_rpm=[50, 149]"]
-    study = load_study("mq200", sets)
+    study = load_study("mq200_paper", sets)
     journal = ShiftJournal(tmp_path_factory.mktemp("filled") / "shifts.jsonl")
     designs = list(islice(filling_designs(study, 1), 12))
     blocks = [b for i, d in enumerate(designs) for b in filling_blocks(study, d, i, 1)]
@@ -131,7 +131,7 @@ def test_rows_of_other_physics_are_left_out(filled: tuple[Study, ShiftJournal]) 
     ramp = [{**row, "force_rise_s": 0.3} for row in rows]
     older = [{**row, "drake": "1.0"} for row in rows]
     assert len(dataset_of(study, [*rows, *finer, *ramp, *older])) == 24
-    assert len(dataset_of(load_study("mq200", ["contact.set=adams2019"]), rows)) == 0
+    assert len(dataset_of(load_study("mq200_paper", ["contact.set=adams2019"]), rows)) == 0
 
 
 def test_a_question_is_answered_with_the_shifts_it_was_given(

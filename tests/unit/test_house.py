@@ -223,7 +223,7 @@ def test_a_quick_answer_loads_nothing_slow(arguments: list[str]) -> None:
 def test_a_check_loads_nothing_slow() -> None:
     code = f"""
 import sys, dogshape
-found = dogshape.Study("mq200").check()
+found = dogshape.Study("mq200_paper").check()
 print(found, found.to_dict().keys(), file=sys.stderr)
 print(*sorted({set(SLOW)} & set(sys.modules)))
 """

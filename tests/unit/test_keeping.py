@@ -27,8 +27,19 @@ from tests.made_up import few_cells, made_up
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
 Call = Callable[..., Said]
-EXPECT = ("expect", "mq200", "--mismatch-rpm", 149, "--force-N", 469, "--angles", 6, "--jobs", 1)
-PRECISE = ("expect", "mq200", "--mismatch-rpm", 149, "--force-N", 469, "--precision", 0.2)
+EXPECT = (
+    "expect",
+    "mq200_paper",
+    "--mismatch-rpm",
+    149,
+    "--force-N",
+    469,
+    "--angles",
+    6,
+    "--jobs",
+    1,
+)
+PRECISE = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
 
 
@@ -198,7 +209,7 @@ def test_the_diagnosis_is_written_before_its_price(
     bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
     found = diagnose(bench, Toy(points_of()), few, pairs=[])
     monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
-    asked = ("gap", "mq200_stand", "--study", "mq200", "--out", "g", "--jobs", 1)
+    asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
     stopped = dogshape(*asked)
     assert stopped.status == 130

@@ -22,26 +22,26 @@ PROTOTYPE = 0.0945  #: s, expected shift time by 16 angles at each operating poi
 
 @pytest.fixture(scope="module")
 def brought() -> Stored:
-    """The surrogate of the default study."""
-    found = known_surrogate(load_study("mq200"))
+    """The surrogate of the paper's study."""
+    found = known_surrogate(load_study("mq200_paper"))
     assert found is not None
     return found
 
 
 def test_a_check_works_without_any_results(dogshape: Call) -> None:
-    said = dogshape("check", "mq200", "--json")
+    said = dogshape("check", "mq200_paper", "--json")
     assert said.status == 0
     assert said.json["low_s"] < PROTOTYPE < said.json["high_s"]
     assert said.json["high_s"] < 1.1 * said.json["low_s"]
     assert said.json["in_range"] is True
     assert 0.99 < said.json["engaged"] < 1.0
-    text = dogshape("check", "mq200", "--mismatch-rpm", 80, "--force-N", 300).out
+    text = dogshape("check", "mq200_paper", "--mismatch-rpm", 80, "--force-N", 300).out
     assert "next simulated design" in text
 
 
 def test_a_copy_of_the_study_has_it_by_its_physics(tmp_path: Path) -> None:
     copy = tmp_path / "mine.toml"
-    text = find_study("mq200").read_text().replace('name = "mq200"', 'name = "mine"')
+    text = find_study("mq200_paper").read_text().replace('name = "mq200_paper"', 'name = "mine"')
     copy.write_text(text)
     mine = load_study(copy, ["operating.mismatch_rpm=[50]"])
     stored, _ = stored_surrogate(mine, None)
@@ -62,7 +62,7 @@ def test_a_wider_study_keeps_the_meaning_of_its_parameters(brought: Stored) -> N
 
 
 def test_many_designs_are_answered_like_one(brought: Stored) -> None:
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     mix, model = study_mix(study), brought.surrogate
     x = model.data.designs[::60]
     one = [model.expected(row, mix) for row in x]
@@ -78,6 +78,6 @@ def test_the_named_surrogate_is_asked(brought: Stored, tmp_path: Path) -> None:
     path = tmp_path / "named.json"
     save(path, brought)
     assert path.stat().st_size < 1_000_000
-    stored, found = stored_surrogate(load_study("mq200"), path)
+    stored, found = stored_surrogate(load_study("mq200_paper"), path)
     assert found == path
     assert stored.validation == brought.validation

@@ -17,7 +17,7 @@ Call = Callable[..., Said]
 
 def _asked(dogshape: Call, text: str, *more: object) -> Said:
     Path("designs.csv").write_text(text)
-    return dogshape("check", "mq200", "--designs", "designs.csv", *more)
+    return dogshape("check", "mq200_paper", "--designs", "designs.csv", *more)
 
 
 def _answers() -> list[dict[str, str]]:
@@ -81,7 +81,7 @@ def test_what_cannot_be_a_dog_has_a_reason_and_no_time(dogshape: Call) -> None:
         assert reason in row["reason"]
         assert row["feasible"] == "False"
         assert row["expected_shift_time_s"] == row["in_range"] == row["worst_check"] == ""
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     for row, params in ((prototype, {}), (low, {"height_mm": 3.0})):
         design = design_of(study, params)
         worst = min(design.checks, key=lambda check: check.margin)

@@ -31,13 +31,13 @@ def _points(study: Study) -> list[tuple[float, float, float]]:
 
 
 def _listed(*more: str) -> Study:
-    """The default study with other operating points alone."""
-    return load_study("mq200", [f"operating={{{', '.join(more)}}}"])
+    """The paper's study with other operating points alone."""
+    return load_study("mq200_paper", [f"operating={{{', '.join(more)}}}"])
 
 
 def test_grid_weights_multiply() -> None:
     study = load_study(
-        "mq200",
+        "mq200_paper",
         [
             "operating.mismatch_rpm=[-20, 60]",
             "operating.force_N=[300, 469]",
@@ -177,7 +177,7 @@ def test_weights_count_by_their_ratio_alone() -> None:
 )  # fmt: skip
 def test_every_mistake_is_one_sentence(more: list[str], sentence: str) -> None:
     with pytest.raises(DogshapeError) as refused:
-        load_study("mq200", more)
+        load_study("mq200_paper", more)
     text = str(refused.value)
     assert sentence in text
     assert "\n" not in text
@@ -185,7 +185,7 @@ def test_every_mistake_is_one_sentence(more: list[str], sentence: str) -> None:
 
 def test_a_certain_study_has_the_keys_and_physics_that_it_had() -> None:
     """Those of the version before operating points could be drawn and factors uncertain."""
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     assert study.uncertainty is None
     assert study.physics_hash == "d9069ea6093eea848d23"
     (block, *_) = even_blocks(study.clutch, study.points, 6, 1)
@@ -202,9 +202,11 @@ def test_a_certain_study_has_the_keys_and_physics_that_it_had() -> None:
 
 
 def test_uncertainty_belongs_to_the_physics_and_a_surrogate_without_it_is_refused() -> None:
-    plain = load_study("mq200")
-    unsure = load_study("mq200", [f"uncertain.friction_factor={FRICTION}"])
-    other = load_study("mq200", [f"uncertain.friction_factor={FRICTION.replace('1.3', '1.2')}"])
+    plain = load_study("mq200_paper")
+    unsure = load_study("mq200_paper", [f"uncertain.friction_factor={FRICTION}"])
+    other = load_study(
+        "mq200_paper", [f"uncertain.friction_factor={FRICTION.replace('1.3', '1.2')}"]
+    )
     assert len({s.physics_hash for s in (plain, unsure, other)}) == 3
     data = dataset_of(plain, [])
     with pytest.raises(
@@ -224,9 +226,9 @@ def test_rows_of_uncertain_shifts_are_traced_to_their_study() -> None:
         "uncertain.dissipation_factor="
         "{distribution='lognormal', median=0.5, factor=2, low=0.1, high=3}",
     ]
-    study = load_study("mq200", more)
-    other = load_study("mq200", [*more[:3], more[3].replace("0.8", "0.9"), *more[4:]])
-    plain = load_study("mq200", more[:2])
+    study = load_study("mq200_paper", more)
+    other = load_study("mq200_paper", [*more[:3], more[3].replace("0.8", "0.9"), *more[4:]])
+    plain = load_study("mq200_paper", more[:2])
     executor = scratch_executor(1)
     for one in (study, plain):
         executor.run(even_blocks(one.clutch, one.points, 3, 1, uncertainty=one.uncertainty))
@@ -275,7 +277,7 @@ def test_the_surrogate_knows_either_sign_of_the_mismatch_alike() -> None:
 
 def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     names = "['smallest_margin', 'axial_length_mm']"
-    study = load_study("mq200", [f"search.objectives={names}"])
+    study = load_study("mq200_paper", [f"search.objectives={names}"])
     assert leading(study).name == "smallest_margin"
     assert [o.maximise for o in objectives_of(study)] == [True, False]
     losses, errors = losses_of(study, [0.2, 8.0], {"standard_errors": {"smallest_margin": 0.0}})
@@ -290,7 +292,7 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
 
 def test_every_bundled_study_can_be_read_and_searched() -> None:
     names = bundled_studies()
-    assert {"mq200", "mq200_robust", "mq200_three"} <= set(names)
+    assert {"mq200_paper", "mq200_robust", "mq200_three"} <= set(names)
     for name in names:
         study = load_study(name)
         assert study.name == name

@@ -80,6 +80,6 @@ def test_rounds_of_angles_hold_the_rounds_before() -> None:
 def test_bad_precision_is_a_sentence(
     dogshape: Dogshape, options: tuple[Any, ...], words: tuple[str, ...]
 ) -> None:
-    said = dogshape("expect", "mq200", *options)
+    said = dogshape("expect", "mq200_paper", *options)
     assert said.status == 2
     assert all(word in said.sentence for word in words)

@@ -29,7 +29,7 @@ class Fewer:
 
 def test_curves_are_those_of_every_design() -> None:
     """Count alone is searched, so all designs can be looked at one by one."""
-    whole = load_study("mq200", {"dog.height_mm": 2.5, "dog.chamfer_deg": 10.0})
+    whole = load_study("mq200_paper", {"dog.height_mm": 2.5, "dog.chamfer_deg": 10.0})
     study = replace(whole, variables={"count": whole.variables["count"]})
     assert list(study.variables) == ["count"]
     rows = prices(study, Fewer())

@@ -99,12 +99,14 @@ def test_angles_are_finite(folder: Path) -> None:
 def check(tmp_path_factory: pytest.TempPathFactory) -> ds.Check:
     # Beside the results of a study its own surrogate would count, not the package's.
     with chdir(tmp_path_factory.mktemp("empty")):
-        return ds.Study("mq200", chamfer_deg=14, height_mm=6).check(mismatch_rpm=50, force_N=469)
+        return ds.Study("mq200_paper", chamfer_deg=14, height_mm=6).check(
+            mismatch_rpm=50, force_N=469
+        )
 
 
 def test_a_check_is_what_the_command_line_prints(check: ds.Check, dogshape: Dogshape) -> None:
     said = dogshape(
-        *("check", "mq200", "--mismatch-rpm", "50", "--force-N", "469"),
+        *("check", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469"),
         *("--set", "dog.chamfer_deg=14", "--set", "dog.height_mm=6", "--json"),
     )
     assert json.loads(said.out) == check.to_dict()
@@ -140,8 +142,8 @@ def test_margins_as_table_and_figure(check: ds.Check) -> None:
 def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape: Dogshape) -> None:
     table, out = tmp_path / "d.csv", tmp_path / "o.csv"
     table.write_text("chamfer_deg,count,note\n9,14,a\n11,18,b\n8,200,c\n")
-    said = dogshape("check", "mq200", "--designs", table, "--out", out, "--json")
-    found = ds.Study("mq200").predict(table)
+    said = dogshape("check", "mq200_paper", "--designs", table, "--out", out, "--json")
+    found = ds.Study("mq200_paper").predict(table)
     assert found.to_dict() == json.loads(said.out) | {"file": None}
     frame = found.to_frame()
     written = pd.read_csv(out)
@@ -156,11 +158,11 @@ def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape:
 
 def test_many_designs_from_a_frame(tmp_path: Path) -> None:
     asked = pd.DataFrame({"chamfer_deg": [9.25, 11.0], "count": [14, 18]})
-    study = ds.Study("mq200")
+    study = ds.Study("mq200_paper")
     found = study.predict(asked, out=tmp_path / "o.csv", mismatch_rpm=50, force_N=469)
     assert list(found.to_frame()["chamfer_deg"]) == [9.25, 11.0]
     assert found.to_dict()["file"] == str(tmp_path / "o.csv")
-    one = ds.Study("mq200", chamfer_deg=11, count=18).check(mismatch_rpm=50, force_N=469)
+    one = ds.Study("mq200_paper", chamfer_deg=11, count=18).check(mismatch_rpm=50, force_N=469)
     assert found.to_frame()["expected_shift_time_s"][2] == pytest.approx(
         one.time_s,
         rel=1e-3,  # what surrogate.expected_time promises of many designs at once
@@ -171,14 +173,14 @@ def test_many_designs_from_a_frame(tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def strength() -> ds.Strength:
-    return ds.Study("mq200", SMALL).strength(jobs=1)
+    return ds.Study("mq200_paper", SMALL).strength(jobs=1)
 
 
 def test_strength_is_what_the_command_line_prints(
     strength: ds.Strength, dogshape: Dogshape
 ) -> None:
     sets = [part for key, value in SMALL.items() for part in ("--set", f"{key}={value}")]
-    said = dogshape("strength", "mq200", *sets, "--jobs", 1, "--json")
+    said = dogshape("strength", "mq200_paper", *sets, "--jobs", 1, "--json")
     assert json.loads(said.out) == strength.to_dict()
     assert said.status == int(not strength.feasible)
 
@@ -187,7 +189,11 @@ def test_strength_has_its_landing_in_table_and_figure(strength: ds.Strength) -> 
     frame = strength.to_frame().set_index("name")
     margins, worst, _ = drawn_margins(strength)
     landing = set(frame.index[frame["group"] == "impact"])
-    assert landing == set(margins) - set(worst) == set(ds.Study("mq200").check().design.not_checked)
+    assert (
+        landing
+        == set(margins) - set(worst)
+        == set(ds.Study("mq200_paper").check().design.not_checked)
+    )
     assert margins == pytest.approx(dict(100 * frame["margin"]))
     with pytest.raises(FrozenInstanceError):
         strength.design = None  # type: ignore[assignment,misc]
@@ -200,7 +206,7 @@ def test_finite_elements_are_added_to_a_result(strength: ds.Strength) -> None:
 
 
 def test_strength_without_simulation(dogshape: Dogshape) -> None:
-    found = ds.Study("mq200").strength(simulate=False)
-    said = dogshape("strength", "mq200", "--no-simulation", "--json")
+    found = ds.Study("mq200_paper").strength(simulate=False)
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--json")
     assert json.loads(said.out) == found.to_dict()
     assert "before its landing is simulated" in repr(found)

@@ -351,10 +351,13 @@ def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Study) -> None:
     ],
 )
 def test_command_holds_tables(change: str) -> None:
-    command = command_of(load_study("mq200", [change]))
+    command = command_of(load_study("mq200_paper", [change]))
     assert command is not None
     overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
-    assert load_study("mq200", overrides).config_hash == load_study("mq200", [change]).config_hash
+    assert (
+        load_study("mq200_paper", overrides).config_hash
+        == load_study("mq200_paper", [change]).config_hash
+    )
 
 
 def test_provenance_has_dates_and_the_file_as_it_was_run(tmp_path: Path) -> None:
@@ -364,17 +367,17 @@ def test_provenance_has_dates_and_the_file_as_it_was_run(tmp_path: Path) -> None
     dates = dates_of(stored)
     assert dates["stored"] == "1971-01-01"
     assert dates["written"] > dates["stored"]
-    told = json.loads(file_of(load_study("mq200", ["search.trials=12"])))
+    told = json.loads(file_of(load_study("mq200_paper", ["search.trials=12"])))
     assert build_study(StudyFile.model_validate(told)).file.search.trials == 12
 
 
 def test_command_runs_the_same_study_again() -> None:
     changes = ["search.trials=12", "operating.mismatch_rpm=[50, 149]", "contact.set=adams2019"]
-    study = load_study("mq200", changes)
+    study = load_study("mq200_paper", changes)
     command = command_of(study)
     assert command is not None
-    assert command.startswith("dogshape study mq200 --set ")
-    assert command_of(load_study("mq200")) == "dogshape study mq200"
+    assert command.startswith("dogshape study mq200_paper --set ")
+    assert command_of(load_study("mq200_paper")) == "dogshape study mq200_paper"
     file = study.file.model_copy(update={"name": "elsewhere"})
     assert command_of(replace(study, file=file)) is None
 

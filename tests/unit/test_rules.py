@@ -128,14 +128,14 @@ def test_every_option_has_a_sentence() -> None:
 )
 def test_sentences(overrides: list[str], words: str) -> None:
     with pytest.raises(InputError) as refused:
-        load_study("mq200", overrides)
+        load_study("mq200_paper", overrides)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
 def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as refused:
-        load_study("mq200", ["dog.height_mm=x", "dog.cuont=3", "search.trials=0", "name=a b"])
+        load_study("mq200_paper", ["dog.height_mm=x", "dog.cuont=3", "search.trials=0", "name=a b"])
     first, *faults = str(refused.value).splitlines()
     assert first.endswith("with --set: 4 mistakes")
     assert [fault.split()[1] for fault in faults] == [
@@ -143,9 +143,9 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
     ]  # fmt: skip
     values = ["dog.height_mm=-3", "sliding.mass_kg=-1", "load.torque_Nm=0", "shift.timeout_s=-1"]
     with pytest.raises(DogshapeError) as refused:
-        load_study("mq200", values)
+        load_study("mq200_paper", values)
     first, *faults = str(refused.value).splitlines()
-    assert first == "the study mq200: 4 mistakes"
+    assert first == "the study mq200_paper: 4 mistakes"
     assert [fault.split()[1] for fault in faults] == [
         "dog.height_mm", "sliding.mass_kg", "shift.timeout_s", "load.torque_Nm",
     ]  # fmt: skip
@@ -161,7 +161,7 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
 
 def test_a_list_of_mistakes_is_printed_without_a_traceback(program: Callable[..., Said]) -> None:
     sets = ["--set", "dog.height_mm=x", "--set", "search.trials=0"]
-    said = program("check", "mq200", *sets)
+    said = program("check", "mq200_paper", *sets)
     assert said.status == 2
     assert len(said.err.splitlines()) == 3
     assert "Traceback" not in said.err
@@ -171,15 +171,18 @@ def test_a_list_of_mistakes_is_printed_without_a_traceback(program: Callable[...
     ("arguments", "words"),
     [
         (
-            ("shift", "mq200", "--mismatch-rpm", "3,7"),
+            ("shift", "mq200_paper", "--mismatch-rpm", "3,7"),
             "is '3,7', but it must be a number; write 3.7",
         ),
-        (("shift", "mq200", "--mismatch-rpm", "\N{MINUS SIGN}3"), "a number; write -3"),
-        (("study", "mq200", "--trials", "0"), "--trials is '0', but it must be at least 1"),
-        (("study", "mq200", "--trials", "1.5"), "--trials is '1.5', but it must be a whole number"),
-        (("check", "mq200", "--chamfer", "9"), "--set dog.chamfer_deg=9"),
-        (("study", "mq200", "--out", ""), "--out is given nothing"),
-        (("study", "mq200", "--out="), "--out is given nothing"),
+        (("shift", "mq200_paper", "--mismatch-rpm", "\N{MINUS SIGN}3"), "a number; write -3"),
+        (("study", "mq200_paper", "--trials", "0"), "--trials is '0', but it must be at least 1"),
+        (
+            ("study", "mq200_paper", "--trials", "1.5"),
+            "--trials is '1.5', but it must be a whole number",
+        ),
+        (("check", "mq200_paper", "--chamfer", "9"), "--set dog.chamfer_deg=9"),
+        (("study", "mq200_paper", "--out", ""), "--out is given nothing"),
+        (("study", "mq200_paper", "--out="), "--out is given nothing"),
         (("report", ""), "an argument is given nothing"),
     ],
 )
@@ -193,7 +196,7 @@ def test_options_speak_the_same_language(
 
 
 def test_the_longest_name_is_a_folder(tmp_path: Path) -> None:
-    (tmp_path / (load_study("mq200", ["name=" + "n" * 100]).name + "-space")).mkdir()
+    (tmp_path / (load_study("mq200_paper", ["name=" + "n" * 100]).name + "-space")).mkdir()
 
 
 def test_bench_files_tell_all_mistakes_too() -> None:

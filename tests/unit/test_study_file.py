@@ -11,8 +11,8 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.units import RPM
 
 
-def test_default_study_is_the_prototype_at_the_published_points() -> None:
-    study = load_study("mq200")
+def test_paper_study_is_the_prototype_at_the_published_points() -> None:
+    study = load_study("mq200_paper")
     assert study.clutch.dog.count == 15
     assert study.clutch.contact.name == "lubricated_steel"
     assert len(study.points) == 28
@@ -22,9 +22,9 @@ def test_default_study_is_the_prototype_at_the_published_points() -> None:
 
 
 def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
-    plain = load_study("mq200")
-    other_dog = load_study("mq200", ["dog.chamfer_deg=14", "dog.count=18"])
-    other_contact = load_study("mq200", ["contact.set=adams2019"])
+    plain = load_study("mq200_paper")
+    other_dog = load_study("mq200_paper", ["dog.chamfer_deg=14", "dog.count=18"])
+    other_contact = load_study("mq200_paper", ["contact.set=adams2019"])
     assert other_dog.prototype["chamfer_deg"] == 14
     assert other_dog.physics_hash == plain.physics_hash
     assert other_dog.config_hash != plain.config_hash
@@ -32,7 +32,7 @@ def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
 
 
 def test_rise_time_lies_between_the_table() -> None:
-    study = load_study("mq200", ["operating.force_N=[392.25]"])
+    study = load_study("mq200_paper", ["operating.force_N=[392.25]"])
     assert study.points[0].profile.rise == pytest.approx(0.5 * (0.2026 + 0.1766))
 
 
@@ -88,7 +88,7 @@ def test_rise_time_lies_between_the_table() -> None:
 )
 def test_every_mistake_is_one_sentence(override: str, sentence: str) -> None:
     with pytest.raises(DogshapeError) as refused:
-        load_study("mq200", [override])
+        load_study("mq200_paper", [override])
     text = str(refused.value)
     assert sentence in text
     assert "\n" not in text

@@ -79,12 +79,12 @@ def test_studies_without_a_mechanism_are_what_they_were() -> None:
             assert study.config_hash == result["config_hash"]
             assert study.physics_hash == result["physics_hash"]
         dumped = study.file.model_dump()
-        assert ("mechanism" in dumped) == (name == "mq200_gearbox")
+        assert ("mechanism" in dumped) == (name == "mq200")
         assert "effects" not in dumped
 
 
 def test_a_mechanism_of_noughts_is_none() -> None:
-    plain, study = load_study("mq200"), load_study("mq200", _mechanism(**NONE))
+    plain, study = load_study("mq200_paper"), load_study("mq200_paper", _mechanism(**NONE))
     assert study.clutch == plain.clutch
     assert study.clutch.mechanism == NOTHING
     assert study.points == plain.points
@@ -99,20 +99,21 @@ def test_a_mechanism_of_noughts_is_none() -> None:
 def test_effect_and_mechanism_are_one_physics(name: str) -> None:
     value, keys = PAIRS[name]
     effect, mechanism = (
-        load_study("mq200", given) for given in ({f"effects.{name}": value}, _mechanism(**keys))
+        load_study("mq200_paper", given)
+        for given in ({f"effects.{name}": value}, _mechanism(**keys))
     )
     assert effect.clutch == mechanism.clutch
     assert effect.points == mechanism.points
-    assert effect.physics == mechanism.physics != load_study("mq200").physics
+    assert effect.physics == mechanism.physics != load_study("mq200_paper").physics
     assert effect.mechanism.items() >= keys.items()
 
 
 @pytest.mark.parametrize("name", [*PAIRS, "contact_friction", "contact_dissipation"])
 def test_a_study_has_the_shifts_that_the_diagnosis_has(name: str) -> None:
     """The bank's way: the effect applied to a setting of the plain study."""
-    plain, effect = load_study("mq200"), EFFECTS[name]
+    plain, effect = load_study("mq200_paper"), EFFECTS[name]
     values = {one.name: one.at(0.4) for one in effect.parameters}
-    study = load_study("mq200", {f"effects.{name}": values})
+    study = load_study("mq200_paper", {f"effects.{name}": values})
     setting = effect.apply(Setting(plain.clutch, plain.points[5]), values)
     point = study.points[5]
     prompt = replace(point, profile=replace(point.profile, delay=0.0))
@@ -123,14 +124,16 @@ def test_a_study_has_the_shifts_that_the_diagnosis_has(name: str) -> None:
 
 def test_effects_join_in_one_study() -> None:
     given = {"effects.spline_friction": 0.1, "effects.drag_torque": 0.2, **_mechanism(delay_s=0.03)}
-    study = load_study("mq200", given)
+    study = load_study("mq200_paper", given)
     assert study.mechanism == {
         "spline_friction": 0.1,
         "spline_radius_mm": pytest.approx(17.6),
         "drag_torque_Nm": 0.2,
         "delay_s": 0.03,
     }
-    neutral = load_study("mq200", {"effects.sleeve_friction": 0, **_mechanism(friction_N=30.0)})
+    neutral = load_study(
+        "mq200_paper", {"effects.sleeve_friction": 0, **_mechanism(friction_N=30.0)}
+    )
     assert neutral.clutch.mechanism.friction == 30.0
 
 
@@ -195,12 +198,12 @@ MISTAKES = {
 @pytest.mark.parametrize("words", MISTAKES)
 def test_mistakes_are_sentences(words: str) -> None:
     with pytest.raises(InputError, match=words):
-        load_study("mq200", MISTAKES[words])
+        load_study("mq200_paper", MISTAKES[words])
 
 
 def test_force_at_the_sleeve_is_known_everywhere() -> None:
-    study = load_study("mq200", _mechanism(force_factor=0.8))
-    plain = load_study("mq200")
+    study = load_study("mq200_paper", _mechanism(force_factor=0.8))
+    plain = load_study("mq200_paper")
     assert study.forces == [0.8 * force for force in plain.forces]
     assert [p.profile.force for p in study.points] == [0.8 * p.profile.force for p in plain.points]
     assert [p.profile.rise for p in study.points] == [p.profile.rise for p in plain.points]
@@ -230,7 +233,7 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
         "actuation.force_N": [100.0, 1000.0],
         "actuation.rise_s": [0.3, 0.1],
     }
-    study = load_study("mq200", {**spread, **_mechanism(delay_s=0.05, lag_s=0.02)})
+    study = load_study("mq200_paper", {**spread, **_mechanism(delay_s=0.05, lag_s=0.02)})
     assert study.uncertainty is not None
     variant = study.uncertainty.variants(study.points[0], 3, 1, 0)[0]
     drawn = variant.point(study.points[0]).profile
@@ -242,7 +245,7 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
 
 def test_rows_of_another_actuation_do_not_meet() -> None:
     keys = _mechanism(delay_s=0.05, lag_s=0.02, force_factor=0.8)
-    study, plain = load_study("mq200", keys), load_study("mq200")
+    study, plain = load_study("mq200_paper", keys), load_study("mq200_paper")
     blocks = [even_block(one.clutch, one.points[-1], 3, (1, 27)) for one in (study, plain)]
     rows = [list(run_block(block)) for block in blocks]
     shifts = [row for mine in rows for row in mine]
@@ -258,21 +261,24 @@ def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
     for key, value in (("mechanism.spline_friction", 0.1), ("effects.contact_dissipation", 3.0),
                        ("mechanism.delay_s", 0.05), ("mechanism.lag_s", 0.01),
                        ("mechanism.force_factor", 0.9)):  # fmt: skip
-        study = load_study("mq200", {key: value})
+        study = load_study("mq200_paper", {key: value})
         assert known_surrogate(study) is None
         assert joining(study, print) is None
         stored, _ = stored_surrogate(study, None)
         with pytest.raises(InputError, match=r"other physics than the study's: .* 'dogshape fit'"):
             require_same_physics(stored.surrogate.data, study.physics)
-    said = dogshape("check", "mq200", "--set", "mechanism.spline_friction=0.1")
+    said = dogshape("check", "mq200_paper", "--set", "mechanism.spline_friction=0.1")
     assert said.status == 2
     assert "mechanism_spline_friction is 0.1 here and absent there" in said.sentence
 
 
 def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
-    stored = known_surrogate(load_study("mq200"))
+    stored = known_surrogate(load_study("mq200_paper"))
     assert stored is not None
-    plain, heavy = load_study("mq200"), load_study("mq200", _mechanism(added_mass_kg=0.9))
+    plain, heavy = (
+        load_study("mq200_paper"),
+        load_study("mq200_paper", _mechanism(added_mass_kg=0.9)),
+    )
     gaps = [
         time_spread(one, stored.surrogate, one.prototype, study_mix(one)).by_dimension["axial_gap"]
         for one in (plain, heavy)
@@ -282,7 +288,7 @@ def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
 
 def test_a_study_file_may_hold_them(tmp_path: Path) -> None:
     path = tmp_path / "study.toml"
-    text = find_study("mq200").read_text()
+    text = find_study("mq200_paper").read_text()
     path.write_text(
         f"{text}\n[mechanism]\nspline_friction = 0.1\ndelay_s = 0.05\n"
         "\n[effects]\ndrag_torque = 0.2\ncontact_dissipation = 3.0\n"
@@ -300,7 +306,7 @@ def test_a_study_file_may_hold_them(tmp_path: Path) -> None:
 def test_what_a_surrogate_learns_from_has_them() -> None:
     """Designs and operating points that ``fit`` simulates; forces of a range at the sleeve."""
     keys = _mechanism(spline_friction=0.1, lag_s=0.02, force_factor=0.8)
-    study, plain = load_study("mq200", keys), load_study("mq200")
+    study, plain = load_study("mq200_paper", keys), load_study("mq200_paper")
     ours, others = (filling_blocks(one, one.prototype, 1, 1) for one in (study, plain))
     for block, other in zip(ours, others, strict=True):
         assert block.clutch.mechanism == study.clutch.mechanism
@@ -313,19 +319,21 @@ def test_what_a_surrogate_learns_from_has_them() -> None:
 def test_every_verb_takes_them(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 50, "--force-N", 469)
     keys = ("--set", "mechanism.spline_friction=0.1", "--set", "mechanism.delay_s=0.05")
-    shift = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, *keys, "--json").json
+    shift = dogshape(
+        "shift", "mq200_paper", *point, "--relative-angle-deg", 10, *keys, "--json"
+    ).json
     assert shift["mechanism"]["spline_friction"] == 0.1
     assert shift["phases"][0] == {"name": "dead time", "start": 0.0, "end": 0.05}
-    ours = ds.Study("mq200", {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05})
+    ours = ds.Study("mq200_paper", {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05})
     assert ours.shift(mismatch_rpm=50, force_N=469, angle_deg=10).time_s == shift["shift_time_s"]
-    plain = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, "--json").json
+    plain = dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", 10, "--json").json
     assert "mechanism" not in plain
     assert plain["shift_time_s"] != shift["shift_time_s"]
     mean = dogshape(
-        "expect", "mq200", *point, "--angles", "3,10", *keys, "--jobs", 1, "--json"
+        "expect", "mq200_paper", *point, "--angles", "3,10", *keys, "--jobs", 1, "--json"
     ).json
     assert mean["mechanism"]["delay_s"] == 0.05
     alone = ours.expect(mismatch_rpm=50, force_N=469, angles=[3, 10], jobs=1)
     assert mean["expected_shift_time_s"] == alone.mean.mean
-    text = dogshape("shift", "mq200", *point, "--relative-angle-deg", 10, *keys).out
+    text = dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", 10, *keys).out
     assert "dead time" in text

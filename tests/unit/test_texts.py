@@ -54,9 +54,9 @@ def test_a_data_set_is_the_same_however_it_was_saved(tmp_path: Path, how: str) -
 
 @pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16"])
 def test_settings_with_a_byte_order_mark(tmp_path: Path, coding: str) -> None:
-    text = (bundled_root() / "mq200" / "study.toml").read_text()
+    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
     (tmp_path / "study.toml").write_bytes(text.encode(coding))
-    assert load_study(tmp_path).config_hash == load_study("mq200").config_hash
+    assert load_study(tmp_path).config_hash == load_study("mq200_paper").config_hash
     folder = good_set(tmp_path)
     settings = folder / "bench.toml"
     settings.write_bytes(settings.read_text().encode(coding))

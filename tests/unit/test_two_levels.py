@@ -65,7 +65,7 @@ def _engaging(share: float) -> Time:
 
 @pytest.fixture(scope="module")
 def default() -> Study:
-    return load_study("mq200")
+    return load_study("mq200_paper")
 
 
 def _run(study: Study, engines: MadeUp, precision: float, said: list[str] | None = None) -> Precise:
@@ -188,6 +188,6 @@ def test_first_angles_are_enough_to_believe_an_error() -> None:
 def test_bad_levels_are_a_sentence(
     dogshape: Dogshape, options: tuple[object, ...], words: tuple[str, ...]
 ) -> None:
-    said = dogshape("expect", "mq200", *options)
+    said = dogshape("expect", "mq200_paper", *options)
     assert said.status == 2
     assert all(word in said.sentence for word in words)

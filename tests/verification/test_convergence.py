@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.common import DESIGNS, angles_of, clutch_of, default_study, measure, point_of
+from benchmarks.common import DESIGNS, angles_of, clutch_of, measure, paper_study, point_of
 from benchmarks.convergence import POINTS, error, with_accuracy
 from benchmarks.convergence_designs import Pair, pairs
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -16,11 +16,11 @@ from dogshape.sim.shift.plant import ClutchPlant
 @pytest.mark.parametrize("design", sorted(DESIGNS))
 def test_mean_shift_times_are_within_a_percent_of_the_converged(design: str) -> None:
     """Eight operating points, twelve angles each; single shifts within 0.01 % at the median."""
-    clutch = clutch_of(default_study(), design)
+    clutch = clutch_of(paper_study(), design)
     default, fine = ClutchPlant(clutch), ClutchPlant(with_accuracy(clutch, 1e-5))
     typical = []
     for index, (mismatch, force) in enumerate(POINTS):
-        point = point_of(default_study(), mismatch, force)
+        point = point_of(paper_study(), mismatch, force)
         angles = angles_of(clutch, 12, index)
         mean, single = error(measure(default, point, angles), measure(fine, point, angles))
         assert mean < 1.0, (mismatch, force)
@@ -30,7 +30,7 @@ def test_mean_shift_times_are_within_a_percent_of_the_converged(design: str) -> 
 
 def test_error_falls_with_the_tolerance() -> None:
     """A shift that slides and does not bounce: smooth, so at least of the order of one half."""
-    study = default_study()
+    study = paper_study()
     clutch, point = clutch_of(study, "prototype"), point_of(study, 10.0, 469.0)
     angles = np.array([0.3, 0.9]) * clutch.dog.pitch_angle
     cells = {
@@ -44,7 +44,7 @@ def test_error_falls_with_the_tolerance() -> None:
 
 
 def _pair(times: list[float], reference: list[float]) -> Pair:
-    point = OperatingPoint(0.0, default_study().points[0].profile)
+    point = OperatingPoint(0.0, paper_study().points[0].profile)
     return Pair({}, point, np.array(times), np.array(reference))
 
 
@@ -64,10 +64,10 @@ def _held(made: list[Pair], most_flips: int) -> None:
 
 
 def test_designs_drawn_over_the_space_at_both_signs() -> None:
-    _held(pairs(default_study(), designs=2, angles=3), most_flips=1)
+    _held(pairs(paper_study(), designs=2, angles=3), most_flips=1)
 
 
 @pytest.mark.slow
 def test_many_designs_drawn_over_the_space_at_both_signs() -> None:
     """At the rate that was found, 0.3 %, four flips in 120 shifts have a chance below 0.1 %."""
-    _held(pairs(default_study(), designs=12, angles=5), most_flips=3)
+    _held(pairs(paper_study(), designs=12, angles=5), most_flips=3)

@@ -22,7 +22,7 @@ from dogshape.sim.units import RPM
 from tests.conftest import dog_of
 
 STIFFNESS = 320.0  #: N m/rad
-CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: of the default study, as it is kept
+CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: of the paper's study, as it is kept
 
 Point = Callable[[float, float], OperatingPoint]
 Series = NDArray[np.float64]
@@ -133,7 +133,7 @@ def test_mismatch_that_a_strike_takes_before_the_flanks_close_counts(
 
 
 def test_study_without_a_driveline_has_no_torque_peak(plant: ClutchPlant, point: Point) -> None:
-    study = load_study("mq200")
+    study = load_study("mq200_paper")
     result = engage(plant, point(50, 469.0), 0.2)
     peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
     assert peaks is not None

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from pydrake.systems.framework import Context, EventStatus
 
-from benchmarks.common import default_study
+from benchmarks.common import paper_study
 from benchmarks.mismatch import picture
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
@@ -84,7 +84,7 @@ def test_the_traction_flank_is_on_the_side_of_growing_angle_and_carries_the_cres
 
 def test_the_picture_of_the_notes_is_that_of_the_geometry() -> None:
     kept = Path(__file__).parents[2] / "docs" / "mismatch.svg"
-    assert kept.read_text(encoding="utf-8") == picture(default_study().clutch.dog)
+    assert kept.read_text(encoding="utf-8") == picture(paper_study().clutch.dog)
 
 
 @pytest.mark.parametrize(("mismatch_rpm", "touches"), [(60.0, False), (-60.0, True)])

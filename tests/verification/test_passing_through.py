@@ -50,7 +50,7 @@ def test_a_seated_dog_off_its_slot_overlaps_across_the_flank(side: int, angle: f
 
 
 def _fine() -> Clutch:
-    return replace(load_study("mq200").clutch, dog=_DOG)
+    return replace(load_study("mq200_paper").clutch, dog=_DOG)
 
 
 def _shift(mismatch: float, force: float, rise: float, pitches: float) -> Engagement:
@@ -110,19 +110,19 @@ def test_an_ordinary_shift_stays_far_from_the_limits(mismatch: float) -> None:
 
 
 def test_a_contact_too_soft_for_its_force_is_refused() -> None:
-    clutch = load_study("mq200").clutch
+    clutch = load_study("mq200_paper").clutch
     soft = replace(clutch, contact=replace(clutch.contact, stiffness=1e10))
     with pytest.raises(InputError, match=r"take at least 5\.\de\+10 Pa/m"):
         require_stiff_enough(soft, 641.5)
     require_stiff_enough(replace(clutch, contact=replace(clutch.contact, stiffness=1e11)), 641.5)
     with pytest.raises(InputError, match=r"contact\.stiffness_Pa_m is 1e\+10 Pa/m"):
-        load_study("mq200", ["contact.stiffness_Pa_m=1e10"])
+        load_study("mq200_paper", ["contact.stiffness_Pa_m=1e10"])
 
 
 def test_dogs_are_looked_at_between_the_steps_of_a_fast_shift() -> None:
     """At 5000 1/min a step of 1 ms turns two pitches: with it these dogs pass 0.89 mm deep."""
     dog = Dog(26, 6.75 * DEG, 10.38 * DEG, 12.01 * DEG, 3.96e-3, 52e-3, 44e-3, 1e-3)
-    clutch = replace(load_study("mq200").clutch, dog=dog)
+    clutch = replace(load_study("mq200_paper").clutch, dog=dog)
     point = OperatingPoint(5000 * RPM, ForceProfile(100.0, 0.05))
     found = engage(ClutchPlant(clutch), point, 7.4755 * DEG)
     way, angle = path_of(clutch, found.trace)

@@ -178,12 +178,12 @@ def test_slow_errors_of_class_6(prototype: Dog) -> None:
 
 
 def test_keys_of_accuracy() -> None:
-    plain = load_study("mq200")
-    study = load_study("mq200", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
+    plain = load_study("mq200_paper")
+    study = load_study("mq200_paper", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
     assert study.limits.load.pitch_sd == pytest.approx(3e-6)
     assert study.limits.load.dog_stiffness == pytest.approx(120e6)
     assert study.physics_hash == plain.physics_hash
-    assert load_study("mq200", ["load.accuracy=6"]).limits.load.accuracy == 6
+    assert load_study("mq200_paper", ["load.accuracy=6"]).limits.load.accuracy == 6
     for wrong, words in (
         (["load.accuracy=14"], "load.accuracy is 14, but it must lie between 1 and 11"),
         (["load.pitch_sd_um=-1"], "load.pitch_sd_um is -1 um"),
@@ -193,7 +193,7 @@ def test_keys_of_accuracy() -> None:
         (["load.run_out_um=2000"], "load.run_out_um is 2000 um"),
     ):
         with pytest.raises(InputError, match=words):
-            load_study("mq200", wrong)
+            load_study("mq200_paper", wrong)
 
 
 def test_a_landing_without_force_is_of_one_dog() -> None:

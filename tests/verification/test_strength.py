@@ -247,13 +247,13 @@ def test_material_values(name: str, proof: float, endurance: float) -> None:
 @pytest.mark.parametrize("material", MATERIALS.values(), ids=lambda m: m.name)
 def test_every_material_has_a_source_and_serves_a_study(material: Material) -> None:
     assert "ISO 6336-5" in material.source
-    study = load_study("mq200", [f"material.set={material.name}"])
+    study = load_study("mq200_paper", [f"material.set={material.name}"])
     assert study.limits.material == material
     assert material.life_factor(1e4) > material.life_factor(1e6) > 1.0
 
 
 def test_a_value_of_the_set_can_be_given() -> None:
-    given = load_study("mq200", ["material.proof_stress_MPa=900"]).limits.material
+    given = load_study("mq200_paper", ["material.proof_stress_MPa=900"]).limits.material
     assert given == replace(MATERIALS["16MnCr5"], proof_stress=900 * MPA)
 
 
@@ -278,9 +278,9 @@ def test_every_limit_moves_with_the_key_that_its_rule_names(prototype: Dog) -> N
     )
     for check in everything:
         section, key = check.rule.key.split(".")
-        file = load_study("mq200").file.model_dump()
+        file = load_study("mq200_paper").file.model_dump()
         other = 0.9 * (file[section][key] or 500.0)
-        limits = load_study("mq200", [f"{check.rule.key}={other}"]).limits
+        limits = load_study("mq200_paper", [f"{check.rule.key}={other}"]).limits
         changed = (
             *strength_checks(prototype, limits),
             *landing_checks(prototype, Landing(), limits),

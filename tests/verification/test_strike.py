@@ -233,7 +233,7 @@ KEYS = ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
 
 
 def test_keys_of_the_strike() -> None:
-    plain, study = load_study("mq200"), load_study("mq200", KEYS)
+    plain, study = load_study("mq200_paper"), load_study("mq200_paper", KEYS)
     assert plain.limits.strike is None
     assert study.physics_hash == plain.physics_hash
     strike = study.limits.strike
@@ -241,7 +241,7 @@ def test_keys_of_the_strike() -> None:
     assert strike.speed("traction") == pytest.approx(SPEED)
     assert strike.speed("braking") == 0.0
     assert strike.wheel_inertia == strike.output_inertia == 0.6048
-    slow = load_study("mq200", [*KEYS, "strike.mismatch_rpm=[-50.0]"]).limits.strike
+    slow = load_study("mq200_paper", [*KEYS, "strike.mismatch_rpm=[-50.0]"]).limits.strike
     assert slow is not None
     assert slow.flanks == ("braking",)
     assert notes_of(study) == notes_of(plain)
@@ -254,4 +254,4 @@ def test_keys_of_the_strike() -> None:
         ([*KEYS, "strike.strikes=0"], "strike.strikes is 0"),
     ):
         with pytest.raises(InputError, match=words):
-            load_study("mq200", wrong)
+            load_study("mq200_paper", wrong)

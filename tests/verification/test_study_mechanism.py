@@ -22,7 +22,7 @@ NEAR = 0.9e-3  #: m, way within the gap of 1 mm in which nothing is touched
 
 def _study(engine: str = "drake", **mechanism: float) -> Study:
     keys = {f"mechanism.{key}": value for key, value in mechanism.items()}
-    return load_study("mq200", {**keys, "solver.engine": engine})
+    return load_study("mq200_paper", {**keys, "solver.engine": engine})
 
 
 def _shift(study: Study, mismatch: float, force: float, angle: float) -> Engagement:
@@ -85,8 +85,8 @@ def test_added_mass_flies_as_one_with_the_ring() -> None:
 def test_drag_slows_a_ring_that_turns_and_not_its_flight() -> None:
     """The speed is w0 - M t/J1 until the dogs meet."""
     turning = {"sliding.initial_speed_rpm": 600.0}
-    plain = load_study("mq200", turning)
-    study = load_study("mq200", {**turning, "mechanism.drag_torque_Nm": 0.5})
+    plain = load_study("mq200_paper", turning)
+    study = load_study("mq200_paper", {**turning, "mechanism.drag_torque_Nm": 0.5})
     result = _shift(study, 50, 235.2, 0)
     trace = result.trace
     free = trace.time < _flight(result)
@@ -133,10 +133,10 @@ def test_a_retry_waits_for_its_dead_time_too() -> None:
 
 def test_a_ring_that_is_all_inertia_passes_nothing_through_its_spline() -> None:
     """The spline takes M (1 - m r^2/J1): none where the ring itself has all of J1."""
-    radius = load_study("mq200").clutch.dog.mean_radius
+    radius = load_study("mq200_paper").clutch.dog.mean_radius
     own = {"sliding.inertia_kgm2": 0.3 * radius**2}
     plain, rubbing = (
-        _shift(load_study("mq200", {**own, **more}), 50, 469.0, 10).shift_time
+        _shift(load_study("mq200_paper", {**own, **more}), 50, 469.0, 10).shift_time
         for more in ({}, {"mechanism.spline_friction": 0.3})
     )
     assert plain is not None
@@ -149,7 +149,7 @@ RHO = np.arctan(0.10)  #: angle of friction of the dogs
 
 def _leverage(friction: float) -> float:
     """Return axial over tangential force on the ring while a flank throws it back."""
-    spline = load_study("mq200", {"mechanism.spline_friction": 0.1}).clutch
+    spline = load_study("mq200_paper", {"mechanism.spline_friction": 0.1}).clutch
     share = 1.0 - 0.3 * spline.dog.mean_radius**2 / spline.rings.sliding_inertia
     radii = spline.dog.mean_radius / spline.mechanism.spline_radius
     return float(np.tan(FLANK - RHO) - friction * share * radii)
