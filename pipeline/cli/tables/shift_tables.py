@@ -14,6 +14,10 @@ from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import RPM
 
 
+#: What each engine is called where people read.
+ENGINES = {"drake": "Drake", "planar": "the compiled engine"}
+
+
 def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType:
     """Return outcome, phases, events and loads of one shift; ``torque_peak`` in N m."""
     table = columns("phase", "start, ms", "end, ms", "length, ms")
@@ -24,11 +28,17 @@ def shift_table(result: Engagement, torque_peak: float | None) -> RenderableType
     time = f" in {in_ms(result.shift_time)} ms" if result.shift_time is not None else ""
     happened = "; ".join(event_facts(result))
     loads = "\n".join(load_facts(result, torque_peak))
-    return Group(f"{outcome}{time}: {result.detail}", table, happened, loads)
+    engine = simulated_by(result.clutch.solver.engine)
+    return Group(f"{outcome}{time}: {result.detail}", table, happened, loads, engine)
 
 
-def expectation_table(result: Expectation) -> RenderableType:
-    """Return the expected shift time of each operating point and over all."""
+def simulated_by(engine: str) -> str:
+    """Name the engine in a sentence."""
+    return f"simulated by {ENGINES[engine]}"
+
+
+def expectation_table(result: Expectation, engine: str = "drake") -> RenderableType:
+    """Return the expected shift time of each operating point and over all, by one engine or two."""
     both = ["n compiled"] if result.planar_shifts else []
     heads = "mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n"
     table = columns(*heads, *both)
@@ -54,6 +64,8 @@ def expectation_table(result: Expectation) -> RenderableType:
             f"\nfrom {result.planar_shifts} shifts of the compiled engine, corrected by "
             f"{result.shifts} of Drake"
         )
+    else:
+        total += f"\n{simulated_by(engine)}"
     if result.lost:
         total += f"\n{_lost(result)}"
     if result.is_lower_bound:

@@ -123,4 +123,5 @@ def expect(
         given, where, mismatch_rpm, force_N, force_rise_s, angles=angles_of(angles),
         precision=precision, levels=levels,
     )  # fmt: skip
-    emit(found.to_dict(), json, lambda: expectation_table(found.mean))
+    by = given.clutch.solver.engine
+    emit(found.to_dict(), json, lambda: expectation_table(found.mean, by))
