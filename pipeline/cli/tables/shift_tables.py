@@ -13,7 +13,6 @@ from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import RPM
 
-
 #: What each engine is called where people read.
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}
 
