@@ -340,6 +340,10 @@ def _rises(file: StudyFile) -> RiseTable:
 def _limits(file: StudyFile, mechanism: Mechanism, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
     load = _load_case(file)
+    shaken = file.load.axial_vibration_m_s2
+    remedy = "leave it out where nothing shakes the ring"
+    require_between("load.axial_vibration_m_s2", shaken, 0.0, 1e4, remedy)
+    load = replace(load, vibration_force=shaken * (file.sliding.mass_kg + mechanism.added_mass))
     if mechanism.spline_friction > 0.0:
         spline = {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
         load = replace(load, **spline)
@@ -385,7 +389,15 @@ def _strike(file: StudyFile, points: Sequence[OperatingPoint]) -> Strike | None:
 
 
 def _load_case(file: StudyFile) -> LoadCase:
-    return LoadCase(**si_fields(file.load.model_dump()))  # type: ignore[arg-type]
+    given = file.load.model_dump(exclude={"spectrum", "axial_vibration_m_s2"})
+    classes = file.load.spectrum or []
+    if any(len(one) != 2 for one in classes):
+        raise InputError(
+            f"load.spectrum is {classes}, but a class is [torque over the rated one, cycles]; "
+            "give two numbers for each, e.g. [[1.0, 1e5], [-0.4, 2e6]]"
+        )
+    spectrum = tuple((share, cycles) for share, cycles in classes)
+    return LoadCase(**si_fields(given), spectrum=spectrum)  # type: ignore[arg-type]
 
 
 def _material(file: StudyFile) -> Material:

@@ -14,7 +14,9 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
 - flank strike: tension in the fillet and mean pressure under the force of ``sim.strength.strike``,
   against static strength and yield stress of the case; with a number of strikes against fatigue too
 - fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F`
-  (``sim.strength.materials``) for one load cycle a shift
+  (``sim.strength.materials``) for one load cycle a shift, or Miner's sum over a load spectrum
+  (``sim.strength.life``)
+- misuse: the abuse torque is carried once, so it meets the static limits alone
 
 Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
 """
@@ -28,6 +30,7 @@ from dataclasses import dataclass, field, replace
 from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check, Rule, feasible
+from dogshape.sim.strength.life import reserve
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -35,7 +38,7 @@ from dogshape.sim.strength.manufacture import (
     manufacturing_checks,
     tip_core_check,
 )
-from dogshape.sim.strength.materials import MATERIALS, STATIC_CYCLES, Material
+from dogshape.sim.strength.materials import ENDURANCE_CYCLES, MATERIALS, STATIC_CYCLES, Material
 from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
 from dogshape.sim.strength.rim import rim_checks, rim_factor
 from dogshape.sim.strength.strike import Strike
@@ -99,20 +102,48 @@ class Limits:
 
 def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
     """Return the mean pressure on a flank, Pa."""
+    # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
+    torque = limits.load.design_torque * limits.load.share_of(flank)
     area = flank_contact(dog, limits.root_radius, flank).area
-    return limits.load.force_per_dog(dog, flank) / max(area, LEAST_AREA)
+    return limits.load.force_per_dog(dog, flank, torque) / max(area, LEAST_AREA)
 
 
-def root_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
-    """Return the tension in the fillet below a loaded flank, Pa."""
-    tension = root_tension(dog, limits.root_radius, root_load(dog, limits, flank))
+def root_stress(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> float:
+    """Return the tension in the fillet below a flank, Pa; under its static torque by default."""
+    tension = root_tension(dog, limits.root_radius, root_load(dog, limits, flank, torque))
     return tension * rim_factor(dog, limits.manufacturing)
 
 
-def root_load(dog: Dog, limits: Limits, flank: Flank) -> Load:
-    """Return the design load of the most loaded dog on a flank."""
+def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Load:
+    """Return the load of the most loaded dog on a flank; under its static torque by default."""
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
-    return Load(limits.load.force_per_dog(dog, flank), flank, level)
+    return Load(limits.load.force_per_dog(dog, flank, torque), flank, level)
+
+
+def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
+    """Return tension in the fillet and what its life leaves sound, Pa, of the worse flank.
+
+    Under a spectrum the tension is that of its largest torque, and the limit is that tension times
+    the factor on all torques at which Miner's sum is 1.
+    """
+    load = limits.load
+    if not load.spectrum:
+        torques = {f: load.design_torque * load.share_of(f) for f in FLANKS}
+        tension = max(root_stress(dog, limits, f, torque) for f, torque in torques.items())
+        return tension, limits.fatigue_stress
+    found = []
+    endurance = limits.endurance(ENDURANCE_CYCLES)
+    for flank, sign in (("traction", 1.0), ("braking", -1.0)):
+        classes = [
+            (root_stress(dog, limits, flank, sign * share * load.design_torque), cycles)
+            for share, cycles in load.spectrum
+            if sign * share > 0.0
+        ]
+        if classes:
+            factor = reserve(limits.material, [(s / endurance, n) for s, n in classes])
+            found.append((factor, max(stress for stress, _ in classes)))
+    factor, tension = min(found)
+    return tension, factor * tension
 
 
 def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
@@ -225,6 +256,15 @@ _RULES = {
 }
 
 
+_SPECTRUM_RULE = replace(
+    _RULES["root_fatigue"],
+    meaning="tension in the fillet, the worse flank, at the largest torque of the load spectrum",
+    formula="as root bending; limit: what it is when Miner's sum of all classes is 1",
+    source="ISO 6336-3, ISO 6336-5, ISO 6336-6",
+    key="load.spectrum",
+)
+
+
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
     shears = {flank: shear_stress(dog, limits.load, flank) for flank in FLANKS}
@@ -238,9 +278,11 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, allowable),
-        ("root_fatigue", max(tension.values()), limits.fatigue_stress),
     )
-    made = (Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows)
+    made = [Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows]
+    lasting, endured = fatigue(dog, limits)
+    rule = _SPECTRUM_RULE if limits.load.spectrum else _RULES["root_fatigue"]
+    made.append(Check(rule, lasting / MPA, endured / MPA))
     return (*made, *rim_checks(dog, limits.manufacturing))
 
 

@@ -63,10 +63,17 @@ class LoadCase:
     load_height : of the resultant, as a share of the height that touches.
     safety, safety_fatigue : against yielding and against fatigue.
     shifts : over the life; each is one load cycle.
+    spectrum : classes of torque over the rated one and their cycles over the life, which replace
+        the load cycle of each shift in the fatigue of the root; a negative torque loads the
+        braking flank.
+    abuse_torque : of misuse, N m without further factor, which either flank survives; None for the
+        design torque alone.
     reversal : factor on the endurance of a root that is bent both ways.
     friction_release : static coefficient, for release and self-locking.
     friction_hold : low dynamic coefficient, for what has to be held.
     separating_force_limit : that the blocking mechanism holds, N.
+    vibration_force : inertia of the ring in gearbox vibration, N, which the blocking mechanism
+        holds beside the separating force.
     coast_share : torque on the braking flank over that on the traction flank.
     pull_out_force_limit : that the actuator pulls the ring out with, N; None for no such check.
     accuracy : class of ISO 1328-1 that the dogs are made to; None for the fixed load sharing.
@@ -91,9 +98,12 @@ class LoadCase:
     friction_release: float = 0.12
     friction_hold: float = 0.05
     separating_force_limit: float = 5000.0
+    vibration_force: float = 0.0
     coast_share: float = 1.0
     pull_out_force_limit: float | None = None
     release_by_itself: bool = True
+    spectrum: tuple[tuple[float, float], ...] = ()
+    abuse_torque: float | None = None
     accuracy: int | None = None
     pitch_sd: float | None = None
     run_out: float = 0.0
@@ -116,6 +126,7 @@ class LoadCase:
             ("friction_release", self.friction_release, 0.0, 1.0),
             ("friction_hold", self.friction_hold, 0.0, 1.0),
             ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
+            ("abuse_torque_Nm", self.abuse_torque, 1e-3, 1e6),
             ("coast_share", self.coast_share, 0.0, 1.0),
             ("pull_out_force_limit_N", self.pull_out_force_limit, 1.0, 1e6),
             ("accuracy", self.accuracy, 1, 11),
@@ -127,6 +138,10 @@ class LoadCase:
         ):
             if value is not None:
                 require_between(f"load.{name}", value, low, high, "correct the load case")
+        for share, cycles in self.spectrum:
+            remedy = "give classes as [torque over the rated one, cycles]"
+            require_between("load.spectrum: torque", share, -10.0, 10.0, remedy)
+            require_between("load.spectrum: cycles", cycles, 1.0, 1e15, remedy)
         if self.accuracy is not None and self.pitch_sd is not None:
             raise InputError(
                 "load.accuracy and load.pitch_sd_um both say how the dogs scatter; leave out one"
@@ -146,9 +161,15 @@ class LoadCase:
         """Return the torque that a flank carries over the rated one."""
         return 1.0 if flank == "traction" else self.coast_share
 
-    def force_per_dog(self, dog: Dog, flank: Flank = "traction") -> float:
-        """Tangential force on the dog that carries most, N."""
-        torque = self.design_torque * self.share_of(flank)
+    def static_torque(self, flank: Flank) -> float:
+        """Return the largest torque that a flank has to survive, N m."""
+        return max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
+
+    def force_per_dog(
+        self, dog: Dog, flank: Flank = "traction", torque: float | None = None
+    ) -> float:
+        """Tangential force on the dog that carries most, N; under the static torque by default."""
+        torque = self.static_torque(flank) if torque is None else torque
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
 
     def scatter(self, dog: Dog) -> float | None:

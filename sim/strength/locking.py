@@ -17,7 +17,9 @@ angle of :math:`\rho + \arctan(\mu_t r/r_t)`. Below it takes a pull of
 
 at the rated torque *T*, since a shift out is commanded and meets no overload. The blocking
 mechanism has :math:`\mu K_A T/r_t` less to hold, with the lower one of the spline's and of the
-holding coefficient. The braking flank has the coast torque. Where the actuator may pull,
+holding coefficient, and :math:`m a` more where the gearbox shakes ring and fork with the
+acceleration *a*: the ring must not jump out. The braking flank has the coast torque. Where the
+actuator may pull,
 ``release_by_itself`` is false and the pull alone is judged.
 
 Release is judged with the static coefficient, holding with a low dynamic one.
@@ -103,11 +105,12 @@ def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
 def separating_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
     """Return the axial force of a loaded flank at low friction, N; positive separates.
 
-    What friction in the spline holds of it is taken off.
+    What friction in the spline holds of it is taken off, and the ring's inertia is added.
     """
     torque = load.design_torque * load.share_of(flank)
     held = min(load.spline_friction, load.friction_hold) * torque / load.spline_radius
-    return axial_force(dog, torque, side_angle(dog, flank), load.friction_hold) - held
+    pushed = axial_force(dog, torque, side_angle(dog, flank), load.friction_hold)
+    return pushed - held + load.vibration_force
 
 
 def blocking_force(dog: Dog, load: LoadCase) -> float:
@@ -153,5 +156,7 @@ def _rule(name: str, load: LoadCase) -> Rule:
             formula += ", less min(mu_t, mu) K_A T/r_t that the spline holds"
         if load.coast_share != 1.0 and name.endswith("braking"):
             formula += "; T times load.coast_share"
+        if load.vibration_force > 0.0:
+            formula += "; + m a, a the axial vibration"
         return replace(rule, formula=formula)
     return rule

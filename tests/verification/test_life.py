@@ -1,0 +1,141 @@
+"""Fatigue under a load spectrum, misuse and vibration, against closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import Limits, fatigue, root_stress, strength_checks
+from dogshape.sim.strength.life import cycles_endured, damage, reserve
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.materials import MATERIALS
+from dogshape.sim.units import MPA
+
+STEEL = MATERIALS["16MnCr5"]
+
+
+def _checks(dog: Dog, load: LoadCase) -> dict[str, Check]:
+    return {check.name: check for check in strength_checks(dog, Limits(load=load))}
+
+
+@pytest.mark.parametrize("cycles", [1e3, 2e4, 1e5, 3e6, 1e8, 1e10])
+def test_cycles_endured_invert_the_life_factor(cycles: float) -> None:
+    strength = STEEL.life_factor(cycles)
+    assert cycles_endured(STEEL, strength) == pytest.approx(cycles, rel=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [1.0, 100.0, 1e3, 1e5, 3e6, 1e9])
+def test_one_class_is_the_check_of_a_life_of_so_many_cycles(prototype: Dog, cycles: float) -> None:
+    plain = _checks(prototype, LoadCase(shifts=cycles))["root_fatigue"]
+    one = _checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
+    assert one.value == pytest.approx(plain.value, rel=1e-12)
+    assert one.limit == pytest.approx(plain.limit, rel=1e-9)
+    assert one.rule.key == "load.spectrum"
+
+
+def test_classes_of_one_torque_add_up_and_their_order_is_nothing(prototype: Dog) -> None:
+    parts = ((1.0, 3e4), (0.5, 1e6), (1.0, 7e4))
+    merged = LoadCase(spectrum=((0.5, 1e6), (1.0, 1e5)))
+    assert fatigue(prototype, Limits(load=LoadCase(spectrum=parts))) == pytest.approx(
+        fatigue(prototype, Limits(load=merged)), rel=1e-9
+    )
+
+
+def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
+    """While all classes stay on one slope, sum n (f s)^(1/x) = 3e6 gives f in closed form."""
+    classes = [(1.9, 2e3), (1.6, 1e4), (1.5, 2e4)]
+    slope = math.log(STEEL.static_factor) / math.log(3e6 / 1e3)
+    used = sum(n * s ** (1.0 / slope) for s, n in classes)
+    factor = (3e6 / used) ** slope
+    assert all(1.0 < factor * s < STEEL.static_factor for s, _ in classes)
+    assert reserve(STEEL, classes) == pytest.approx(factor, rel=1e-9)
+    assert damage(STEEL, [(factor * s, n) for s, n in classes]) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_peak_beyond_the_static_strength_is_borne_by_none() -> None:
+    assert damage(STEEL, [(2.6, 1.0)]) == math.inf
+    assert reserve(STEEL, [(2.0, 1.0)]) == pytest.approx(STEEL.static_factor / 2.0)
+    assert reserve(STEEL, []) == math.inf
+
+
+def test_negative_classes_load_the_braking_flank(prototype: Dog) -> None:
+    limits = Limits(load=LoadCase(spectrum=((0.1, 1e3), (-0.8, 1e5))))
+    value, limit = fatigue(prototype, limits)
+    torque = 0.8 * limits.load.design_torque
+    assert value == pytest.approx(root_stress(prototype, limits, "braking", torque), rel=1e-12)
+    assert limit == pytest.approx(limits.endurance(1e5), rel=1e-9)
+
+
+def test_small_cycles_of_driving_take_some_of_the_life(prototype: Dog) -> None:
+    alone = fatigue(prototype, Limits(load=LoadCase(spectrum=((1.0, 1e5),))))[1]
+    limits = [
+        fatigue(prototype, Limits(load=LoadCase(spectrum=((1.0, 1e5), (share, 1e7)))))[1]
+        for share in (0.1, 0.6, 0.9)
+    ]
+    assert alone >= limits[0] > limits[1] > limits[2]
+    assert limits[0] == pytest.approx(alone, rel=1e-6)
+
+
+def test_misuse_meets_the_static_limits_alone(prototype: Dog) -> None:
+    plain, hard = _checks(prototype, LoadCase()), _checks(prototype, LoadCase(abuse_torque=600.0))
+    for name, check in hard.items():
+        static = name.startswith("root_bending") or name in ("shear_stress", "equivalent_stress")
+        ratio = 2.0 if static else 1.0  # 600 N m over 200 with 1.5
+        assert check.value == pytest.approx(ratio * plain[name].value, rel=1e-9), name
+    less = _checks(prototype, LoadCase(abuse_torque=250.0, coast_share=0.4))
+    assert less["root_bending_traction"].value == pytest.approx(
+        plain["root_bending_traction"].value, rel=1e-12
+    )
+    assert less["root_bending_braking"].value == pytest.approx(
+        plain["root_bending_braking"].value * 250.0 / 300.0, rel=1e-9
+    )
+
+
+def test_vibration_adds_the_inertia_of_ring_and_fork() -> None:
+    keys = ["mechanism.added_mass_kg=0.2"]
+    plain = load_study("mq200_paper", keys)
+    shaken = load_study("mq200_paper", [*keys, "load.axial_vibration_m_s2=500"])
+    for flank in ("traction", "braking"):
+        name = f"separating_force_{flank}"
+        before, after = (
+            {c.name: c for c in strength_checks(s.clutch.dog, s.limits)}[name]
+            for s in (plain, shaken)
+        )
+        assert after.value - before.value == pytest.approx(500.0 * 0.5, rel=1e-9)
+    assert shaken.physics_hash == plain.physics_hash
+
+
+def test_keys_of_the_life() -> None:
+    study = load_study("mq200_paper", ["load.spectrum=[[1, 100000], [-0.4, 2e6]]"])
+    assert study.limits.load.spectrum == ((1.0, 1e5), (-0.4, 2e6))
+    assert load_study("mq200_paper").limits.load == replace(LoadCase(), release_by_itself=True)
+    for wrong, words in (
+        ("load.spectrum=[[1.0]]", "two numbers for each"),
+        ("load.spectrum=[[1.0, 0.0]]", "cycles is 0"),
+        ("load.spectrum=[[50.0, 10.0]]", "torque is 50"),
+        ("load.abuse_torque_Nm=-3", "load.abuse_torque_Nm is -3 N m"),
+        ("load.axial_vibration_m_s2=-1", "load.axial_vibration_m_s2 is -1 m/s2"),
+    ):
+        with pytest.raises(InputError, match=words):
+            load_study("mq200_paper", [wrong])
+
+
+def test_limits_of_the_root_are_finite_for_any_spectrum(prototype: Dog) -> None:
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        classes = tuple(
+            (float(t), float(n))
+            for t, n in zip(
+                rng.uniform(-2.0, 2.0, 4), 10.0 ** rng.uniform(0.0, 12.0, 4), strict=True
+            )
+        )
+        value, limit = fatigue(prototype, Limits(load=LoadCase(spectrum=classes)))
+        assert 0.0 < value < 1e5 * MPA
+        assert 0.0 < limit < 1e5 * MPA
