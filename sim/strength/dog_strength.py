@@ -133,7 +133,7 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
         return tension, limits.fatigue_stress
     found = []
     endurance = limits.endurance(ENDURANCE_CYCLES)
-    for flank, sign in (("traction", 1.0), ("braking", -1.0)):
+    for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
         classes = [
             (root_stress(dog, limits, flank, sign * share * load.design_torque), cycles)
             for share, cycles in load.spectrum
