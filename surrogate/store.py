@@ -72,6 +72,10 @@ def save(path: Path, stored: Stored) -> None:
     write_whole(path, _text(content))
 
 
+class MissingError(DataError):
+    """No file where a surrogate was looked for."""
+
+
 def load(path: Path) -> Stored:
     """Read a surrogate; a damaged file or one of another format raises DataError."""
     content = _read(path)
@@ -174,7 +178,7 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise DataError(
+        raise MissingError(
             f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
             "or name a file with --surrogate"
         ) from error

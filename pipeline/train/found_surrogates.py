@@ -11,7 +11,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.dataset import differences
-from dogshape.surrogate.store import Stored, load
+from dogshape.surrogate.store import MissingError, Stored, load
 
 
 def space_out(study: Study) -> Path:
@@ -73,3 +73,18 @@ def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
     if path is None and (known := known_surrogate(study)) is not None:
         return known, brought
     return load(path or own), path or own
+
+
+def own_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path] | None:
+    """Return the same, or None where there is none or only one of other physics that nobody named.
+
+    DataError for a file that is named and not there, or damaged.
+    """
+    try:
+        stored, path = stored_surrogate(study, named)
+    except MissingError:
+        if named is not None:
+            raise
+        return None
+    apart = differences(study.physics, stored.surrogate.data.physics)
+    return None if apart and named is None else (stored, path)

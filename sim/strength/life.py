@@ -19,8 +19,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from scipy.optimize import brentq
-
 from dogshape.sim.strength.materials import (
     ENDURANCE_CYCLES,
     LONG_CYCLES,
@@ -62,14 +60,17 @@ def reserve(material: Material, classes: Sequence[tuple[float, float]]) -> float
     if peak <= 0.0:
         return math.inf
 
-    def left(logarithm: float) -> float:
-        factor = math.exp(logarithm)
-        return min(damage(material, [(factor * s, n) for s, n in classes]), 1e300) - 1.0
+    # Bisection: scipy.optimize takes half a second to load, which a quick check does not have.
+    high = material.static_factor / peak
+    low, bears = 0.0, _bears(material, classes, high)
+    while not bears and high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        if _bears(material, classes, middle):
+            low = middle
+        else:
+            high = middle
+    return high
 
-    high = math.log(material.static_factor / peak)
-    if left(high) <= 0.0:
-        return math.exp(high)
-    low = high
-    while left(low) > 0.0:
-        low -= 1.0
-    return math.exp(brentq(left, low, low + 1.0, xtol=1e-12))
+
+def _bears(material: Material, classes: Sequence[tuple[float, float]], factor: float) -> bool:
+    return damage(material, [(factor * stress, cycles) for stress, cycles in classes]) <= 1.0

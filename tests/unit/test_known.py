@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from dogshape.check import ENGINE_ERROR, SHIFTS, check_design
+from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.running import Where
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.query import in_range
-from dogshape.surrogate.store import Stored, save
+from dogshape.surrogate.store import MissingError, Stored, save
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -81,3 +85,40 @@ def test_the_named_surrogate_is_asked(brought: Stored, tmp_path: Path) -> None:
     stored, found = stored_surrogate(load_study("mq200_paper"), path)
     assert found == path
     assert stored.validation == brought.validation
+
+
+def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)  # no results of a search
+    few = ["operating.mismatch_rpm=[50, 149]", "operating.force_N=[469]", "sliding.mass_kg=0.4"]
+    study = load_study("mq200_paper", few)
+    found = check_design(study)
+    record = found.to_dict()
+    assert record["engine"] == "planar"
+    assert record["shifts_planar"] == SHIFTS
+    assert record["surrogate"] is None
+    assert record["not_checked"] == []  # the landing was simulated
+    mean = simulate_mean(
+        load_study("mq200_paper", [*few, "solver.engine=planar", "expectation.seed=7"]),
+        Where(jobs=1),
+        angles=40,
+    ).mean
+    error = math.hypot(record["standard_error_s"], mean.standard_error)
+    assert abs(record["expected_shift_time_s"] - mean.mean) < 3.0 * error
+    # Its error is that of the angles and that of the engine.
+    assert record["standard_error_s"] > ENGINE_ERROR * record["expected_shift_time_s"]
+    width = record["high_s"] - record["low_s"]
+    assert width == pytest.approx(2.0 * 1.96 * record["standard_error_s"])
+    with pytest.raises(MissingError):
+        check_design(study, surrogate=tmp_path / "none.json")
+
+
+def test_one_point_of_a_clutch_without_a_surrogate(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    found = check_design(load_study("mq200_paper", ["sliding.mass_kg=0.4"]), 149.0, 641.5)
+    assert found.to_dict()["operating_points"] == 1
+    assert found.shifts == SHIFTS
+    assert found.mix.points.tolist() == [[149.0, 641.5]]

@@ -8,6 +8,7 @@ from rich.console import Group, RenderableType
 
 from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.strength.tolerance import Spread
+from dogshape.surrogate.model import Expected
 from dogshape.surrogate.query import Answer
 from dogshape.surrogate.validation_figures import Validation
 
@@ -35,6 +36,18 @@ def answer_text(
         f"within the tolerances it moves by {spread.worst_case * 1e3:.2g} ms in the worst case, "
         f"{spread.root_sum_square * 1e3:.2g} ms by root sum of squares"
     )
+    return Group(*lines, "", checks)
+
+
+def simulated_text(expected: Expected, shifts: int, checks: RenderableType) -> RenderableType:
+    """Return the compiled engine's answer, and checks."""
+    lines = [
+        f"expected shift time {in_ms(expected.time)} ms, 95 % interval {in_ms(expected.low)} to "
+        f"{in_ms(expected.high)} ms ({shifts} shifts of the compiled engine, 1 % of its error "
+        f"against Drake included); single shifts scatter by {in_ms(expected.sd)} ms, "
+        f"{expected.engaged:.1%} engage where fewest do",
+        "no surrogate of this study's physics is there; 'dogshape fit' makes one",
+    ]
     return Group(*lines, "", checks)
 
 

@@ -1,4 +1,4 @@
-"""``check``: designs without simulation, by their closed forms and the surrogate.
+"""``check``: designs at once, by their closed forms and the surrogate or the compiled engine.
 
 Whoever asks often wants the answer at once, so nothing that is slow to load belongs here.
 """
@@ -24,7 +24,12 @@ from dogshape.pipeline.cli.options import (
 )
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
-from dogshape.pipeline.cli.tables.prediction_tables import answer_text, filled_lines, many_text
+from dogshape.pipeline.cli.tables.prediction_tables import (
+    answer_text,
+    filled_lines,
+    many_text,
+    simulated_text,
+)
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.train.design_table import beside
@@ -45,9 +50,10 @@ def check(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Quick check of one design, or predicted times of many, without simulating them.
+    """Quick check of one design, or predicted times of many.
 
-    The time is expected over the study's operating points, or at the one that is given. Of a
+    The time is expected over the study's operating points, or at the one that is given. It is the
+    surrogate's; where the study has none, the compiled engine simulates the one design. Of a
     table the answers go beside it, into NAME-times.csv; status 1 if a row is no design at all.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
@@ -75,4 +81,6 @@ def check(
 def _text(found: Check) -> RenderableType:
     held, checks = found.blocking_force_N, found.design.checks
     table = strength_table(checks, found.within, held, found.notes)
+    if found.spread is None or found.validation is None:
+        return simulated_text(found.answer.expected, found.shifts, table)
     return answer_text(found.answer, found.validation, found.spread, table)
