@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -39,13 +39,13 @@ class Cell:
         return float(np.nanmean(self.times))
 
 
-def clutch_of(study: Study, design: str) -> Clutch:
+def clutch_of(study: Setup, design: str) -> Clutch:
     """Return the study's clutch with one of the designs."""
     values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
     return study.clutch.with_dog(study.dog_with(values))
 
 
-def point_of(study: Study, mismatch_rpm: float, force: float) -> OperatingPoint:
+def point_of(study: Setup, mismatch_rpm: float, force: float) -> OperatingPoint:
     """Return an operating point of the study with another mismatch."""
     profile = next(p.profile for p in study.points if p.profile.force == force)
     return OperatingPoint(mismatch_rpm * RPM, profile)
@@ -68,6 +68,6 @@ def measure(plant: ClutchPlant, point: OperatingPoint, angles: Iterable[float]) 
     return Cell(np.array(times), cpu / len(times), evaluations / len(times))
 
 
-def paper_study() -> Study:
+def paper_study() -> Setup:
     """Return the paper's study."""
     return load_study("mq200_paper")

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.common import paper_study
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
@@ -46,7 +46,7 @@ IMPACT = 0.2  #: speed at which restitution is told, m/s, of a ring that lands o
 Designs = dict[str, dict[str, float]]
 
 
-def designs_of(study: Study) -> Designs:
+def designs_of(study: Setup) -> Designs:
     """Read the prototype and the confirmed designs worth a choice, the chosen one second.
 
     The last one was chosen by ``mq200``.
@@ -72,7 +72,7 @@ def kept(name: str) -> dict[str, Any]:
     return found
 
 
-def settings() -> dict[str, Study]:
+def settings() -> dict[str, Setup]:
     """Load the paper's study under each contact set, friction, mechanism and dissipation."""
     made = {name: load_study("mq200_paper", [f"contact.set={name}"]) for name in CONTACT_SETS}
     base = CONTACT_SETS["lubricated_steel"]
@@ -92,7 +92,7 @@ def settings() -> dict[str, Study]:
 
 
 def expectations(
-    study: Study, designs: Designs, angles: int, executor: Executor
+    study: Setup, designs: Designs, angles: int, executor: Executor
 ) -> dict[str, Expectation]:
     """Return the expected shift time of each design."""
     dogs = [study.dog_with(params) for params in designs.values()]

@@ -23,7 +23,7 @@ from scipy.stats import beta
 
 from benchmarks.common import measure, paper_study
 from benchmarks.convergence import REFERENCE, with_accuracy
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.train.filling import filling_designs
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
@@ -86,7 +86,7 @@ class Pair:
         return 100.0 * float(self.times[kept].mean() / self.reference[kept].mean() - 1.0)
 
 
-def pairs(study: Study, designs: int, angles: int, seed: int = SEED) -> list[Pair]:
+def pairs(study: Setup, designs: int, angles: int, seed: int = SEED) -> list[Pair]:
     """Simulate ``designs`` designs at one point of either sign, with both accuracies."""
     made, draw = [], np.random.default_rng(seed)
     for index, design in zip(

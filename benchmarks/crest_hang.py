@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from benchmarks.common import paper_study, point_of
 from benchmarks.convergence import plant_with
-from dogshape.pipeline.config.study_file import VARIABLES, Study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.engagement import engage
@@ -177,13 +177,13 @@ def shares(shifts: list[Engagement], clutch: Clutch) -> tuple[float, float]:
     return hung * each, late * each
 
 
-def clutch_of(study: Study, design: str) -> Clutch:
+def clutch_of(study: Setup, design: str) -> Clutch:
     """Return the study's clutch with one of the designs."""
     values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
     return study.clutch.with_dog(study.dog_with(values))
 
 
-def windows(study: Study) -> None:
+def windows(study: Setup) -> None:
     """Print crossing, static window and what hangs in Drake."""
     print("share of a pitch, %: crests cross; static friction holds; Drake hangs / is late")
     heads = "".join(f"{f'{m:.0f} 1/min':>14}" for m in MISMATCHES)
@@ -205,7 +205,7 @@ def windows(study: Study) -> None:
             )
 
 
-def variants(study: Study, name: str = "lean", angles: int = 8) -> None:
+def variants(study: Setup, name: str = "lean", angles: int = 8) -> None:
     """Print what stiffness, mesh and all dogs change, at no mismatch and the smallest force."""
     base, point = clutch_of(study, name), point_of(study, 0.0, FORCES[0])
     contact, solver = base.contact, base.solver

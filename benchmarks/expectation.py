@@ -29,7 +29,7 @@ import numpy as np
 
 from benchmarks.common import angles_of, paper_study
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -53,7 +53,7 @@ LEVELS: dict[str, Callable[..., Precise]] = {
 class Dense:
     """Shifts at all angles of a grid, in place of an executor that simulates them."""
 
-    study: Study
+    study: Setup
     rows: dict[tuple[str, float, float, int], Record]
     cpu: dict[tuple[str, float, float, int], float]
     used: set[tuple[str, float, float, int]] = field(default_factory=set)
@@ -126,7 +126,7 @@ def main() -> None:
     coverage(study, dense)
 
 
-def simulated(study: Study) -> tuple[Dense, float]:
+def simulated(study: Setup) -> tuple[Dense, float]:
     """Simulate all shifts in both engines by turns; give MuJoCo's CPU time a shift too, s."""
     clutches = {"drake": study.clutch, "planar": study.clutch.with_engine("planar")}
     second, other = SecondEngine(study.clutch), 0.0
@@ -166,7 +166,7 @@ def scatter(table: np.ndarray, count: np.ndarray) -> float:
     return float(means.std() / len(table))
 
 
-def reported(study: Study) -> None:
+def reported(study: Setup) -> None:
     """Run the program to one percent of its standard error, by turns, and print what it took."""
     cpu: dict[str, list[float]] = {name: [] for name in LEVELS}
     found: dict[str, Expectation] = {}
@@ -185,7 +185,7 @@ def reported(study: Study) -> None:
     print(f"  two levels take 1/{np.mean(cpu['one level']) / np.mean(cpu['two levels']):.1f}")
 
 
-def coverage(study: Study, dense: Dense) -> None:
+def coverage(study: Setup, dense: Dense) -> None:
     """Run the program from other starts on the dense shifts, and print what its intervals hold."""
     reference, settings = dense.reference, study.file.expectation
     print(f"95 % intervals of {RUNS} runs that hold the mean of {DENSE} angles in Drake")

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common import paper_study
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import Engagement
@@ -55,7 +55,7 @@ class Forces:
     landing: float
 
 
-def designs(study: Study) -> dict[str, Clutch]:
+def designs(study: Setup) -> dict[str, Clutch]:
     """Read the prototype and the chosen design of the kept result."""
     path = bundled_root() / study.name / "result.json"
     result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -99,7 +99,7 @@ def flat(clutch: Clutch, speed: float = SPEED) -> float:
     return peak(clutch.contact, area, clutch.mechanism.sleeve_mass(clutch.rings.mass), speed)
 
 
-def landed(study: Study, clutch: Clutch) -> float:
+def landed(study: Setup, clutch: Clutch) -> float:
     """Return the mean of that over the study's forces, at the speed after free flight, N."""
     mass, gap = clutch.mechanism.sleeve_mass(clutch.rings.mass), clutch.dog.axial_gap
     peaks = []
@@ -109,7 +109,7 @@ def landed(study: Study, clutch: Clutch) -> float:
     return float(np.mean(peaks))
 
 
-def forces(study: Study, clutch: Clutch) -> Forces:
+def forces(study: Setup, clutch: Clutch) -> Forces:
     """Simulate the operating points and return their mean peak forces."""
     plant = ClutchPlant(clutch)
     shifts = [

@@ -17,7 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.confirmation import resimulated
 from dogshape.pipeline.search.tolerance_effects import smallest_within
 from dogshape.pipeline.simulate.design import design_of
@@ -48,7 +48,7 @@ def kept(study: str) -> dict[str, Any]:
     return record
 
 
-def designs_of(study: Study) -> dict[str, dict[str, float]]:
+def designs_of(study: Setup) -> dict[str, dict[str, float]]:
     """Collect the designs that are judged, by name."""
     old = {row["trial"]: row for row in kept("mq200_paper")["trials"]}
     rows = {"prototype": study.prototype}
@@ -57,7 +57,7 @@ def designs_of(study: Study) -> dict[str, dict[str, float]]:
     return {name: {key: row[key] for key in study.variables} for name, row in rows.items()}
 
 
-def judge(study: Study) -> None:
+def judge(study: Setup) -> None:
     """Print what each design is worth under the question."""
     designs = designs_of(study)
     numbered = dict(enumerate(designs.values()))
@@ -83,7 +83,7 @@ def judge(study: Study) -> None:
         )
 
 
-def search(study: Study, folder: Path) -> None:
+def search(study: Setup, folder: Path) -> None:
     """Print what a search finds, by the compiled engine alone."""
     result = run_study(study, Run(StudyFolder(folder), report=False))
     best, told = result["confirmation"]["best"], result["best"]

@@ -21,7 +21,7 @@ import optuna
 from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.sampler import SurrogateSampler
@@ -76,7 +76,7 @@ class Record:
     steps: list[Step] = field(default_factory=list)
 
 
-def problem(*overrides: str) -> Study:
+def problem(*overrides: str) -> Setup:
     """Return the study that all samplers search."""
     return load_study("mq200_paper", [*PROBLEM, *overrides])
 
@@ -92,7 +92,7 @@ def search(sampler: str, seed: int, designs: int) -> Record:
         return _asked_and_told(SAMPLERS[sampler](seed), executor, problem(), seed, designs)
 
 
-def first_designs(study: Study, seed: int) -> list[Values]:
+def first_designs(study: Setup, seed: int) -> list[Values]:
     """Return the designs that a search of this project begins with."""
     asked = optuna.create_study(
         directions=["minimize"] * 2, sampler=SurrogateSampler(DogGuide(study), seed, START)
@@ -122,7 +122,7 @@ def _own(folder: Path, points: int | None, seed: int, designs: int) -> Record:
 
 
 def _asked_and_told(
-    sampler: BaseSampler, executor: Executor, study: Study, seed: int, designs: int
+    sampler: BaseSampler, executor: Executor, study: Setup, seed: int, designs: int
 ) -> Record:
     asked = optuna.create_study(directions=["minimize"] * 2, sampler=sampler)
     for params in first_designs(study, seed):

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.sampler_runs import OWN, SAMPLERS, Values, problem, search
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import search_space
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
@@ -114,7 +114,7 @@ def shifts_compared(most: int) -> list[int]:
     return [round(most * share) for share in SHARES]
 
 
-def emulated_front(study: Study) -> list[Values]:
+def emulated_front(study: Setup) -> list[Values]:
     """Return the front of a search over 20 000 designs by the surrogate that the package brings."""
     known = known_surrogate(study)
     if known is None:
@@ -136,7 +136,7 @@ def emulated_front(study: Study) -> list[Values]:
 
 
 def _allowed(
-    study: Study, space: Space, rng: np.random.Generator, size: int, near: list[Values] | None
+    study: Setup, space: Space, rng: np.random.Generator, size: int, near: list[Values] | None
 ) -> list[Values]:
     found: list[Values] = []
     while len(found) < size:
@@ -146,7 +146,7 @@ def _allowed(
     return found
 
 
-def _emulated(study: Study, over: Over, designs: Sequence[Values]) -> tuple[Any, Any]:
+def _emulated(study: Setup, over: Over, designs: Sequence[Values]) -> tuple[Any, Any]:
     """Return which designs no other dominates, and the losses of all, by the surrogate."""
     losses = exact_losses(study, designs)
     losses[:, 0] = over.predict(study.rows(designs))[0]
@@ -160,7 +160,7 @@ def _emulated(study: Study, over: Over, designs: Sequence[Values]) -> tuple[Any,
 class Truth:
     """Objectives of designs, densely simulated: (time in s, length in mm), inf if not feasible."""
 
-    def __init__(self, study: Study, folder: Path, jobs: int) -> None:
+    def __init__(self, study: Setup, folder: Path, jobs: int) -> None:
         self._study = study
         self._executor = Executor(ShiftJournal(folder / "dense.jsonl"), jobs)
         self._values: dict[Key, Array] = {}

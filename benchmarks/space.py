@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import first_designs
@@ -25,7 +25,7 @@ class Space:
     """A filled folder."""
 
     folder: StudyFolder
-    study: Study
+    study: Setup
 
     @property
     def mix(self) -> Mix:

@@ -25,7 +25,7 @@ import optuna
 from distributed import LocalCluster
 
 from benchmarks.common import paper_study
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.simulate.executor import Executor, connect
@@ -62,7 +62,7 @@ class Setting:
         self.blocks.append(np.diff([start, *ends]).tolist())
 
 
-def measure(study: Study, rounds: int) -> list[Setting]:
+def measure(study: Setup, rounds: int) -> list[Setting]:
     """Return all settings, measured in turns; each is warmed up first."""
     blocks = even_blocks(study.clutch, study.points, ANGLES, 1)[::2]
     made = [Setting("processes", 1), Setting("processes", 2)]
@@ -85,7 +85,7 @@ def quiet_cluster(workers: int) -> LocalCluster:
     return LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")  # type: ignore[no-untyped-call]
 
 
-def asking_times(study: Study) -> list[float]:
+def asking_times(study: Setup) -> list[float]:
     """Return the time in s of each proposal of the paper's study's last round.
 
     The first one fits the process too.
@@ -107,7 +107,7 @@ def asking_times(study: Study) -> list[float]:
     return np.diff(ends).tolist()
 
 
-def _rows(study: Study, design: list[float], mean: float) -> list[list[float]]:
+def _rows(study: Setup, design: list[float], mean: float) -> list[list[float]]:
     at = [(point.mismatch / RPM, point.profile.force) for point in study.points]
     return [[*design, *where, mean, 3e-3, 0.01, 6, 6, 1] for where in at]
 
@@ -131,7 +131,7 @@ def print_measured(made: Sequence[Setting], rounds: int) -> None:
         print(f"{setting.name:<12}{setting.workers:>9}{shifts / wall:>10.2f}{base / wall:>7.2f}")
 
 
-def print_model(study: Study, measured: Sequence[float], asking: Sequence[float]) -> None:
+def print_model(study: Setup, measured: Sequence[float], asking: Sequence[float]) -> None:
     """Print what rounds of two sizes give on more workers."""
     angles = study.file.expectation.angles
     # The points between the measured ones take as long.

@@ -12,7 +12,7 @@ from typing import Any
 
 from dogshape.checked import Checked
 from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import margins_within, spread_record, time_spread
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.train.found_surrogates import own_surrogate
@@ -108,7 +108,7 @@ class Check(Checked):
 
 
 def check_design(
-    config: StudyConfig,
+    config: Setup,
     mismatch_rpm: float | None = None,
     force_N: float | None = None,
     surrogate: Path | None = None,
@@ -140,7 +140,7 @@ def check_design(
     return Check(config, design, within, answer, mix, spread, stored.validation, path)
 
 
-def _simulated(config: StudyConfig, mix: Mix) -> Check:
+def _simulated(config: Setup, mix: Mix) -> Check:
     """Check a design by the compiled engine."""
     # Half a second that an answer of the surrogate does not need.
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415

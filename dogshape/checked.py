@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import Within, checks_within
 from dogshape.pipeline.simulate.design import Design, notes_of
 from dogshape.result import Result
@@ -28,7 +28,7 @@ class Checked(Result):
     within : margins left within the tolerances, by check and kind; minus infinity for no dog.
     """
 
-    config: StudyConfig
+    config: Setup
     design: Design
     within: Within
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.result_charts import means_by_point
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
@@ -34,7 +34,7 @@ OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lack
 class Expectation(Result):
     """Expected shift time with its errors, over the relative angle and the operating points."""
 
-    config: StudyConfig
+    config: Setup
     mean: Mean
 
     @property
@@ -91,7 +91,7 @@ class Expectation(Result):
 
 
 def simulate_mean(
-    config: StudyConfig,
+    config: Setup,
     where: Where,
     mismatch_rpm: float | None = None,
     force_N: float | None = None,
@@ -141,7 +141,7 @@ def simulate_mean(
     return Expectation(config, replace(found.expectation, numerical_error=error))
 
 
-def _levels(config: StudyConfig, precision: float | None, levels: int | None) -> int:
+def _levels(config: Setup, precision: float | None, levels: int | None) -> int:
     """Return the number of levels; InputError for one that there is not."""
     compiled = config.clutch.solver.engine == "planar"
     if levels is None:
@@ -159,7 +159,7 @@ def _levels(config: StudyConfig, precision: float | None, levels: int | None) ->
 
 
 def _at_angles(
-    config: StudyConfig,
+    config: Setup,
     where: Where,
     points: tuple[OperatingPoint, ...],
     angles: int | Sequence[float] | None,

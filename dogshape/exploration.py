@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.surrogate.figures import effects_figure
 from dogshape.pipeline.reports.surrogate.page import write_page
@@ -34,7 +34,7 @@ class Exploration(Result):
     page : the page that was written; None where none was.
     """
 
-    config: StudyConfig
+    config: Setup
     surrogate: Path
     found: dict[str, Any]
     page: Path | None = None
@@ -78,7 +78,7 @@ class Exploration(Result):
 
 
 def explore_surrogate(
-    config: StudyConfig,
+    config: Setup,
     surrogate: Path | None = None,
     out: Path | None = None,
     progress: Progress = SILENT,

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Study as StudyConfig
-from dogshape.pipeline.config.study_file import load_study, require_variables
+from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
@@ -35,7 +34,7 @@ class Fitted(Result):
     path : file that holds it.
     """
 
-    config: StudyConfig
+    config: Setup
     stored: Stored
     path: Path
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.train.design_table import (
     Predicted,
     predict,
@@ -36,7 +36,7 @@ class Predictions(Result):
     written : table with the answers; None where none was written.
     """
 
-    config: StudyConfig
+    config: Setup
     predicted: Predicted
     written: Path | None = None
 
@@ -67,7 +67,7 @@ class Predictions(Result):
 
 
 def predict_designs(
-    config: StudyConfig,
+    config: Setup,
     designs: str | Path | pd.DataFrame,
     out: Path | None = None,
     *,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.asked_points import point_of
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.shift.animation import curves, trace_frame, write_animation
 from dogshape.result import Result, ms
 from dogshape.sim.engines import engage
@@ -36,7 +36,7 @@ class Shift(Result):
     torque_peaks : of the driveline, N m; None where the study does not know its stiffness.
     """
 
-    config: StudyConfig
+    config: Setup
     engagement: Engagement
     torque_peaks: TorquePeaks | None
 
@@ -107,7 +107,7 @@ class Shift(Result):
 
 
 def simulate_shift(
-    config: StudyConfig,
+    config: Setup,
     mismatch_rpm: float,
     force_N: float,
     angle_deg: float,

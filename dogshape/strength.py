@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from dogshape.checked import Checked
-from dogshape.pipeline.config.study_file import Study as StudyConfig
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import margins_within
 from dogshape.pipeline.simulate.design import Design, design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
@@ -103,7 +103,7 @@ class Strength(Checked):
         return replace(self, finite_elements=tuple(records))
 
 
-def check_strength(config: StudyConfig, where: Where, *, simulate: bool = True) -> Strength:
+def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Strength:
     """Check the strength of a study's design.
 
     Parameters
@@ -116,7 +116,7 @@ def check_strength(config: StudyConfig, where: Where, *, simulate: bool = True) 
     return Strength(config, design, margins_within(config, design))
 
 
-def _landed(config: StudyConfig, where: Where) -> Design:
+def _landed(config: Setup, where: Where) -> Design:
     """Work out the design with the checks of its landing, where it can be made at all."""
     dog, settings = config.clutch.dog, config.file.expectation
     if not feasible(manufacturing_checks(dog, config.limits.manufacturing)):

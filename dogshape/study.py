@@ -8,8 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Study as StudyConfig
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT, Progress
 
 if TYPE_CHECKING:
@@ -45,7 +44,7 @@ class Study:
     'mq200'
     """
 
-    config: StudyConfig
+    config: Setup
 
     def __init__(
         self, where: str | Path, settings: Mapping[str, Any] | None = None, /, **dog: float

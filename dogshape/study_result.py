@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Study as StudyConfig
-from dogshape.pipeline.config.study_file import build_study
+from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.study.designs import all_designs_frame, front_frame
 from dogshape.pipeline.reports.study.front import front_figure, sure_figure
@@ -42,7 +41,7 @@ class StudyResult(Result):
     page : the report; None where none was made.
     """
 
-    config: StudyConfig
+    config: Setup
     folder: Path
     record: dict[str, Any]
     page: Path | None
@@ -126,7 +125,7 @@ class StudyResult(Result):
         return Path(path)
 
 
-def search_study(config: StudyConfig, how: Run) -> StudyResult:
+def search_study(config: Setup, how: Run) -> StudyResult:
     """Search a study, or go on with it.
 
     Raises
@@ -158,7 +157,7 @@ def load_result(folder: str | Path) -> StudyResult:
     return StudyResult(config, stored.root, record, page)
 
 
-def with_effort(config: StudyConfig, trials: int | None, seed: int | None) -> StudyConfig:
+def with_effort(config: Setup, trials: int | None, seed: int | None) -> Setup:
     """Copy a study with another number of trials, another seed of the search, or both."""
     given = {"trials": trials, "seed": seed}
     changed = {key: value for key, value in given.items() if value is not None}

@@ -10,7 +10,7 @@ from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study, require_variables
+from dogshape.pipeline.config.study_file import Setup, require_variables
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
@@ -67,7 +67,7 @@ class Run:
     progress: Progress = SILENT
 
 
-def run_study(study: Study, how: Run) -> dict[str, Any]:
+def run_study(study: Setup, how: Run) -> dict[str, Any]:
     """Run or resume a study; give its result, which is also in ``result.json``."""
     objectives_of(study)
     require_variables(study)
@@ -128,7 +128,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
 
 
 def _learn(
-    study: Study, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
+    study: Setup, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
 ) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
     try:

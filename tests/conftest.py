@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from dogshape.pipeline.__main__ import main
 from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.progress import Count
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run
@@ -88,7 +88,7 @@ def point() -> Callable[[float, float], OperatingPoint]:
 
 
 @pytest.fixture
-def small_study() -> Study:
+def small_study() -> Setup:
     """The paper's study at smoke size."""
     return load_study("mq200_paper", SMALL)
 

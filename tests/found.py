@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.statistics.shift_records import clutch_record
 
 Row = dict[str, Any]
@@ -40,7 +40,7 @@ def confirmed(points: list[Row], mean: float) -> Row:
             "numerical_error_s": 1e-6, "lower_bound": False}  # fmt: skip
 
 
-def shift(study: Study, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
+def shift(study: Setup, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
     """A shift as a journal holds it, of a design of the study."""
     clutch = study.clutch.with_dog(study.dog_with(values))
     seed = study.file.expectation.seed

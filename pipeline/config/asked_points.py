@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.passing import require_stiff_enough
@@ -10,7 +10,7 @@ from dogshape.sim.units import RPM
 
 
 def point_of(
-    study: Study, mismatch: float, force: float, rise: float | None, other_way: str = ""
+    study: Setup, mismatch: float, force: float, rise: float | None, other_way: str = ""
 ) -> OperatingPoint:
     """Return an operating point from 1/min, nominal N and a rise time in s, None for the study's.
 
@@ -22,7 +22,7 @@ def point_of(
 
 
 def points_of(
-    study: Study,
+    study: Setup,
     mismatch: float | None,
     force: float | None,
     rise: float | None = None,

@@ -51,8 +51,8 @@ VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
 
 @dataclass(frozen=True)
-class Study:
-    """A study as values: what is built, how it is operated and what is searched.
+class Setup:
+    """Values that a study file stands for: what is built, how it is operated and what is searched.
 
     ``variables`` maps each searched key of the dog to its range, in edge units; ``clutch`` has
     the mechanism and what effects make of the contact, ``actuation`` the way of the shift force;
@@ -162,7 +162,7 @@ def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Re
 
 def load_study(
     where: str | Path, overrides: Iterable[str] | Mapping[str, Any] | None = None
-) -> Study:
+) -> Setup:
     """Read and validate a study.
 
     Parameters
@@ -235,7 +235,7 @@ def _override(data: dict[str, Any], key: str, value: Any) -> None:
     table[last] = value
 
 
-def build_study(file: StudyFile) -> Study:
+def build_study(file: StudyFile) -> Setup:
     """Build the values of ``sim`` from a validated study file."""
     if file.format != FORMAT:
         raise InputError(
@@ -259,7 +259,7 @@ def build_study(file: StudyFile) -> Study:
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch.mechanism, points)
-    return Study(file, clutch, limits, points, _variables(file), actuation, unsure)
+    return Setup(file, clutch, limits, points, _variables(file), actuation, unsure)
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -419,7 +419,7 @@ def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
     return {key: (low, high) for key, (low, high) in ranges.items()}
 
 
-def require_variables(study: Study) -> None:
+def require_variables(study: Setup) -> None:
     """Raise InputError where the study has nothing to search."""
     if not study.variables:
         names = ", ".join(VARIABLES)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.prediction.levels import Level
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
@@ -133,7 +133,7 @@ def _record(one: Candidate) -> dict[str, Any]:
     }
 
 
-def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, Params]]:
+def studied(where: str | Path, count: int = DESIGNS) -> tuple[Setup, dict[str, Params]]:
     """Read a study and the designs of its result, by a folder of results or a study.
 
     Raises DataError where nothing is kept, StorageError where it is damaged.
@@ -151,7 +151,7 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Study, dict[str, P
     return study, _designs(study, json.loads(_kept(study, where).read_text("utf-8")), count)
 
 
-def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
+def designs_of(study: Setup, count: int = DESIGNS) -> dict[str, Params]:
     """List the prototype and the fastest feasible designs of a study's kept result, by name.
 
     The chosen one comes first; designs that failed when re-simulated at new angles are left out.
@@ -162,7 +162,7 @@ def designs_of(study: Study, count: int = DESIGNS) -> dict[str, Params]:
     return _designs(study, json.loads(kept), count)
 
 
-def _designs(study: Study, result: Mapping[str, Any], count: int) -> dict[str, Params]:
+def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, Params]:
     confirmation = result["confirmation"] or {"chosen": None, "designs": []}
     failed = {
         one["trial"]
@@ -181,7 +181,7 @@ def _designs(study: Study, result: Mapping[str, Any], count: int) -> dict[str, P
     return found
 
 
-def _kept(study: Study, where: str | Path) -> Path:
+def _kept(study: Setup, where: str | Path) -> Path:
     own = StudyFolder(default_out(study))
     for path in (own.result, bundled_root() / study.name / "result.json"):
         if path.is_file():
@@ -192,13 +192,13 @@ def _kept(study: Study, where: str | Path) -> Path:
     )
 
 
-def shifts_of(study: Study, designs: Mapping[str, Params]) -> int:
+def shifts_of(study: Setup, designs: Mapping[str, Params]) -> int:
     """Count the shifts of ``consequence``."""
     return 2 * ANGLES * len(study.points) * len(designs)
 
 
 def consequence(
-    study: Study,
+    study: Setup,
     designs: Mapping[str, Params],
     level: Level,
     effects: Mapping[str, Effect],
@@ -236,7 +236,7 @@ def consequence(
     )
 
 
-def _settings(study: Study, params: Params) -> list[Setting]:
+def _settings(study: Setup, params: Params) -> list[Setting]:
     clutch = study.clutch.with_dog(study.dog_with(dict(params)))
     return [Setting(clutch, point) for point in study.points]
 
@@ -253,7 +253,7 @@ def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
 
 
 def _expectation(
-    study: Study, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
+    study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
 ) -> Expectation:
     return expect(
         [

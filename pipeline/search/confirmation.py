@@ -17,7 +17,7 @@ from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate, screen
@@ -73,7 +73,7 @@ def _next(state: SearchState, found: Mapping[int, Simulated]) -> list[FrozenTria
 
 
 def resimulated(
-    study: Study, designs: Mapping[int, dict[str, float]], executor: Executor
+    study: Setup, designs: Mapping[int, dict[str, float]], executor: Executor
 ) -> dict[int, Simulated]:
     """Simulate designs, by trial, at every operating point and at angles new to the search.
 
@@ -86,7 +86,7 @@ def resimulated(
 
 
 def _evaluated(
-    study: Study, dogs: list[Dog], executor: Executor, checked: bool = False
+    study: Setup, dogs: list[Dog], executor: Executor, checked: bool = False
 ) -> list[Simulated]:
     angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
@@ -98,12 +98,12 @@ def _evaluated(
     ]
 
 
-def _passes(study: Study, params: dict[str, float], found: Simulated) -> bool:
+def _passes(study: Setup, params: dict[str, float], found: Simulated) -> bool:
     return design_of(study, params, found.measured).feasible
 
 
 def _record(
-    study: Study,
+    study: Setup,
     designs: Mapping[int, dict[str, float]],
     found: Mapping[int, Simulated],
     executor: Executor,
@@ -147,7 +147,7 @@ def _require_known(found: Mapping[str, Simulated]) -> None:
         )
 
 
-def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
+def _gains(study: Setup, prototype: Simulated, best: Simulated) -> dict[str, dict[str, float]]:
     """Compute the gain in each simulated objective, with its standard error."""
     signs = {objective.name: objective.sign for objective in objectives_of(study)}
     gains = {}
@@ -159,7 +159,7 @@ def _gains(study: Study, prototype: Simulated, best: Simulated) -> dict[str, dic
     return gains
 
 
-def _confirmed(study: Study, params: dict[str, float], found: Simulated) -> dict[str, Any]:
+def _confirmed(study: Setup, params: dict[str, float], found: Simulated) -> dict[str, Any]:
     design = design_of(study, params, found.measured)
     return {
         **expectation_record(found.expectation),

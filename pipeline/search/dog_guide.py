@@ -17,7 +17,7 @@ import numpy as np
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.guide import Params, Prediction, Response, drawn
 from dogshape.pipeline.search.point_choice import first_plan, telling_plan
 from dogshape.pipeline.search.unit_cube import Space
@@ -50,7 +50,7 @@ SCREENED = "screened"  #: attribute of a trial: rows of the compiled engine, whe
 LANDING = {rule.name for rule in LANDING_RULES}
 
 
-def search_space(study: Study) -> dict[str, BaseDistribution]:
+def search_space(study: Setup) -> dict[str, BaseDistribution]:
     """Return the search ranges as Optuna's distributions."""
     return {
         key: IntDistribution(int(low), int(high))
@@ -73,7 +73,7 @@ def distinct(trials: Sequence[FrozenTrial]) -> list[FrozenTrial]:
     return list(first.values())
 
 
-def dataset_of_trials(study: Study, trials: Sequence[FrozenTrial]) -> Dataset:
+def dataset_of_trials(study: Setup, trials: Sequence[FrozenTrial]) -> Dataset:
     """Collect the rows that simulated trials carry, each once."""
     rows = [row for trial in trials for row in trial.user_attrs["rows"]]
     return with_rows(study, once(np.array(rows, dtype=float)))
@@ -85,7 +85,7 @@ class DogGuide:
     ``known`` is a surrogate of the same physics whose rows join those of the search.
     """
 
-    def __init__(self, study: Study, known: Surrogate | None = None) -> None:
+    def __init__(self, study: Setup, known: Surrogate | None = None) -> None:
         self.study = study
         self._known = known
         self._over: tuple[list[tuple[int, Any]], Over] | None = None

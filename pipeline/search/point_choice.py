@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.point_plans import Plan
 from dogshape.surrogate.acquisition import Question, choose
 from dogshape.surrogate.covariance import Array
@@ -20,7 +20,7 @@ HALF = 0.5  #: of a variance, which replication of a design is to leave
 HARD = 2  #: points that every design is simulated at for the landing's sake
 
 
-def hard_points(study: Study) -> list[int]:
+def hard_points(study: Setup) -> list[int]:
     """List the places of the points where dogs land hardest.
 
     Of 32 designs at the published points 19 landed hardest at the fastest with the largest force,
@@ -30,7 +30,7 @@ def hard_points(study: Study) -> list[int]:
     return sorted(i for _, i in sorted(keys, reverse=True)[:HARD])
 
 
-def first_plan(study: Study, points: int, number: int) -> Plan:
+def first_plan(study: Setup, points: int, number: int) -> Plan:
     """Plan a design before anything is predicted: points take turns."""
     hard = hard_points(study)
     others = [i for i in range(len(study.points)) if i not in hard]
@@ -40,7 +40,7 @@ def first_plan(study: Study, points: int, number: int) -> Plan:
     return _plan(study, [*hard, *turn])
 
 
-def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
+def telling_plan(study: Setup, points: int, over: Over, design: Array) -> Plan:
     """Plan a design (d,), in edge units, so that its expected time has the least error.
 
     The hard points tell of the time too: the others are chosen given these, each once.
@@ -55,7 +55,7 @@ def telling_plan(study: Study, points: int, over: Over, design: Array) -> Plan:
     return _plan(study, [*hard, *(int(place) for place in chosen.points)])
 
 
-def telling_points(study: Study, over: Over, design: Array) -> list[int]:
+def telling_points(study: Setup, over: Over, design: Array) -> list[int]:
     """Select the points whose shifts most reduce the error of a design's expected time, best first.
 
     Those that it has count too, for more angles. They are so many that half of the variance goes,
@@ -68,6 +68,6 @@ def telling_points(study: Study, over: Over, design: Array) -> list[int]:
     return [int(place) for place in chosen.points[:enough]]
 
 
-def _plan(study: Study, places: Sequence[int]) -> Plan:
+def _plan(study: Setup, places: Sequence[int]) -> Plan:
     angles = study.file.expectation.angles
     return [angles if place in places else 0 for place in range(len(study.points))]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import distinct, simulated
 from dogshape.pipeline.search.replication import renewed
 from dogshape.pipeline.search.search import Search
@@ -52,7 +52,7 @@ def repair(search: Search, executor: Executor, say: Say) -> Findings:
 
 
 def _lacking(
-    study: Study, finished: Sequence[FrozenTrial], executor: Executor
+    study: Setup, finished: Sequence[FrozenTrial], executor: Executor
 ) -> tuple[list[FrozenTrial], int]:
     """Select the finished designs of which shifts are missing, and count those shifts."""
     journal = executor.journal

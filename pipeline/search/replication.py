@@ -28,7 +28,7 @@ from typing import Any
 import numpy as np
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.front_uncertainty import Drawn, Standing, draw, standings
 from dogshape.pipeline.search.point_choice import HALF, telling_points
 from dogshape.pipeline.search.sampler import PLAN
@@ -247,7 +247,7 @@ def _simulate(
     return state.renew(more)
 
 
-def renewed(study: Study, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
+def renewed(study: Setup, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
     """Copy a trial with what all shifts of its design say; predicted times stay as told."""
     known: dict[str, Any] = {**trial.user_attrs, **attributes_of(found)}
     if study.file.search.screen_angles is not None:  # few shifts do not overrule a screen of many

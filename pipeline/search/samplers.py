@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import OWN, DogGuide
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.sim.errors import InputError, did_you_mean
@@ -16,7 +16,7 @@ from dogshape.surrogate.model import MIN_DESIGNS
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 
 
-def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[int], BaseSampler]:
+def sampler_factory(study: Setup, guide: DogGuide | None = None) -> Callable[[int], BaseSampler]:
     """Return a function that gives the sampler for a proposal, by how many were asked before.
 
     ``guide`` steers the study's own sampler; None for one that knows nothing beforehand. Optuna's
@@ -41,6 +41,6 @@ def sampler_factory(study: Study, guide: DogGuide | None = None) -> Callable[[in
     return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
 
 
-def startup_designs(study: Study, guide: DogGuide) -> int:
+def startup_designs(study: Setup, guide: DogGuide) -> int:
     """Count the designs that fill the space first: few where much is known already."""
     return 1 if guide.informed else max(study.file.search.startup, MIN_DESIGNS)

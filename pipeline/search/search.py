@@ -17,7 +17,7 @@ import optuna
 from optuna.exceptions import ExperimentalWarning
 from optuna.trial import FrozenTrial, TrialState
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.state import NOTHING, Findings, SearchState, state_of
 from dogshape.pipeline.simulate.design import objectives_of
@@ -41,7 +41,7 @@ class Search:
     guide : gives the surrogate of its trials; None for a search without one.
     """
 
-    study: Study
+    study: Setup
     optuna: optuna.Study
     claims: Claims = field(default_factory=Claims)
     guide: DogGuide | None = None
@@ -62,7 +62,7 @@ class Search:
 
 
 def open_search(
-    study: Study,
+    study: Setup,
     folder: StudyFolder,
     storage: str | None,
     resume: bool,
@@ -100,7 +100,7 @@ def open_search(
     return Search(study, opened, claims, guide)
 
 
-def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
+def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
     mark = content_key(comparable(study.file))
     known = opened.user_attrs.get("configuration")
     if known is None and not opened.get_trials(deepcopy=False):
@@ -117,7 +117,7 @@ def _require_same(study: Study, opened: optuna.Study, resume: bool) -> None:
         )
 
 
-def _require_same_known(study: Study, opened: optuna.Study, known: str) -> None:
+def _require_same_known(study: Setup, opened: optuna.Study, known: str) -> None:
     """Refuse to go on with other rows of the package than the search began with."""
     before = opened.user_attrs.get("known")
     if before is None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.simulate.design import (
@@ -87,7 +87,7 @@ class SearchState:
     front : feasible designs that no other dominates, best of the first simulated objective first.
     """
 
-    study: Study
+    study: Setup
     guide: DogGuide | None
     shared: bool
     findings: Findings
@@ -161,7 +161,7 @@ class SearchState:
 
 
 def state_of(
-    study: Study,
+    study: Setup,
     guide: DogGuide | None,
     shared: bool,
     findings: Findings,
@@ -192,13 +192,13 @@ def state_of(
     )
 
 
-def plan_of(study: Study, trial: FrozenTrial) -> Plan:
+def plan_of(study: Setup, trial: FrozenTrial) -> Plan:
     """Read how many angles a trial's design has, or is to have, at each operating point."""
     plan: Plan = trial.system_attrs.get(PLAN) or whole_plan(study)
     return plan
 
 
-def checked_design(study: Study, trial: FrozenTrial) -> Design:
+def checked_design(study: Setup, trial: FrozenTrial) -> Design:
     """Work out the design of a trial with all of its checks, the measured ones too if there are."""
     return design_of(study, dict(trial.params), measured_of(study, trial))
 
@@ -208,7 +208,7 @@ def measured_record(measured: Measured) -> dict[str, Any]:
     return {"demand_Pa": list(astuple(measured.demand)), "limited": dict(measured.limited)}
 
 
-def measured_of(study: Study, trial: FrozenTrial) -> Measured | None:
+def measured_of(study: Setup, trial: FrozenTrial) -> Measured | None:
     """Read what was measured of a trial's design; None where it was not simulated."""
     record = trial.user_attrs.get(MEASURED)
     if record is not None:
@@ -220,12 +220,12 @@ def measured_of(study: Study, trial: FrozenTrial) -> Measured | None:
     return Measured(demand_of(dog, landing_of(trial.user_attrs), study.limits))
 
 
-def spent_on(study: Study, trials: Iterable[FrozenTrial]) -> int:
+def spent_on(study: Setup, trials: Iterable[FrozenTrial]) -> int:
     """Count the shifts of simulated trials, each design once."""
     return sum(sum(plan_of(study, trial)) for trial in distinct([*trials]))
 
 
-def _predicted(study: Study, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
+def _predicted(study: Setup, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
     """Predict expected times from all shifts so far, where some operating points were left out."""
     if guide is None or all(is_whole(plan_of(study, trial)) for trial in trials):
         return {}
@@ -237,7 +237,7 @@ def _predicted(study: Study, guide: DogGuide | None, trials: Sequence[FrozenTria
     return dict(zip(numbers, zip(times, errors, strict=True), strict=True))
 
 
-def _losses(study: Study, trial: FrozenTrial, predicted: Times) -> Array:
+def _losses(study: Setup, trial: FrozenTrial, predicted: Times) -> Array:
     found, _ = losses_of(study, trial.values, trial.user_attrs)
     if trial.number in predicted:
         for place, objective in enumerate(objectives_of(study)):
@@ -246,5 +246,5 @@ def _losses(study: Study, trial: FrozenTrial, predicted: Times) -> Array:
     return found
 
 
-def _leading(study: Study, losses: Array) -> float:
+def _leading(study: Setup, losses: Array) -> float:
     return float(losses[objectives_of(study).index(leading(study))])

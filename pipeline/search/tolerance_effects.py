@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design
 from dogshape.pipeline.store.result_records import check_record, number_or_none
 from dogshape.sim.strength.dog_strength import margin_losses
@@ -25,7 +25,7 @@ KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 
 
-def margins_within(study: Study, design: Design) -> Within:
+def margins_within(study: Setup, design: Design) -> Within:
     """Return each margin's worst case and root sum of squares, by the check's name.
 
     What is a worst case itself stands for its own; the landing has none. A tolerance that
@@ -57,7 +57,7 @@ def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
     ]
 
 
-def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
+def smallest_within(study: Setup, design: Design) -> dict[str, float | None]:
     """Return the smallest margin in the worst case and by root sum of squares."""
     rows = margins_within(study, design).values()
     return {
@@ -66,7 +66,7 @@ def smallest_within(study: Study, design: Design) -> dict[str, float | None]:
     }
 
 
-def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
+def time_spread(study: Setup, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
     """Compute the change of the expected shift time over a mix, s, by dimension."""
     tolerances = study.limits.tolerances.dimensions
     moves = {}
@@ -80,7 +80,7 @@ def time_spread(study: Study, surrogate: Surrogate, params: dict[str, float], mi
     return Spread(moves, sum(abs(move) for move in moves.values()))
 
 
-def _gap_time(study: Study, mix: Mix, tolerance: float) -> float:
+def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
     """Return the free flight that a wider gap adds, s, mean over the operating points.
 
     Of all masses that move with the ring; what rubs on it changes this by less than its error.

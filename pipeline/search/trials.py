@@ -18,7 +18,7 @@ import optuna
 from optuna.exceptions import UpdateFinishedTrialError
 from optuna.trial import FrozenTrial, TrialState
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import SCREENED, simulated
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.search import Search
@@ -95,7 +95,7 @@ def finish(
 
 
 def _noted(
-    study: Study,
+    study: Setup,
     trial: FrozenTrial,
     design: Design,
     found: Simulated | None,

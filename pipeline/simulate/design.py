@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean
 from dogshape.sim.shift.flank import FLANKS
 from dogshape.sim.shift.geometry import Dog
@@ -85,7 +85,7 @@ class Measured:
     limited: Mapping[str, float] = field(default_factory=dict)
 
 
-def design_of(study: Study, params: dict[str, float], measured: Measured | None = None) -> Design:
+def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
     """Work out a design; an impossible shape is a design that is not feasible.
 
     ``measured`` is what was simulated of it, None before that.
@@ -102,7 +102,7 @@ def design_of(study: Study, params: dict[str, float], measured: Measured | None 
 
 
 def _limit_checks(
-    study: Study, design: Design, dog: Dog, measured: Measured | None
+    study: Setup, design: Design, dog: Dog, measured: Measured | None
 ) -> tuple[Check, ...]:
     """Return the checks of ``search.limits``; what a simulation has to say only where it did."""
     found = []
@@ -116,7 +116,7 @@ def _limit_checks(
     return tuple(found)
 
 
-def notes_of(study: Study) -> list[str]:
+def notes_of(study: Setup) -> list[str]:
     """Return warnings about the study's own dog.
 
     Of a root outside its formula's fit, and of a torque so small that its unit is in question.
@@ -132,7 +132,7 @@ def notes_of(study: Study) -> list[str]:
     return notes
 
 
-def worth_simulating(study: Study, params: dict[str, float]) -> bool:
+def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
         fit = keeps_limits(study.dog_with(params), study.limits)
@@ -141,7 +141,7 @@ def worth_simulating(study: Study, params: dict[str, float]) -> bool:
     return fit and (not study.file.search.limits or design_of(study, params).feasible)
 
 
-def _bare(study: Study, params: dict[str, float]) -> Design:
+def _bare(study: Setup, params: dict[str, float]) -> Design:
     """Return a design without its checks."""
     try:
         return Design(params, study.dog_with(params), (), "")
@@ -160,7 +160,7 @@ class Objective:
     name: str
     label: str
     unit: str
-    exact: Callable[[Study, Design, Dog], float] | None = None
+    exact: Callable[[Setup, Design, Dog], float] | None = None
     maximise: bool = False
     by_checks: bool = False
 
@@ -183,11 +183,11 @@ class Objective:
         return Rule(self.name, "goal", self.label, how, said, self.unit, key, not self.maximise)
 
 
-def _separating_force(study: Study, _: Design, dog: Dog) -> float:
+def _separating_force(study: Setup, _: Design, dog: Dog) -> float:
     return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
 
 
-def _margin_at_worst(study: Study, design: Design, dog: Dog) -> float:
+def _margin_at_worst(study: Setup, design: Design, dog: Dog) -> float:
     lost = margin_losses(dog, study.limits)
     losses = (lost[c.name].worst_case if c.name in lost else 0.0 for c in design.checks)
     return min(c.margin - loss for c, loss in zip(design.checks, losses, strict=True))
@@ -234,7 +234,7 @@ OBJECTIVES = {
 }
 
 
-def objectives_of(study: Study) -> list[Objective]:
+def objectives_of(study: Setup) -> list[Objective]:
     """Return the study's objectives; an unknown name raises InputError."""
     names = study.file.search.objectives
     for name in names:
@@ -258,7 +258,7 @@ def objectives_of(study: Study) -> list[Objective]:
     return found
 
 
-def limits_of(study: Study) -> list[tuple[Objective, float]]:
+def limits_of(study: Setup) -> list[tuple[Objective, float]]:
     """Return the quantities that the study bounds with their bounds.
 
     An upper bound where less is better, else a lower one. An unknown name raises InputError.
@@ -273,17 +273,17 @@ def limits_of(study: Study) -> list[tuple[Objective, float]]:
     return [(OBJECTIVES[name], limit) for name, limit in given.items()]
 
 
-def simulated_limits(study: Study) -> list[str]:
+def simulated_limits(study: Setup) -> list[str]:
     """Return the names of the bounded quantities that a simulation has to say."""
     return [quantity.name for quantity, _ in limits_of(study) if quantity.simulated]
 
 
-def leading(study: Study) -> Objective:
+def leading(study: Setup) -> Objective:
     """Return the objective that decides which design is best: the first simulated one."""
     return next(objective for objective in objectives_of(study) if objective.simulated)
 
 
-def exact_values(study: Study, design: Design) -> dict[str, float]:
+def exact_values(study: Setup, design: Design) -> dict[str, float]:
     """Return the objectives that need no simulation, by name."""
     dog = design.dog
     if dog is None:
@@ -292,7 +292,7 @@ def exact_values(study: Study, design: Design) -> dict[str, float]:
 
 
 def values_of(
-    study: Study, design: Design, simulated: Mapping[str, float] | None = None
+    study: Setup, design: Design, simulated: Mapping[str, float] | None = None
 ) -> list[float]:
     """Return all objective values in the study's order; ``simulated`` ones are given by name.
 
@@ -303,7 +303,7 @@ def values_of(
 
 
 def losses_of(
-    study: Study, values: Sequence[float], attributes: Mapping[str, Any]
+    study: Setup, values: Sequence[float], attributes: Mapping[str, Any]
 ) -> tuple[Array, Array]:
     """Return a finished trial's objectives as losses, and their standard errors, each (k,).
 
@@ -316,7 +316,7 @@ def losses_of(
     return np.array(losses), np.array([errors.get(o.name) or 0.0 for o in objectives])
 
 
-def exact_losses(study: Study, designs: Sequence[dict[str, float]]) -> Array:
+def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
     """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
     objectives, rows = objectives_of(study), []
     for params in designs:

@@ -34,7 +34,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
@@ -57,7 +57,7 @@ class Shifts:
     at the same points, None where nothing refers to it.
     """
 
-    study: Study
+    study: Setup
     design: Design
     expectation: Expectation
     rows: Sequence[Sequence[Record]]
@@ -160,7 +160,7 @@ def estimates_of(shifts: Shifts) -> dict[str, Estimate]:
     return {name: ESTIMATORS[name](shifts) for name in estimated(shifts.study)}
 
 
-def estimated(study: Study) -> list[str]:
+def estimated(study: Setup) -> list[str]:
     """Return the names of what the shifts of a design are to say, each once."""
     named = [objective.name for objective in objectives_of(study) if objective.simulated]
     return list(dict.fromkeys([SIMULATED, *named, *simulated_limits(study)]))

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from dogshape.pipeline.config.study_file import VARIABLES, Study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.pipeline.simulate.design import REFERRED, Design, Measured, simulated_limits
 from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
@@ -49,7 +49,7 @@ class Simulated:
 
 
 def evaluate(
-    study: Study,
+    study: Setup,
     dogs: Sequence[Dog],
     executor: Executor,
     plans: Sequence[Plan],
@@ -93,7 +93,7 @@ def evaluate(
 
 
 def screen(
-    study: Study, dogs: Sequence[Dog], executor: Executor, seed: int
+    study: Setup, dogs: Sequence[Dog], executor: Executor, seed: int
 ) -> list[Simulated | None]:
     """Simulate by the compiled engine what checks are judged by; None where the study does not.
 
@@ -110,7 +110,7 @@ def screen(
         return [*evaluate(quick, dogs, running, plans, seed)]
 
 
-def reference_of(study: Study) -> Dog:
+def reference_of(study: Setup) -> Dog:
     """Build the dog that ``search.reference`` names; the study's own without it."""
     given = study.file.search.reference or {}
     for key in given:
@@ -121,7 +121,7 @@ def reference_of(study: Study) -> Dog:
 
 
 def _simulated(
-    study: Study,
+    study: Setup,
     dog: Dog,
     expectation: Expectation,
     rows: Sequence[Sequence[Record]],
@@ -138,7 +138,7 @@ def _simulated(
 
 
 def _demand(
-    study: Study, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
+    study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
 ) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
@@ -154,7 +154,7 @@ def _demand(
 
 
 def expectation_of(
-    study: Study,
+    study: Setup,
     points: Sequence[OperatingPoint],
     rows: Sequence[Sequence[Record]],
     even: bool = True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.numerical_error import repeated
@@ -14,7 +14,7 @@ MOST_CONFIRMED = 2  #: times ``search.confirm_designs`` that are simulated to co
 Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 
 
-def whole_plan(study: Study, angles: int | None = None) -> Plan:
+def whole_plan(study: Setup, angles: int | None = None) -> Plan:
     """Return the plan of every operating point; as many angles as the study says if not given."""
     return [angles or study.file.expectation.angles] * len(study.points)
 
@@ -25,7 +25,7 @@ def is_whole(plan: Sequence[int]) -> bool:
 
 
 def blocks_of(
-    study: Study, clutch: Clutch, plan: Sequence[int], seed: int, base: int | None = None
+    study: Setup, clutch: Clutch, plan: Sequence[int], seed: int, base: int | None = None
 ) -> list[Block]:
     """Return the blocks of a plan, one for each operating point that has angles.
 
@@ -38,7 +38,7 @@ def blocks_of(
     ]
 
 
-def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -> int:
+def most_to_search(study: Setup, designs: int, partial: bool, prototype: bool) -> int:
     """Count the shifts of so many designs, at most; one that fails a check takes none.
 
     With ``partial`` they are simulated at ``search.points`` operating points, but for the
@@ -50,17 +50,17 @@ def most_to_search(study: Study, designs: int, partial: bool, prototype: bool) -
     return points * study.file.expectation.angles
 
 
-def most_to_replicate(study: Study, shifts: int) -> int:
+def most_to_replicate(study: Setup, shifts: int) -> int:
     """Count the shifts that replication may take after a search of so many."""
     return int(study.file.search.replicate * shifts)
 
 
-def most_confirmed(study: Study) -> int:
+def most_confirmed(study: Setup) -> int:
     """Count the designs that are simulated at new angles, at most, the prototype apart."""
     return MOST_CONFIRMED * study.file.search.confirm_designs
 
 
-def most_to_confirm(study: Study, designs: int) -> int:
+def most_to_confirm(study: Setup, designs: int) -> int:
     """Count the shifts that confirm the prototype and so many designs, at most.
 
     For prototype and chosen design those for the numerical error come on top.

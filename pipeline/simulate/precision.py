@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import Executor
@@ -34,7 +34,7 @@ class Precise:
 
 
 def expect_to(
-    study: Study,
+    study: Setup,
     points: Sequence[OperatingPoint],
     precision: float,
     executor: Executor,

@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.precision import ENOUGH, FIRST, MOST, Precise
@@ -161,7 +161,7 @@ class Part:
 
 
 def expect_in_two_levels(
-    study: Study,
+    study: Setup,
     points: Sequence[OperatingPoint],
     precision: float,
     executor: Executor,
@@ -210,7 +210,7 @@ def _shifts(angles: Angles) -> int:
 
 
 def _simulated(
-    study: Study,
+    study: Setup,
     points: Sequence[OperatingPoint],
     plan: Sequence[Angles],
     executor: Executor,
@@ -237,7 +237,7 @@ def _simulated(
     return _pooled(parts)
 
 
-def _block(study: Study, clutch: Clutch, index: int, point: OperatingPoint, count: int) -> Block:
+def _block(study: Setup, clutch: Clutch, index: int, point: OperatingPoint, count: int) -> Block:
     draw = (study.file.expectation.seed, index)
     return even_block(clutch, point, count, draw, FEW, uncertainty=study.uncertainty)
 

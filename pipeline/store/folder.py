@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
-from dogshape.pipeline.config.study_file import Study, build_study
+from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
@@ -53,7 +53,7 @@ class StudyFolder:
         """Hold the folder for writing; another writer raises StorageError."""
         return writing(self.root)
 
-    def open(self, study: Study, resume: bool) -> None:
+    def open(self, study: Setup, resume: bool) -> None:
         """Start the folder or go on with it; refuse what would mix two studies."""
         if self.manifest.exists():
             self._require_same(study, resume)
@@ -72,7 +72,7 @@ class StudyFolder:
         }
         write_json(self.manifest, content)
 
-    def _require_same(self, study: Study, resume: bool) -> None:
+    def _require_same(self, study: Setup, resume: bool) -> None:
         stored = self.stored_study()
         if not resume:
             raise StorageError(
@@ -85,7 +85,7 @@ class StudyFolder:
                 "the one it was started with, or choose another --out"
             )
 
-    def stored_study(self) -> Study:
+    def stored_study(self) -> Setup:
         """Read the study that the folder was started with.
 
         Raises StorageError for a missing, damaged or foreign manifest.
@@ -160,6 +160,6 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     return content
 
 
-def default_out(given: Study) -> Path:
+def default_out(given: Setup) -> Path:
     """Name the folder of a study's results where none is given."""
     return Path("results") / given.name

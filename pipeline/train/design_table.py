@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design, design_of
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
@@ -68,7 +68,7 @@ class Predicted:
     answers: Answers
 
 
-def predict(study: Study, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
+def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
     """Predict the designs of a table.
 
     Variables that the table lacks take the study's value. Other columns are kept. A design that
@@ -105,7 +105,7 @@ def text_table(designs: str | Path | pd.DataFrame, variables: tuple[str, ...]) -
     return TextTable(Path("designs"), tuple(str(name) for name in designs.columns), cells)
 
 
-def _asked(study: Study, variables: tuple[str, ...], table: TextTable) -> Asked:
+def _asked(study: Setup, variables: tuple[str, ...], table: TextTable) -> Asked:
     _require_columns(table, variables)
     if not table.rows:
         raise InputError(f"{table.path} holds no design below its line of names; add some")
@@ -169,7 +169,7 @@ def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, 
     return x
 
 
-def _checked(study: Study, params: dict[str, float]) -> Design:
+def _checked(study: Setup, params: dict[str, float]) -> Design:
     """Return a design with its checks; values that no dog can have are no design either."""
     try:
         return design_of(study, params)
@@ -177,7 +177,7 @@ def _checked(study: Study, params: dict[str, float]) -> Design:
         return Design(params, None, (), str(error))
 
 
-def _answers(study: Study, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
+def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
     names = surrogate.data.variables
     checked = [_checked(study, dict(zip(names, row.tolist(), strict=True))) for row in x]
     real = np.array([design.dog is not None for design in checked])

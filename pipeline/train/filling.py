@@ -20,7 +20,7 @@ from itertools import count, islice
 import numpy as np
 from scipy.stats import qmc
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import worth_simulating
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -35,7 +35,7 @@ MOST = 2**16  #: draws without a new design after which there is none
 PLASTIC = 1.32471795724474602596  #: root of x^3 = x + 1
 
 
-def filling_designs(study: Study, seed: int, *, border: bool = True) -> Iterator[dict[str, float]]:
+def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[dict[str, float]]:
     """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
     inside = _sobol_designs(study, seed)
     beyond = _sobol_designs(study, seed + 1, beyond=True)
@@ -47,12 +47,12 @@ def filling_designs(study: Study, seed: int, *, border: bool = True) -> Iterator
         yield design
 
 
-def first_designs(study: Study, count: int) -> list[dict[str, float]]:
+def first_designs(study: Setup, count: int) -> list[dict[str, float]]:
     """Return the first designs that fill the space of a study."""
     return list(islice(filling_designs(study, study.file.surrogate.seed), count))
 
 
-def _sobol_designs(study: Study, seed: int, beyond: bool = False) -> Iterator[dict[str, float]]:
+def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[dict[str, float]]:
     names = list(study.variables)
     bounds = np.array(list(study.variables.values()), dtype=float)
     sequence = qmc.Sobol(len(names), seed=seed)
@@ -84,7 +84,7 @@ def _design(names: list[str], bounds: np.ndarray, unit: np.ndarray) -> dict[str,
     return design
 
 
-def _just_beyond(study: Study, design: dict[str, float]) -> bool:
+def _just_beyond(study: Setup, design: dict[str, float]) -> bool:
     """Check whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
     try:
         checks = strength_checks(study.dog_with(design), study.limits)
@@ -95,7 +95,7 @@ def _just_beyond(study: Study, design: dict[str, float]) -> bool:
     return within and feasible(releases) and not feasible(checks)
 
 
-def filling_point(study: Study, seed: int, index: int) -> OperatingPoint:
+def filling_point(study: Setup, seed: int, index: int) -> OperatingPoint:
     """Return the operating point of a place in the sequence."""
     start = np.random.default_rng(seed).random(2)
     steps = np.array([1.0 / PLASTIC, 1.0 / PLASTIC**2])
@@ -113,7 +113,7 @@ def _between(values: Sequence[float], share: float) -> float:
     return min(max(round(drawn, 2), low), high)
 
 
-def filling_blocks(study: Study, design: dict[str, float], index: int, seed: int) -> list[Block]:
+def filling_blocks(study: Setup, design: dict[str, float], index: int, seed: int) -> list[Block]:
     """Return the shifts of the design at ``index``, a block for each of its operating points."""
     points, angles = study.file.surrogate.points, study.file.surrogate.angles
     clutch = study.clutch.with_dog(study.dog_with(design))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.statistics.shift_records import content_key
@@ -14,12 +14,12 @@ from dogshape.surrogate.dataset import differences
 from dogshape.surrogate.store import MissingError, Stored, load
 
 
-def space_out(study: Study) -> Path:
+def space_out(study: Setup) -> Path:
     """Return the folder of designs that fill the space of a study."""
     return Path("results") / f"{study.name}-space"
 
 
-def known_surrogate(study: Study) -> Stored | None:
+def known_surrogate(study: Setup) -> Stored | None:
     """Return the surrogate that the package brings for the study's physics, None if it has none."""
     for path in sorted(bundled_root().glob("*/surrogate.json")):
         stored = load(path)
@@ -28,7 +28,7 @@ def known_surrogate(study: Study) -> Stored | None:
     return None
 
 
-def joining(study: Study, say: Callable[[str], None]) -> Stored | None:
+def joining(study: Setup, say: Callable[[str], None]) -> Stored | None:
     """Find the package's surrogate if its rows may join the study's own; report the decision."""
     brought = known_surrogate(study)
     if brought is None:
@@ -60,7 +60,7 @@ def digest_of(brought: Stored | None) -> str:
     )
 
 
-def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
+def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
     """Return the surrogate to ask and its file.
 
     The one that is named; else that of the study's search, of its space, or the package's.
@@ -75,7 +75,7 @@ def stored_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path]:
     return load(path or own), path or own
 
 
-def own_surrogate(study: Study, named: Path | None) -> tuple[Stored, Path] | None:
+def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | None:
     """Return the same, or None where there is none or only one of other physics that nobody named.
 
     DataError for a file that is named and not there, or damaged.

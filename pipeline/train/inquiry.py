@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import exact_losses
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.train.filling import filling_designs
@@ -55,7 +55,7 @@ class Inquiry:
 
 
 def inquire(
-    study: Study,
+    study: Setup,
     inquiry: Inquiry,
     executor: Executor,
     say: Callable[[str], None],
@@ -88,7 +88,7 @@ def inquire(
         executor.run(_blocks(study, question, choice, study.file.surrogate.seed + len(rows)))
 
 
-def _pool(study: Study, kind: str) -> Array:
+def _pool(study: Setup, kind: str) -> Array:
     if kind == "design":
         return study.rows([study.prototype])
     found = filling_designs(study, study.file.surrogate.seed + APART, border=False)
@@ -96,7 +96,7 @@ def _pool(study: Study, kind: str) -> Array:
 
 
 def _question(
-    study: Study, kind: str, over: Over, pool: Array, rng: np.random.Generator
+    study: Setup, kind: str, over: Over, pool: Array, rng: np.random.Generator
 ) -> Question:
     """Return the designs of the pool that draws find best or on the front, by how often."""
     if kind == "design":
@@ -115,7 +115,7 @@ def _question(
     return Question(pool[kept], weights[kept] / weights.sum())
 
 
-def _blocks(study: Study, question: Question, choice: Choice, seed: int) -> list[Block]:
+def _blocks(study: Setup, question: Question, choice: Choice, seed: int) -> list[Block]:
     """Return the chosen rows; each has angles of a draw of its own, as one may be chosen twice."""
     blocks = []
     for index, (design, point) in enumerate(zip(choice.designs, choice.points, strict=True)):

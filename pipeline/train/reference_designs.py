@@ -17,7 +17,7 @@ from itertools import islice
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix
@@ -33,13 +33,13 @@ APART = 90_000  #: added to the seed of the surrogate's data for designs that it
 MOST = 96  #: angles of an operating point at most
 
 
-def reference_designs(study: Study, count: int) -> list[dict[str, float]]:
+def reference_designs(study: Setup, count: int) -> list[dict[str, float]]:
     """Return feasible designs that fill the space and are not among the surrogate's data."""
     designs = filling_designs(study, study.file.surrogate.seed + APART, border=False)
     return list(islice(designs, count))
 
 
-def best_designs(study: Study, surrogate: Surrogate) -> list[dict[str, float]]:
+def best_designs(study: Setup, surrogate: Surrogate) -> list[dict[str, float]]:
     """Return designs of the tenth that the surrogate finds best, as many as references.
 
     They are drawn after those of ``reference_designs``, and so are others.
@@ -52,7 +52,7 @@ def best_designs(study: Study, surrogate: Surrogate) -> list[dict[str, float]]:
     return [study.named(pool[place]) for place in sorted(best.tolist())]
 
 
-def best_pool(study: Study) -> Array:
+def best_pool(study: Setup) -> Array:
     """Return the feasible designs of which the best tenth become references, (m, d)."""
     fill = study.file.surrogate.references
     designs = reference_designs(study, fill + 10 * study.file.surrogate.best_references)[fill:]
@@ -60,7 +60,7 @@ def best_pool(study: Study) -> Array:
 
 
 def simulate_references(
-    study: Study,
+    study: Setup,
     designs: Sequence[dict[str, float]],
     executor: Executor,
     ahead: Callable[[int], None],
@@ -83,7 +83,7 @@ def simulate_references(
         counts = finer
 
 
-def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
+def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
     settings = study.file.surrogate
     first, seed = settings.reference_angles, settings.seed + APART
     finest = {
@@ -93,7 +93,7 @@ def _blocks(study: Study, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
     return [finest[count][index] for index, count in enumerate(counts)]
 
 
-def _mean_and_error(study: Study, shifts: Sequence[Record]) -> tuple[float, float]:
+def _mean_and_error(study: Setup, shifts: Sequence[Record]) -> tuple[float, float]:
     """Return mean and standard error of shifts that engage, s; zeros where too few did."""
     names = tuple(study.variables)
     mean, error, _, engaged = rows_of(names, shifts)[0, len(names) + 2 : len(names) + 6]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
@@ -45,7 +45,7 @@ FILLED = 1200  #: rows that parameters are fitted to where a folder was filled f
 
 
 def fill(
-    study: Study,
+    study: Setup,
     folder: StudyFolder,
     jobs: int,
     cluster: str | None = None,
@@ -91,7 +91,7 @@ def ask_more(
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 
 
-def _best(study: Study, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
+def _best(study: Setup, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
     """Return designs of the best tenth, by a quick fit; chosen once and kept."""
     if not folder.best.exists():
         say("choosing references among the best designs")
@@ -132,7 +132,7 @@ def train(
     return stored
 
 
-def _data_of(study: Study, folder: StudyFolder) -> Dataset:
+def _data_of(study: Setup, folder: StudyFolder) -> Dataset:
     own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
     if not folder.others.exists():
         return own
@@ -142,7 +142,7 @@ def _data_of(study: Study, folder: StudyFolder) -> Dataset:
 
 
 def _judged(
-    study: Study,
+    study: Setup,
     folder: StudyFolder,
     surrogate: Surrogate,
     parts: Effort,
@@ -168,7 +168,7 @@ def _judged(
     return ranked(found, best, predict(surrogate, best.x, mix).time) if len(best) else found
 
 
-def references_of(study: Study, folder: StudyFolder) -> tuple[Reference, Reference]:
+def references_of(study: Setup, folder: StudyFolder) -> tuple[Reference, Reference]:
     """Return the references of a filled folder that fill the space, and those of the best."""
     data = dataset_of(study, ShiftJournal(folder.references).rows.values())
     whole = reference_of(data, study_mix(study))

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study, physics_of
+from dogshape.pipeline.config.study_file import Setup, physics_of
 from dogshape.pipeline.store.result_records import number_or_none
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -23,7 +23,7 @@ from dogshape.surrogate.dataset import Dataset, rows_of
 from dogshape.surrogate.mix import Mix, mix_of
 
 
-def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
+def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
     """Collect the rows of all shifts that are of the study's physics and of these programs.
 
     Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
@@ -44,7 +44,7 @@ def dataset_of(study: Study, shifts: Iterable[Record]) -> Dataset:
     return with_rows(study, rows_of(tuple(study.variables), own))
 
 
-def with_rows(study: Study, rows: Array) -> Dataset:
+def with_rows(study: Setup, rows: Array) -> Dataset:
     """Make a data set of rows (n, d + 8) of the study's physics."""
     bounds = np.array(list(study.variables.values()), dtype=float)
     names = tuple(study.variables)
@@ -56,11 +56,11 @@ def row_record(rows: Array) -> list[list[float | None]]:
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
-def mix_over(study: Study, points: Sequence[OperatingPoint]) -> Mix:
+def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
     """Mix operating points by their weights, with the time of a retry in the study."""
     return mix_of(points, study.clutch.timeout + study.retraction)
 
 
-def study_mix(study: Study) -> Mix:
+def study_mix(study: Setup) -> Mix:
     """Mix the study's operating points by their weights."""
     return mix_over(study, study.points)

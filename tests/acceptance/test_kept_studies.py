@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
+from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -57,7 +57,7 @@ def _chosen(result: dict[str, Any]) -> dict[str, Any]:
     return row
 
 
-def _mean_at(study: Study, row: dict[str, Any], place: int) -> float:
+def _mean_at(study: Setup, row: dict[str, Any], place: int) -> float:
     plan = [0] * len(study.points)
     plan[place] = study.file.search.confirm_angles
     dog = study.dog_with({key: row[key] for key in study.variables})

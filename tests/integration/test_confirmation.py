@@ -10,7 +10,7 @@ from typing import Any
 import optuna
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.designs import (
     designs_frame,
     designs_shown,
@@ -56,12 +56,12 @@ Open = Callable[..., Opened]
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Setup:
     return load_study("mq200_paper", SETTINGS)
 
 
 @pytest.fixture(scope="module")
-def ended(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[optuna.Study, Path]:
+def ended(study: Setup, tmp_path_factory: pytest.TempPathFactory) -> tuple[optuna.Study, Path]:
     """Trials and shifts of a search that has ended."""
     trials = optuna.create_study(directions=["minimize"] * 2)
     shifts = tmp_path_factory.mktemp("ended") / "shifts"
@@ -74,7 +74,7 @@ def ended(study: Study, tmp_path_factory: pytest.TempPathFactory) -> tuple[optun
 
 @pytest.fixture
 def opened(
-    study: Study,
+    study: Setup,
     ended: tuple[optuna.Study, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -205,7 +205,7 @@ def test_a_confirmation_that_was_cut_off_ends_as_it_would_have(share: float, ope
 
 
 def test_a_study_ends_with_the_front_of_what_did_not_fail(
-    study: Study,
+    study: Setup,
     ended: tuple[optuna.Study, Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.search.dog_guide import dataset_of_trials
 from dogshape.pipeline.search.front_uncertainty import standings
 from dogshape.pipeline.search.search import open_search
@@ -15,7 +15,7 @@ from dogshape.pipeline.study import Run, run_study
 from tests.conftest import SMALL
 
 
-def _small_space(*more: str) -> Study:
+def _small_space(*more: str) -> Setup:
     """A study of the number of dogs alone: few designs, some of which pass the checks."""
     file = load_study("mq200_paper", [*SMALL, "search.trials=40", *more]).file
     few = VariablesSection(count=[13, 20])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.surrogate.slices import RIVALS, bases_of, rivals_of
 from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
@@ -59,19 +59,19 @@ def truth(x: Array, points: Array) -> Array:
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Setup:
     """The paper's study."""
     return load_study("mq200_paper")
 
 
-def feasible(study: Study, count: int, seed: int) -> Array:
+def feasible(study: Setup, count: int, seed: int) -> Array:
     """Designs that pass every check, (n, 5)."""
     designs = islice(filling_designs(study, seed, border=False), count)
     return np.array([list(design.values()) for design in designs], dtype=float)
 
 
 @pytest.fixture(scope="module")
-def surrogate(study: Study) -> Surrogate:
+def surrogate(study: Setup) -> Surrogate:
     """A surrogate of the known time, with some noise."""
     rng, count = np.random.default_rng(1), 4 * DESIGNS
     x = np.repeat(feasible(study, DESIGNS, 1), 4, axis=0)
@@ -84,13 +84,13 @@ def surrogate(study: Study) -> Surrogate:
 
 
 @pytest.fixture(scope="module")
-def over(study: Study, surrogate: Surrogate) -> Over:
+def over(study: Setup, surrogate: Surrogate) -> Over:
     """The same over the study's operating points."""
     return Over(surrogate, study_mix(study))
 
 
 def test_effects_of_an_additive_time_are_its_terms(
-    study: Study, surrogate: Surrogate, over: Over
+    study: Setup, surrogate: Surrogate, over: Over
 ) -> None:
     mix, x = study_mix(study), feasible(study, 100, 9)
     found = effects(over, surrogate.data.variables, x)
@@ -124,7 +124,7 @@ def test_an_effect_is_not_that_of_what_comes_along() -> None:
     assert own.form @ own.moved[:, 0] == pytest.approx(own.values - own.values.mean(), abs=0.01)
 
 
-def test_joint_errors_are_those_of_one_design_at_a_time(study: Study, over: Over) -> None:
+def test_joint_errors_are_those_of_one_design_at_a_time(study: Setup, over: Over) -> None:
     x = feasible(study, 12, 3)
     time, covariance = over.joint(x, rough=True)
     alone, error = over.predict(x)
@@ -135,7 +135,7 @@ def test_joint_errors_are_those_of_one_design_at_a_time(study: Study, over: Over
     assert np.linalg.eigvalsh(smooth).min() > -1e-12
 
 
-def test_errors_of_two_designs_go_together(study: Study, surrogate: Surrogate) -> None:
+def test_errors_of_two_designs_go_together(study: Setup, surrogate: Surrogate) -> None:
     """Against the joint logarithms of both designs at every point, nothing summed before."""
     mix, x = replace(study_mix(study), retry=0.0), feasible(study, 3, 3)
     size = len(mix.points)
@@ -147,7 +147,7 @@ def test_errors_of_two_designs_go_together(study: Study, surrogate: Surrogate) -
     assert Over(surrogate, mix).joint(x, rough=True)[1] == pytest.approx(known, rel=0.1, abs=1e-8)
 
 
-def test_times_at_points_are_those_of_a_mix_of_one(study: Study, surrogate: Surrogate) -> None:
+def test_times_at_points_are_those_of_a_mix_of_one(study: Setup, surrogate: Surrogate) -> None:
     mix, x = study_mix(study), feasible(study, 1, 3)
     places = np.array([0, 13, 27])
     alike = np.repeat(x, 3, axis=0)
@@ -173,7 +173,7 @@ def test_indices_of_ishigami() -> None:
     assert found.sd == pytest.approx(3.7208, rel=0.01)
 
 
-def test_indices_of_an_additive_time(study: Study, over: Over) -> None:
+def test_indices_of_an_additive_time(study: Setup, over: Over) -> None:
     low, high = np.array([7.0, 10.0, 18.0, 3.2, 12.0]), np.array([11.0, 16.0, 24.0, 4.2, 20.0])
     scales = [EVEN, EVEN, EVEN, EVEN, WHOLE]
     box = [Input(*one) for one in zip(study.variables, low, high, scales, strict=True)]
@@ -221,7 +221,7 @@ def _stored(surrogate: Surrogate) -> Stored:
 
 
 @pytest.fixture
-def searched(study: Study, tmp_path: Path) -> dict[str, float]:
+def searched(study: Setup, tmp_path: Path) -> dict[str, float]:
     """A design of the front of a search in the folder of results."""
     (design,) = islice(filling_designs(study, 5, border=False), 1)
     rest = dict.fromkeys(("best", "confirmation", "surrogate", "versions"))
@@ -292,7 +292,7 @@ def test_other_physics_is_refused(dogshape: Callable[..., Any], surrogate: Surro
     assert "other physics" in said.sentence
 
 
-def test_a_slice_has_no_peak_at_a_design_that_was_simulated(study: Study) -> None:
+def test_a_slice_has_no_peak_at_a_design_that_was_simulated(study: Setup) -> None:
     """Where the data of a design stray most, its slice is as smooth as anywhere."""
     kept = load(bundled_root() / "mq200_paper" / "surrogate.json").surrogate
     over = Over(kept, Mix(np.array([[249.0, 469.0]]), np.ones(1), 0.0))
@@ -307,7 +307,7 @@ def test_a_slice_has_no_peak_at_a_design_that_was_simulated(study: Study) -> Non
     assert (smooth[1] >= pinned[1] * 0.999).all(), "what is left out of the line is in its error"
 
 
-def test_all_of_a_front_is_offered(study: Study) -> None:
+def test_all_of_a_front_is_offered(study: Setup) -> None:
     designs = list(islice(filling_designs(study, 5, border=False), RIVALS + 3))
     front = [{"trial": number, **design} for number, design in enumerate(designs)]
     found = {"physics_hash": study.physics_hash, "front": front[:8]}

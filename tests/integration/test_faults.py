@@ -20,7 +20,7 @@ from typing import Any
 import pytest
 from optuna.storages.journal import JournalFileBackend
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.pipeline.study import run_study
@@ -169,7 +169,7 @@ def ordinary_user() -> Iterator[None]:
 
 
 def test_a_read_only_folder_is_said(
-    tmp_path: Path, small_study: Study, monkeypatch: pytest.MonkeyPatch, ordinary_user: None
+    tmp_path: Path, small_study: Setup, monkeypatch: pytest.MonkeyPatch, ordinary_user: None
 ) -> None:
     """Nobody may be barred from the package's own files, too, which are not asked for here."""
     monkeypatch.setattr("dogshape.pipeline.study.joining", lambda *_: None)
@@ -233,14 +233,14 @@ def test_a_clock_that_jumps_changes_nothing(
     assert time.time() != true()
 
 
-def _block(study: Study, **solver: Any) -> Block:
+def _block(study: Setup, **solver: Any) -> Block:
     (block,) = even_blocks(study.clutch, study.points[:1], 3, 1)
     clutch = replace(study.clutch, solver=replace(study.clutch.solver, **solver))
     return replace(block, clutch=clutch)
 
 
 def test_a_limit_of_steps_is_kept_and_one_of_time_is_not(
-    small_study: Study, tmp_path: Path
+    small_study: Setup, tmp_path: Path
 ) -> None:
     """Only the first is the shift's own; what the clock ended is simulated again."""
     # So fine an accuracy that no machine ends a shift within the least limit.
@@ -338,7 +338,7 @@ def _break(how: str, once: str) -> None:
     os.kill(os.getpid(), signal.SIGSEGV if how == "crash" else signal.SIGKILL)
 
 
-def _broken(study: Study, tmp_path: Path, how: str, once: str = "") -> tuple[Executor, list[Block]]:
+def _broken(study: Setup, tmp_path: Path, how: str, once: str = "") -> tuple[Executor, list[Block]]:
     good = even_blocks(study.clutch, study.points, 3, 1)
     bad = _block(study, time_limit=1.0)
     force = bad.point.profile
@@ -349,7 +349,7 @@ def _broken(study: Study, tmp_path: Path, how: str, once: str = "") -> tuple[Exe
 
 @pytest.mark.parametrize(("how", "words"), [("hang", "hung: it did not"), ("crash", "crashed: Se")])
 def test_a_shift_that_hangs_or_crashes_fails_alone(
-    small_study: Study, tmp_path: Path, how: str, words: str
+    small_study: Setup, tmp_path: Path, how: str, words: str
 ) -> None:
     executor, blocks = _broken(small_study, tmp_path, how)
     rows = executor.run(blocks)
@@ -365,7 +365,7 @@ def test_a_shift_that_hangs_or_crashes_fails_alone(
 
 
 def test_a_worker_that_is_killed_says_nothing_against_its_shift(
-    small_study: Study, tmp_path: Path
+    small_study: Setup, tmp_path: Path
 ) -> None:
     executor, blocks = _broken(small_study, tmp_path, "kill", str(tmp_path / "done"))
     rows = executor.run(blocks)
@@ -403,7 +403,7 @@ def _members(session: int) -> list[int]:
     return found
 
 
-def test_workers_that_die_again_and_again_are_said(small_study: Study, tmp_path: Path) -> None:
+def test_workers_that_die_again_and_again_are_said(small_study: Setup, tmp_path: Path) -> None:
     executor, blocks = _broken(small_study, tmp_path, "kill")
     with pytest.raises(WorkerError, match="died 3 times without finishing a shift"):
         executor.run(blocks)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.config.study_file import VARIABLES, Study, load_study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
 from dogshape.pipeline.simulate.estimates import ESTIMATORS
 from dogshape.pipeline.simulate.evaluation import evaluate, reference_of, screen
@@ -26,12 +26,12 @@ from tests.conftest import SMALL, Said, searching
 PLANAR = "solver.engine=planar"
 
 
-def study_with(*overrides: str) -> Study:
+def study_with(*overrides: str) -> Setup:
     """Load the small study for the compiled engine."""
     return load_study("mq200_paper", [*SMALL, PLANAR, *overrides])
 
 
-def measured(study: Study, **dog: float) -> tuple[Any, list[Record]]:
+def measured(study: Setup, **dog: float) -> tuple[Any, list[Record]]:
     """Simulate a design; what was found and its shifts."""
     executor = scratch_executor()
     (found,) = evaluate(

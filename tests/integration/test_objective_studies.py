@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
 from tests.conftest import searching
 
 
-def _tiny(name: str, *more: str) -> Study:
+def _tiny(name: str, *more: str) -> Setup:
     """A bundled study of two operating points, three angles and few designs."""
     points = "operating={points=[{mismatch_rpm=100, force_N=469, weight=2}, "
     points += "{mismatch_rpm=-149, force_N=469}]}"
@@ -25,7 +25,7 @@ def _tiny(name: str, *more: str) -> Study:
     return load_study(name, [points, *budget, "search.sampler=space_filling", *more])
 
 
-def _run(study: Study, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+def _run(study: Setup, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     result = run_study(study, searching(folder, jobs=1))
     lines = (folder / "shifts.jsonl").read_text().splitlines()
     return result, [json.loads(line) for line in lines]

@@ -13,7 +13,7 @@ import numpy as np
 import optuna
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.point_choice import first_plan, hard_points, telling_plan
 from dogshape.pipeline.simulate.point_plans import (
@@ -154,11 +154,11 @@ def test_cut_off_while_it_told_and_asked_it_ends_as_it_would_have(
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Setup:
     return load_study("mq200_paper", ["search.points=6"])
 
 
-def test_first_plans_take_turns_and_keep_the_hard_points(study: Study) -> None:
+def test_first_plans_take_turns_and_keep_the_hard_points(study: Setup) -> None:
     plans = [first_plan(study, 6, number) for number in range(7)]
     assert all(sum(count > 0 for count in plan) == 6 for plan in plans)
     assert np.all(np.sum(plans, axis=0) > 0)
@@ -167,7 +167,7 @@ def test_first_plans_take_turns_and_keep_the_hard_points(study: Study) -> None:
     assert all(plan[k] for plan in plans for k in hard_points(study))
 
 
-def test_a_telling_plan_has_each_point_once_and_as_many_as_wanted(study: Study) -> None:
+def test_a_telling_plan_has_each_point_once_and_as_many_as_wanted(study: Setup) -> None:
     stored = known_surrogate(study)
     assert stored is not None
     over = Over(stored.surrogate, study_mix(study))
@@ -179,7 +179,7 @@ def test_a_telling_plan_has_each_point_once_and_as_many_as_wanted(study: Study) 
             assert all(plan[place] for place in hard_points(study))
 
 
-def test_plans_share_angles_with_whole_designs(study: Study) -> None:
+def test_plans_share_angles_with_whole_designs(study: Setup) -> None:
     """Designs differ by their shape and not by their luck, whatever was simulated of them."""
     whole = blocks_of(study, study.clutch, whole_plan(study), 1)
     part = blocks_of(study, study.clutch, first_plan(study, 6, 0), 1)

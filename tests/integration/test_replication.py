@@ -13,7 +13,7 @@ import pytest
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.schema import REPLICATE
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.front_uncertainty import Drawn, draw, standings
 from dogshape.pipeline.search.replication import (
@@ -96,7 +96,7 @@ Opened = tuple[SearchState, Executor, MadeUp]
 Ended = Callable[..., Opened]
 
 
-def _study(*more: str) -> Study:
+def _study(*more: str) -> Setup:
     return load_study("mq200_paper", [*MADE_UP, *more])
 
 
@@ -112,7 +112,7 @@ def ended(
 ) -> Callable[..., Opened]:
     """Return what opens an ended search as a new process would; further shifts are made up, too."""
 
-    def searched(study: Study, trials: optuna.Study, shifts: Path, most: int | None) -> Opened:
+    def searched(study: Setup, trials: optuna.Study, shifts: Path, most: int | None) -> Opened:
         made_up = MadeUp(most)
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
         search = Search(study, trials, guide=DogGuide(study))
@@ -120,7 +120,7 @@ def ended(
         state = run(search, sampler_factory(study, search.guide), executor, lambda *_: None)
         return state, executor, made_up
 
-    def opened(study: Study, shifts: Path, most: int | None = None) -> Opened:
+    def opened(study: Setup, shifts: Path, most: int | None = None) -> Opened:
         mark = content_key(comparable(study.file))
         if mark not in kept:
             directions = ["minimize"] * len(study.file.search.objectives)

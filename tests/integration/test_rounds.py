@@ -12,7 +12,7 @@ import optuna
 import pytest
 from optuna.samplers import BaseSampler
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.rounds import ROUND, WORKER, next_round
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import Search
@@ -44,7 +44,7 @@ class Claimed:
         pass
 
 
-def _study(sampler: str) -> Study:
+def _study(sampler: str) -> Setup:
     return load_study(
         "mq200_paper",
         ["search.startup=3", f"search.trials={TRIALS}", f"search.sampler={sampler}",
@@ -52,7 +52,7 @@ def _study(sampler: str) -> Study:
     )  # fmt: skip
 
 
-def _opened(study: Study) -> Search:
+def _opened(study: Setup) -> Search:
     return Search(study, optuna.create_study(directions=["minimize"] * 2))
 
 

@@ -16,7 +16,7 @@ import optuna
 import pytest
 
 from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
@@ -115,7 +115,7 @@ def test_another_seed_gives_other_trials(finished: Finished) -> None:
     assert finished.result["trials"][1]["height_mm"] != first[1]["height_mm"]
 
 
-def _proposals(study: Study, count: int) -> list[dict[str, float]]:
+def _proposals(study: Setup, count: int) -> list[dict[str, float]]:
     searched = optuna.create_study(directions=["minimize"] * 2, sampler=sampler_factory(study)(0))
     return [dict(searched.ask(search_space(study)).params) for _ in range(count)]
 
@@ -204,7 +204,7 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
-def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Study) -> None:
+def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Setup) -> None:
     folder = StudyFolder(tmp_path)
     folder.open(small_study, resume=False)
     changed = ["search.seed=3", "search.points=4", "variables.count=[12, 26]", "search.trials=99"]
@@ -244,7 +244,7 @@ def test_a_search_is_bounded(tmp_path: Path, dogshape: Any) -> None:
     assert not (tmp_path / "study.json").exists()
 
 
-def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:
+def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Setup) -> None:
     with (tmp_path / ".lock").open("w") as handle:
         fcntl.flock(handle, fcntl.LOCK_EX)
         with pytest.raises(StorageError, match="in use by another run"):
@@ -252,7 +252,7 @@ def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Study) -> None:
     assert [p.name for p in tmp_path.iterdir()] == [".lock"]
 
 
-def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Study) -> None:
+def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Setup) -> None:
     folder = StudyFolder(tmp_path)
     folder.manifest.write_text('{"format": 99}')
     with pytest.raises(StorageError, match="was written in format 99"):
@@ -266,7 +266,7 @@ def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Stu
         run_study(small_study, searching(tmp_path, resume=True))
 
 
-def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Study) -> None:
+def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Setup) -> None:
     url = f"sqlite:///{tmp_path}/no/such/folder/db.sqlite"
     with pytest.raises(StorageError, match="cannot be opened"):
         run_study(small_study, searching(tmp_path / "out", storage=url))
@@ -301,7 +301,7 @@ def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) ->
     assert "not simulated" in write_report(StudyFolder(tmp_path)).read_text()
 
 
-def test_own_sampler_proposes_feasible_designs_only(small_study: Study) -> None:
+def test_own_sampler_proposes_feasible_designs_only(small_study: Setup) -> None:
     proposals = _proposals(small_study, 8)
     assert len({p["height_mm"] for p in proposals}) == 8
     assert all(design_of(small_study, p).feasible for p in proposals)
@@ -337,7 +337,7 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
     assert best[10] < 0.25 * best[1000]
 
 
-def test_no_feasible_design_is_said(small_study: Study, tmp_path: Path) -> None:
+def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
     tight = load_study("mq200_paper", [*SMALL, "material.allowable_pressure_MPa=2"])
     with pytest.raises(InputError, match="passes every check; widen"):
         run_study(tight, searching(tmp_path, jobs=1))

@@ -15,7 +15,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.rounds import next_round
@@ -154,12 +154,12 @@ class Points(DogGuide):
         raise InputError("too few")
 
 
-def _asked(study: Study, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[int], list[Plan]]:
+def _asked(study: Setup, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[int], list[Plan]]:
     """Return a search with its first round asked, and the plans that are simulated later on."""
     search = Search(study, optuna.create_study(directions=["minimize"] * 2), guide=Points(study))
     ids, plans = next_round(search, sampler_factory(study)), list[Plan]()
 
-    def evaluated(study: Study, dogs: Any, _: Any, asked: Sequence[Plan], __: int) -> Any:
+    def evaluated(study: Setup, dogs: Any, _: Any, asked: Sequence[Plan], __: int) -> Any:
         plans.extend(asked)
         time = Estimate(0.1, 0.001)
         landed = HARD if is_whole(asked[0]) else Measured(Demand())  # harder at points left out

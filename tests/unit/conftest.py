@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from tests.found import Row, found
 
 
@@ -15,6 +15,6 @@ def result() -> Row:
 
 
 @pytest.fixture
-def study() -> Study:
+def study() -> Setup:
     """The paper's study."""
     return load_study("mq200_paper")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.prediction.levels import Level
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.consequence import (
     ANGLES,
     angles_of,
@@ -32,7 +32,7 @@ EFFECTS = load()
 
 
 @pytest.fixture(scope="module")
-def study() -> Study:
+def study() -> Setup:
     return load_study("mq200_paper")
 
 
@@ -47,13 +47,13 @@ def _row(block: Block) -> Record:
     return {"outcome": "engaged", "shift_time_s": time, "actuator_time_s": 9.0}
 
 
-def _designs(study: Study) -> dict[str, dict[str, float]]:
+def _designs(study: Setup) -> dict[str, dict[str, float]]:
     flat = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 9.0}
     blunt = {**study.prototype, "height_mm": 3.2, "chamfer_deg": 6.0}
     return {"prototype": dict(study.prototype), "flat": flat, "blunt": blunt}
 
 
-def test_an_effect_that_turns_the_order_has_its_price(study: Study) -> None:
+def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     found = consequence(study, _designs(study), Level(("moving_mass",), (1.0,)), EFFECTS, _run)
     assert (found.chosen.name, found.best.name) == ("flat", "blunt")
     assert found.regret == pytest.approx((0.03 + 0.9) - (0.032 + 0.6))
@@ -61,7 +61,7 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Study) -> None:
     assert found.record["best_with"] == "blunt"
 
 
-def test_a_dead_time_moves_every_time_and_no_choice(study: Study) -> None:
+def test_a_dead_time_moves_every_time_and_no_choice(study: Setup) -> None:
     found = consequence(study, _designs(study), Level(("actuation_delay",), (0.1,)), EFFECTS, _run)
     assert found.chosen is found.best
     assert (found.regret, found.standard_error) == (0.0, 0.0)
@@ -70,7 +70,7 @@ def test_a_dead_time_moves_every_time_and_no_choice(study: Study) -> None:
     assert found.sentence.startswith("The chosen design stays the best (flat)")
 
 
-def test_the_kept_result_gives_the_designs(study: Study) -> None:
+def test_the_kept_result_gives_the_designs(study: Setup) -> None:
     designs = designs_of(study, 3)
     assert next(iter(designs)) == "prototype"
     assert len(designs) == 4
@@ -85,7 +85,7 @@ def test_the_kept_result_gives_the_designs(study: Study) -> None:
     assert shifts_of(study, designs) == 2 * ANGLES * len(study.points) * 4
 
 
-def test_angles_of_follow_their_distribution(study: Study) -> None:
+def test_angles_of_follow_their_distribution(study: Setup) -> None:
     setting = Setting(study.clutch, study.points[0], concentration=50.0, centre=0.5)
     pitch = study.clutch.dog.pitch_angle
     turns = [angle / pitch for angle in angles_of(setting, (1, 0))]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -25,7 +25,7 @@ WANTED = 0.01  #: relative error of references
 EVEN = np.full(3, 1.0 / 3.0)  #: weights of three operating points
 
 
-def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Study) -> None:
+def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -> None:
     designs = list(islice(filling_designs(small_study, 1), 30))
     assert designs[:12] == list(islice(filling_designs(small_study, 1), 12))
     inside = [worth_simulating(small_study, design) for design in designs]
@@ -110,7 +110,7 @@ def test_rows_are_groups_of_whole_draws() -> None:
 
 
 @pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, ShiftJournal]:
+def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Setup, ShiftJournal]:
     """A study with a dozen designs simulated at two points of their own."""
     sets = ["surrogate.points=2", "surrogate.angles=3", "operating.mismatch_rpm=[50, 149]"]
     study = load_study("mq200_paper", sets)
@@ -121,7 +121,7 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Study, ShiftJourna
     return study, journal
 
 
-def test_rows_of_other_physics_are_left_out(filled: tuple[Study, ShiftJournal]) -> None:
+def test_rows_of_other_physics_are_left_out(filled: tuple[Setup, ShiftJournal]) -> None:
     study, journal = filled
     rows = list(journal.rows.values())
     data = dataset_of(study, rows)
@@ -135,7 +135,7 @@ def test_rows_of_other_physics_are_left_out(filled: tuple[Study, ShiftJournal]) 
 
 
 def test_a_question_is_answered_with_the_shifts_it_was_given(
-    filled: tuple[Study, ShiftJournal], tmp_path: Path
+    filled: tuple[Setup, ShiftJournal], tmp_path: Path
 ) -> None:
     study, before = filled
     journal = ShiftJournal(tmp_path / "shifts.jsonl")

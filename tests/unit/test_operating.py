@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, bundled_studies, load_study
+from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.precision import FIRST
@@ -26,11 +26,11 @@ FORCE = "{distribution='uniform', low=240, high=640}"
 FRICTION = "{distribution='uniform', low=0.7, high=1.3}"
 
 
-def _points(study: Study) -> list[tuple[float, float, float]]:
+def _points(study: Setup) -> list[tuple[float, float, float]]:
     return [(round(p.mismatch / RPM, 9), p.profile.force, p.weight) for p in study.points]
 
 
-def _listed(*more: str) -> Study:
+def _listed(*more: str) -> Setup:
     """The paper's study with other operating points alone."""
     return load_study("mq200_paper", [f"operating={{{', '.join(more)}}}"])
 

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from dogshape.pipeline.cli.progress_bar import ProgressBar, duration
 from dogshape.pipeline.cli.tables.study_tables import study_table
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
@@ -60,7 +60,7 @@ def test_time_left_is_said_in_its_unit(seconds: float, said: str) -> None:
     assert duration(seconds) == said
 
 
-def test_a_shift_is_counted_once(small_study: Study, tmp_path: Path) -> None:
+def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
     counted: list[int] = []
     blocks = even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
     journal = ShiftJournal(tmp_path / "shifts.jsonl")
@@ -72,7 +72,7 @@ def test_a_shift_is_counted_once(small_study: Study, tmp_path: Path) -> None:
     assert sum(counted) == 6
 
 
-def _said(study: Study, result: Row, report: Path | None = None) -> str:
+def _said(study: Setup, result: Row, report: Path | None = None) -> str:
     for row in result["trials"]:
         row |= {**study.prototype, **row}
     stream = io.StringIO()
@@ -82,7 +82,7 @@ def _said(study: Study, result: Row, report: Path | None = None) -> str:
     return stream.getvalue()
 
 
-def test_the_end_table_shows_the_objectives_of_the_study(study: Study, result: Row) -> None:
+def test_the_end_table_shows_the_objectives_of_the_study(study: Setup, result: Row) -> None:
     lines = _said(study, result | {"objectives": [TIME, LENGTH, FORCE]}).splitlines()
     assert "Design 2" in lines[0]
     assert "20 % faster" in lines[0]
@@ -103,7 +103,7 @@ def test_the_end_table_shows_the_objectives_of_the_study(study: Study, result: R
     assert "report: none yet, 'dogshape report' makes it" in lines[-1]
 
 
-def test_the_end_table_where_no_design_passes(study: Study) -> None:
+def test_the_end_table_where_no_design_passes(study: Setup) -> None:
     nothing = found() | {"best": None, "front": [], "confirmation": None}
     said = _said(study, nothing, Path("report.html"))
     assert said.startswith("No design of this search passes every check")

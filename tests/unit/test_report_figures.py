@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
 from dogshape.pipeline.reports.study.front import (
     LETTER,
@@ -197,7 +197,7 @@ def test_front_of_what_is_maximised_has_errors_of_both_objectives(result: Row) -
     assert figure.layout.xaxis.title.text == "smallest margin, % (more is better)"
 
 
-def test_distribution_of_single_shifts(study: Study) -> None:
+def test_distribution_of_single_shifts(study: Setup) -> None:
     own, fresh = study.prototype, {"seed": study.file.expectation.seed + NEW_ANGLES}
     times = [0.01 * k for k in range(1, 100)] + [None]
     place = {"mismatch_rpm": 50.0, "force_N": 469.0, **fresh}
@@ -222,7 +222,7 @@ def test_distribution_of_single_shifts(study: Study) -> None:
     assert distribution(Shifts(study, ()), own) is None
 
 
-def test_course_counts_shifts_of_every_simulated_design(study: Study, result: Row) -> None:
+def test_course_counts_shifts_of_every_simulated_design(study: Setup, result: Row) -> None:
     result["trials"] = [{**study.prototype, **row} for row in result["trials"]]
     each = 2 * study.file.expectation.angles
     found = course(result, Shifts(study, ()))

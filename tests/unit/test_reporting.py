@@ -16,7 +16,7 @@ import pandas as pd
 import pytest
 
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Study, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.kit.html import csv_link
 from dogshape.pipeline.reports.kit.text import percent
 from dogshape.pipeline.reports.study import replays
@@ -72,7 +72,7 @@ def test_hypervolume_in_two_and_three_dimensions() -> None:
     assert hypervolume(values, corner) == pytest.approx(below, abs=4e-3)
 
 
-def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> None:
+def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Setup) -> None:
     own, seed = study.prototype, study.file.expectation.seed
     rows = (
         shift(study, own, 1.0, 0.05),
@@ -90,7 +90,7 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Study) -> N
     assert extremes([]) is None
 
 
-def test_operating_points_keep_their_weight(study: Study) -> None:
+def test_operating_points_keep_their_weight(study: Setup) -> None:
     heavy = tuple(replace(p, weight=3.0 if k == 0 else 1.0) for k, p in enumerate(study.points))
     own = study.prototype
     first = {"mismatch_rpm": 5.0, "force_N": 235.2}
@@ -326,7 +326,7 @@ def test_designs_before_and_after_replication(result: Row, replicated: Row) -> N
     assert replicated_rows(result | {"replication": None}) == []
 
 
-def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Study) -> None:
+def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
     row = shift(study, study.prototype, 1.0, 0.05)
     assert drawn_variant(row) is None
     factors = {"friction_factor": 1.2, "force_factor": 0.9, "inertia_factor": 1.1}
@@ -383,7 +383,7 @@ def test_command_runs_the_same_study_again() -> None:
 
 
 def test_a_page_that_cannot_be_made_is_said_and_left_out(
-    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     own, said = study.prototype, []
     shifts = Shifts(study, (shift(study, own, 1.0, 0.05), shift(study, own, 2.0, None)))
@@ -402,7 +402,7 @@ def test_a_page_that_cannot_be_made_is_said_and_left_out(
 
 
 def test_effects_are_of_the_surrogate_as_it_is_now(
-    study: Study, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = StudyFolder(tmp_path)
     learn_effects(folder, pytest.fail)
@@ -430,7 +430,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
 
 
 def test_a_journal_that_is_only_read_keeps_a_line_being_written(
-    study: Study, tmp_path: Path
+    study: Setup, tmp_path: Path
 ) -> None:
     row = shift(study, study.prototype, 1.0, 0.05) | {"landing_loads_N_mm": [0.0]}
     path = tmp_path / "shifts.jsonl"

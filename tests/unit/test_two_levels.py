@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.precision import MOST, Precise
 from dogshape.pipeline.simulate.two_levels import (
@@ -64,16 +64,16 @@ def _engaging(share: float) -> Time:
 
 
 @pytest.fixture(scope="module")
-def default() -> Study:
+def default() -> Setup:
     return load_study("mq200_paper")
 
 
-def _run(study: Study, engines: MadeUp, precision: float, said: list[str] | None = None) -> Precise:
+def _run(study: Setup, engines: MadeUp, precision: float, said: list[str] | None = None) -> Precise:
     with WorkCounter(Listener([] if said is None else said), 1) as progress:
         return expect_in_two_levels(study, study.points, precision, engines, progress)  # type: ignore[arg-type]
 
 
-def test_equal_engines_need_few_of_drakes(default: Study) -> None:
+def test_equal_engines_need_few_of_drakes(default: Setup) -> None:
     found = _run(default, MadeUp(_slope, _slope), 0.01).expectation
     assert found.standard_error <= 0.01 * found.mean
     assert {(p.n, p.n_planar) for p in found.points} == {(FEW, MANY)}
@@ -81,7 +81,7 @@ def test_equal_engines_need_few_of_drakes(default: Study) -> None:
     assert found.mean == pytest.approx(np.mean(exact), abs=3.0 * found.standard_error)
 
 
-def test_it_stops_at_the_precision_and_not_at_the_next_doubling(default: Study) -> None:
+def test_it_stops_at_the_precision_and_not_at_the_next_doubling(default: Setup) -> None:
     """Some points get more angles, not all of them, and those that need them most."""
     said: list[str] = []
     found = _run(default, MadeUp(_slope, _slope), 0.0015, said).expectation
@@ -92,7 +92,7 @@ def test_it_stops_at_the_precision_and_not_at_the_next_doubling(default: Study) 
     assert any("compiled ones; more where they tell most" in line for line in said)
 
 
-def test_an_engine_that_does_not_help_is_left(default: Study) -> None:
+def test_an_engine_that_does_not_help_is_left(default: Setup) -> None:
     """Drake's own even angles are better than differences from noise."""
     found = _run(default, MadeUp(_slope, _noise), 0.01)
     assert all(p.n_planar == 0 and p.n >= SURE for p in found.expectation.points)
@@ -102,7 +102,7 @@ def test_an_engine_that_does_not_help_is_left(default: Study) -> None:
         assert told == expect_point(told.point, shifts, 1.0, 0.2)
 
 
-def test_an_engine_that_helps_at_some_points_is_left_at_the_others(default: Study) -> None:
+def test_an_engine_that_helps_at_some_points_is_left_at_the_others(default: Setup) -> None:
     def planar(point: OperatingPoint, phase: float) -> float:
         return (_noise if point.mismatch > 20.0 else _slope)(point, phase)
 
@@ -113,7 +113,7 @@ def test_an_engine_that_helps_at_some_points_is_left_at_the_others(default: Stud
     assert all(p.n_planar >= MANY for p in slow)
 
 
-def test_a_tail_that_drakes_few_angles_miss_is_no_reason_to_leave(default: Study) -> None:
+def test_a_tail_that_drakes_few_angles_miss_is_no_reason_to_leave(default: Setup) -> None:
     """One angle of fifty is late: 24 of Drake's that have none would look exact."""
 
     def late(_: OperatingPoint, phase: float) -> float:
@@ -125,7 +125,7 @@ def test_a_tail_that_drakes_few_angles_miss_is_no_reason_to_leave(default: Study
     assert found.mean == pytest.approx(exact, abs=3.0 * found.standard_error)
 
 
-def test_what_engages_in_one_engine_alone_is_counted(default: Study) -> None:
+def test_what_engages_in_one_engine_alone_is_counted(default: Setup) -> None:
     """Drake hangs at a tenth of the angles, the compiled engine nowhere, and the other way."""
     for drake, planar in ((0.9, 1.0), (1.0, 0.9)):
         found = _run(default, MadeUp(_engaging(drake), _engaging(planar)), 0.02).expectation
@@ -134,7 +134,7 @@ def test_what_engages_in_one_engine_alone_is_counted(default: Study) -> None:
         assert found.mean == pytest.approx(exact, abs=3.0 * found.standard_error)
 
 
-def test_nothing_engages(default: Study) -> None:
+def test_nothing_engages(default: Setup) -> None:
     said: list[str] = []
     engines = MadeUp(lambda *_: None, _slope)
     found = _run(default, engines, 0.01, said).expectation
@@ -143,14 +143,14 @@ def test_nothing_engages(default: Study) -> None:
     assert max(p.n for p in found.points) in (2 * FEW, 4 * FEW)
 
 
-def test_a_precision_out_of_reach_is_told(default: Study) -> None:
+def test_a_precision_out_of_reach_is_told(default: Setup) -> None:
     said: list[str] = []
     found = _run(default, MadeUp(_noise, _slope), 0.0001, said).expectation
     assert {p.n for p in found.points} == {MOST}
     assert f"is what {MOST} angles of Drake at each operating point give" in said[-1]
 
 
-def test_the_same_question_has_the_same_answer(default: Study) -> None:
+def test_the_same_question_has_the_same_answer(default: Setup) -> None:
     first, second = (_run(default, MadeUp(_slope, _noise), 0.01) for _ in range(2))
     assert first == second
 

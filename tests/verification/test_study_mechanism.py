@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
@@ -20,12 +20,12 @@ ENGINES = ("drake", "planar")
 NEAR = 0.9e-3  #: m, way within the gap of 1 mm in which nothing is touched
 
 
-def _study(engine: str = "drake", **mechanism: float) -> Study:
+def _study(engine: str = "drake", **mechanism: float) -> Setup:
     keys = {f"mechanism.{key}": value for key, value in mechanism.items()}
     return load_study("mq200_paper", {**keys, "solver.engine": engine})
 
 
-def _shift(study: Study, mismatch: float, force: float, angle: float) -> Engagement:
+def _shift(study: Setup, mismatch: float, force: float, angle: float) -> Engagement:
     point = OperatingPoint(mismatch * RPM, study.actuation.profile(force))
     return engage(study.clutch, point, angle * DEG)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.outcome import Outcome
@@ -80,7 +80,7 @@ def test_a_finer_draw_keeps_the_factors_of_each_angle(base: int, steps: tuple[in
         before = now
 
 
-def _unsure() -> tuple[Study, Uncertainty]:
+def _unsure() -> tuple[Setup, Uncertainty]:
     study = load_study("mq200_robust")
     assert study.uncertainty is not None
     return study, study.uncertainty

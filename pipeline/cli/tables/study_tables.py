@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from dogshape.pipeline.cli.console import columns
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
 from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
@@ -29,7 +29,7 @@ from dogshape.surrogate.store import Stored
 Row = dict[str, Any]
 
 
-def study_table(study: Study, result: Row, report: Path | None) -> RenderableType:
+def study_table(study: Setup, result: Row, report: Path | None) -> RenderableType:
     """Show the result of a study: prototype beside chosen design, and the front.
 
     ``report`` is None where none was made.
@@ -57,7 +57,7 @@ def study_table(study: Study, result: Row, report: Path | None) -> RenderableTyp
     return Group(*lines)
 
 
-def _pair(study: Study, result: Row) -> Table:
+def _pair(study: Setup, result: Row) -> Table:
     """Return prototype and chosen design, a line for each variable and objective."""
     best, angles = result["best"], result["confirmation"]["angles"]
     own = next(row for row in result["trials"] if row["prototype"])
@@ -72,7 +72,7 @@ def _pair(study: Study, result: Row) -> Table:
     return table
 
 
-def _front(study: Study, result: Row) -> Table:
+def _front(study: Setup, result: Row) -> Table:
     """Return the prototype and the designs of the front by the study's objectives."""
     goals = [goal for goal in goals_of(result).told if goal.name != MARGIN]
     table = columns(

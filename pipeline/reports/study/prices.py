@@ -17,7 +17,7 @@ import numpy as np
 import plotly.graph_objects as go
 from scipy.stats import qmc
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import BLUE, GREEN, GREY, INK, ORANGE, RED, Row, styled
 from dogshape.pipeline.reports.kit.text import check_name
 from dogshape.pipeline.simulate.design import WORST, design_of
@@ -75,7 +75,7 @@ class Pool:
         return int(fit[np.argmin(self.times[fit])]) if fit.size else None
 
 
-def prices(study: Study, times: Times, seed: int = 1) -> list[Row]:
+def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
     """Compute what each limit of a study costs, dearest first.
 
     Each row has the check's ``name``, ``key``, ``unit`` and ``limit``, the ``price_s`` of a tenth
@@ -157,7 +157,7 @@ def _needed(check: Check, factor: float) -> float:
     return 1.0 - factor if check.rule.at_most else factor - 1.0
 
 
-def _checks(study: Study, params: dict[str, float]) -> tuple[Check, ...]:
+def _checks(study: Setup, params: dict[str, float]) -> tuple[Check, ...]:
     """Work out the checks of a design that need no simulation; none of what is no dog."""
     try:
         checks = design_of(study, params).checks
@@ -166,7 +166,7 @@ def _checks(study: Study, params: dict[str, float]) -> tuple[Check, ...]:
     return tuple(check for check in checks if check.name != WORST)
 
 
-def _margins(study: Study, designs: Array, count: int) -> Array:
+def _margins(study: Setup, designs: Array, count: int) -> Array:
     """Compute the margins of the designs; what is no dog has none."""
     rows = np.full((len(designs), count), -np.inf)
     worst = WORST in (study.file.search.limits or {})
@@ -181,7 +181,7 @@ def _margins(study: Study, designs: Array, count: int) -> Array:
     return rows
 
 
-def _pool(study: Study, times: Times, checks: Sequence[Check], seed: int) -> Pool:
+def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Pool:
     """Fill the space, then look about the best design under each limit."""
     bounds = np.array(list(study.variables.values()))
     whole = np.array([name == "count" for name in study.variables])

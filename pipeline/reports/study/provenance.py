@@ -8,13 +8,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.errors import DogshapeError
 
 Row = dict[str, Any]
 
 
-def command_of(study: Study) -> str | None:
+def command_of(study: Setup) -> str | None:
     """Return the command that runs a study like this one; None where no bundled study leads to it.
 
     Checked by the hash of the configuration.
@@ -42,7 +42,7 @@ def dates_of(result: Path) -> dict[str, str]:
     return {"written": f"{datetime.now(UTC):%Y-%m-%d}", "stored": f"{stored:%Y-%m-%d}"}
 
 
-def file_of(study: Study) -> str:
+def file_of(study: Setup) -> str:
     """Write the study file as it was run, overrides included, as JSON."""
     return json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
 

@@ -10,7 +10,7 @@ import numpy as np
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import INK, LINES, MARKS, Row, styled
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -27,7 +27,7 @@ UP = {0.5: 10, 0.95: 8, 0.99: 18}  #: of the words beside a quantile, px
 class Shifts:
     """Finished shifts of a study by design, those repeated with a finer tolerance left out."""
 
-    study: Study
+    study: Setup
     rows: tuple[Record, ...]
     groups: dict[str, list[Record]] = field(init=False, repr=False)
 
@@ -56,7 +56,7 @@ class Shifts:
         return [row for row in self.of(design) if row.get("seed") == seed]
 
 
-def read_shifts(study: Study, journal: ShiftJournal) -> Shifts:
+def read_shifts(study: Setup, journal: ShiftJournal) -> Shifts:
     """Group the shifts of a journal."""
     return Shifts(study, tuple(journal.rows.values()))
 
@@ -80,7 +80,7 @@ def extremes(rows: Iterable[Record]) -> tuple[Record, Record] | None:
     return (ordered[0], ordered[-1]) if ordered else None
 
 
-def weights_of(study: Study, rows: Sequence[Record]) -> Array:
+def weights_of(study: Setup, rows: Sequence[Record]) -> Array:
     """Return the weight of each shift (n,), of sum one: its operating point's, shared evenly."""
     given = {place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
     places = [place(row["mismatch_rpm"], row["force_N"]) for row in rows]

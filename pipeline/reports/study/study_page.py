@@ -8,7 +8,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
@@ -79,7 +79,7 @@ def write_report(folder: StudyFolder) -> Path:
     return _write(folder, study, folder.stored_result(), read_shifts(study, journal))
 
 
-def _write(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Path:
+def _write(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Path:
     content = content_of(folder, study, result, shifts)
     with naming(folder.designs):
         designs.designs_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
@@ -87,7 +87,7 @@ def _write(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Pa
     return folder.report
 
 
-def content_of(folder: StudyFolder, study: Study, result: Row, shifts: Shifts) -> Row:
+def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Row:
     """Collect the content of the report's template; what is not known is empty."""
     variables, best = list(study.variables), result["best"]
     fitted, confirmation = result["surrogate"], result["confirmation"]
@@ -178,7 +178,7 @@ def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
     }
 
 
-def weighted(study: Study, confirmation: Row) -> Row:
+def weighted(study: Setup, confirmation: Row) -> Row:
     """Add the weights of operating points to both designs of a confirmation."""
     weights = {place(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
 
@@ -222,7 +222,7 @@ def _distributions(result: Row, shifts: Shifts) -> dict[str, single_shifts.Distr
     return known if len(known) == len(found) else {}
 
 
-def _drawings(study: Study, best: Row | None) -> Row:
+def _drawings(study: Setup, best: Row | None) -> Row:
     span = 2.4 * study.clutch.dog.pitch
     sections, sheet = [section_svg(study.clutch.dog, "Prototype", span)], ""
     if best is not None and not best["prototype"]:

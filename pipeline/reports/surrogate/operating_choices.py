@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.maps import thinned
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.mix import Mix
@@ -25,7 +25,7 @@ class Operating:
     mismatch: float | None
 
 
-def choices(study: Study) -> list[Operating]:
+def choices(study: Setup) -> list[Operating]:
     """List all of the study's operating points, and single mismatches at the middle force."""
     mix, force = study_mix(study), middle(study.forces)
     single = [
@@ -41,7 +41,7 @@ def choices(study: Study) -> list[Operating]:
     return [Operating(f"all {len(mix.points)} operating points", mix, None), *single]
 
 
-def operating_inputs(study: Study) -> list[Input]:
+def operating_inputs(study: Setup) -> list[Input]:
     """Return mismatch and force over the study's ranges, without what has one value only."""
     given = {"mismatch_rpm": study.mismatches, "force_N": study.forces}
     return [

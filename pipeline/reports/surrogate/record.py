@@ -7,7 +7,7 @@ from itertools import islice
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study, require_variables
+from dogshape.pipeline.config.study_file import Setup, require_variables
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.surrogate.operating_choices import choices, middle, operating_inputs
 from dogshape.pipeline.reports.surrogate.slices import Base, rounded, slices_record
@@ -33,7 +33,7 @@ POINT = ("mismatch_rpm", "force_N")  #: inputs that make an operating point
 CHECKED = 400  #: samples of a box that are checked for feasibility
 
 
-def explored(study: Study, stored: Stored, bases: list[Base], say: Say) -> Row:
+def explored(study: Setup, stored: Stored, bases: list[Base], say: Say) -> Row:
     """Compute everything that the page draws.
 
     Times in s, all else in edge units. A surrogate of other physics raises InputError.
@@ -56,7 +56,7 @@ def explored(study: Study, stored: Stored, bases: list[Base], say: Say) -> Row:
     }
 
 
-def learned(study: Study, surrogate: Surrogate, over: Over, say: Say) -> Row:
+def learned(study: Setup, surrogate: Surrogate, over: Over, say: Say) -> Row:
     """Compute effects and indices over the operating points of ``over``, as the page has them."""
     say(f"effects over {DESIGNS} feasible designs")
     effect = _effects_record(study, surrogate, over)
@@ -64,7 +64,7 @@ def learned(study: Study, surrogate: Surrogate, over: Over, say: Say) -> Row:
     return {"effects": effect, "indices": _indices_record(study, surrogate, over)}
 
 
-def _effects_record(study: Study, surrogate: Surrogate, over: Over) -> Row:
+def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
     names = surrogate.data.variables
     seed = study.file.surrogate.seed + APART
     designs = islice(filling_designs(study, seed, border=False), DESIGNS)
@@ -90,7 +90,7 @@ def _effects_record(study: Study, surrogate: Surrogate, over: Over) -> Row:
     }
 
 
-def _indices_record(study: Study, surrogate: Surrogate, over: Over) -> list[Row]:
+def _indices_record(study: Setup, surrogate: Surrogate, over: Over) -> list[Row]:
     """Record the indices over designs, and over designs and operating points at once."""
     cut, retry = len(surrogate.data.variables), study.clutch.timeout + study.retraction
     box, seed = _box(study, surrogate.data), study.file.surrogate.seed + 1
@@ -111,7 +111,7 @@ def _indices_record(study: Study, surrogate: Surrogate, over: Over) -> list[Row]
     return found
 
 
-def _box(study: Study, data: Dataset) -> list[Input]:
+def _box(study: Setup, data: Dataset) -> list[Input]:
     """Return the box about the study's own design, within the simulated designs.
 
     A design beyond them has its box about the nearest value that was simulated.
@@ -129,7 +129,7 @@ def _box(study: Study, data: Dataset) -> list[Input]:
     return sides
 
 
-def _index_record(study: Study, surrogate: Surrogate, over: str, found: Indices) -> Row:
+def _index_record(study: Setup, surrogate: Surrogate, over: str, found: Indices) -> Row:
     names = surrogate.data.variables
     x = found.values[:, : len(names)]
     checked = x[:: max(1, len(x) // CHECKED)]

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.maps import thinned
 from dogshape.pipeline.reports.surrogate.operating_choices import (
@@ -37,7 +37,7 @@ class Base:
     design: dict[str, float]
 
 
-def bases_of(study: Study, result: Row | None) -> list[Base]:
+def bases_of(study: Setup, result: Row | None) -> list[Base]:
     """List the study's own design and some of the front that a search of it found.
 
     ``result`` is the search's, None where there is none; one of other physics counts as none.
@@ -46,7 +46,7 @@ def bases_of(study: Study, result: Row | None) -> list[Base]:
     return [own, *thinned(rivals_of(study, result), RIVALS)]
 
 
-def rivals_of(study: Study, result: Row | None) -> list[Base]:
+def rivals_of(study: Setup, result: Row | None) -> list[Base]:
     """List all designs of the front but the study's own; none of other physics."""
     if result is None or result.get("physics_hash") != study.physics_hash:
         return []
@@ -57,7 +57,7 @@ def rivals_of(study: Study, result: Row | None) -> list[Base]:
 
 
 def slices_record(
-    study: Study, surrogate: Surrogate, overs: list[tuple[Operating, Over]], bases: list[Base]
+    study: Setup, surrogate: Surrogate, overs: list[tuple[Operating, Over]], bases: list[Base]
 ) -> list[Row]:
     """Record the slices through each base at each choice of operating points."""
     cuts = [_Cut(study, surrogate, base) for base in bases]
@@ -73,7 +73,7 @@ def rounded(values: Iterable[float]) -> list[float]:
 class _Cut:
     """A base with the designs along each variable, over the simulated part of its range."""
 
-    study: Study
+    study: Setup
     surrogate: Surrogate
     base: Base
 
