@@ -8,11 +8,10 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from dogshape.diagnosis.bench.comparison import Comparison
-from dogshape.pipeline.reports.gap.point_rows import NINETY, CellRow
+from dogshape.pipeline.reports.gap.point_rows import NINETY, CellRow, row_of
 from dogshape.pipeline.reports.kit.look import BLUE, INK, ORANGE, Row, styled
 from dogshape.pipeline.reports.kit.maps import mismatch_axes
 from dogshape.pipeline.reports.kit.text import place_name
-from dogshape.sim.units import RPM
 
 BESIDE = 4  #: panels side by side
 MOST = 8  #: forces that have a panel each
@@ -48,19 +47,7 @@ def compared_figure(compared: Comparison) -> go.Figure:
 
     The band is 90 % of what the difference may be by chance; it is drawn about the simulation.
     """
-    cells = []
-    for one in compared.differences:
-        cell, simulated, error = one.cell, one.simulated.mean_engaged, one.standard_error
-        cells.append(
-            CellRow(
-                mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
-                shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
-                bench_s=cell.time, bench_error_s=None, simulated_s=simulated,
-                simulated_error_s=None if simulated is None else error, gap_s=one.gap,
-                error_s=None if one.gap is None else error, z=one.z,
-                foretold_s=None, foretold_error_s=None,
-            )
-        )  # fmt: skip
+    cells = [row_of(one, one.standard_error) for one in compared.differences]
     return before_figure(cells, "", plain="simulated")
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.sim.units import RPM
@@ -57,13 +58,12 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
     return [_cell(found, place) for place in range(len(found.bench.cells))]
 
 
-def _cell(found: Diagnosis, place: int) -> CellRow:
-    cell, said, base = found.bench.cells[place], found.mean_prediction, found.baseline
-    simulated = _number(base.mean[0, place])
-    gap = None if cell.time is None or simulated is None else cell.time - simulated
-    error = _number(found.metric.mean[place])
-    single = _number(said.single[place]) or _number(base.sd[0, place] ** 2) or math.nan
-    led = found.leading != NONE
+def row_of(
+    point: PointGap, simulated_error: float | None, bench_error: float | None = None,
+    predicted: float | None = None, predicted_error: float | None = None,
+) -> CellRow:  # fmt: skip
+    """Write the gap at an operating point as a row; errors and prediction in s."""
+    cell = point.cell
     return CellRow(
         mismatch_rpm=cell.point.mismatch / RPM,
         force_N=cell.point.profile.force,
@@ -72,14 +72,27 @@ def _cell(found: Diagnosis, place: int) -> CellRow:
         failed=cell.failed,
         unknown=cell.unknown,
         bench_s=cell.time,
-        bench_error_s=_number(math.sqrt(single / cell.n)) if cell.n else None,
-        simulated_s=simulated,
-        simulated_error_s=None if simulated is None else _number(base.error[0, place]),
-        gap_s=gap,
-        error_s=None if gap is None else error,
-        z=None if gap is None or error is None else gap / error,
-        foretold_s=_number(said.mean[place]) if led else None,
-        foretold_error_s=_number(math.sqrt(said.variance[place])) if led else None,
+        bench_error_s=bench_error,
+        simulated_s=point.mean,
+        simulated_error_s=None if point.mean is None else simulated_error,
+        gap_s=point.gap,
+        error_s=None if point.gap is None else _number(point.standard_error),
+        z=None if point.z is None else _number(point.z),
+        foretold_s=predicted,
+        foretold_error_s=predicted_error,
+    )
+
+
+def _cell(found: Diagnosis, place: int) -> CellRow:
+    cell, said, base = found.bench.cells[place], found.mean_prediction, found.baseline
+    single = _number(said.single[place]) or _number(base.sd[0, place] ** 2) or math.nan
+    led = found.leading != NONE
+    return row_of(
+        PointGap(cell, _number(base.mean[0, place]), float(found.metric.mean[place])),
+        simulated_error=_number(base.error[0, place]),
+        bench_error=_number(math.sqrt(single / cell.n)) if cell.n else None,
+        predicted=_number(said.mean[place]) if led else None,
+        predicted_error=_number(math.sqrt(said.variance[place])) if led else None,
     )
 
 
