@@ -97,7 +97,7 @@ class Check(Checked):
 
     @property
     def _origin(self) -> dict[str, Any]:
-        """Say what the time comes from: surrogate, or shifts of the compiled engine."""
+        """Source of the time: the surrogate, or shifts of the compiled engine."""
         if self.spread is None or self.validation is None:
             return {"q2": None, "surrogate": None, "shifts_planar": self.shifts}
         return {

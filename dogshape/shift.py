@@ -14,7 +14,7 @@ from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.driveline import TorquePeaks
-from dogshape.sim.statistics.batch import events_record, loads_record
+from dogshape.sim.statistics.batch import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
 
@@ -75,6 +75,7 @@ class Shift(Result):
             "events": events_record(result),
             "loads": {
                 **loads_record(result),
+                **shaft_record(result.trace),
                 "torque_peak_Nm": None if peaks is None else peaks.whole,
                 "torque_peak_strike_Nm": None if peaks is None else peaks.strike,
                 "torque_peak_closing_Nm": None if peaks is None else peaks.closing,

@@ -79,6 +79,11 @@ class MechanismSection(Section):
     detent_N: float | None = _absent()
     detent_position_mm: float | None = _absent()
     detent_width_mm: float | None = _absent()
+    ring_inertia_kgm2: float | None = _absent()
+    input_stiffness_Nm_rad: float | None = _absent()
+    spline_backlash_deg: float | None = _absent()
+    wheel_inertia_kgm2: float | None = _absent()
+    output_stiffness_Nm_rad: float | None = _absent()
     delay_s: float | None = _absent()
     lag_s: float | None = _absent()
     force_factor: float | None = _absent()
@@ -91,25 +96,28 @@ class MechanismSection(Section):
     def mechanism(self, dog: Dog) -> Mechanism:
         """Build the mechanism around a ring with this dog.
 
-        What says where a part acts is dropped with that part, so that nothing has one key.
-        Raises InputError for a value out of range, or a place of a part that is not given.
+        What belongs to a part is dropped with that part, so that nothing has one key. Raises
+        InputError for a value out of range, or one that belongs to a part that is not given.
         """
         given = {FIELDS[key]: to_si(key, v) for key, v in self.given.items() if key in FIELDS}
         for place, part in PLACES.items():
             if place in given and part not in given:
                 key, other = (f"mechanism.{_KEYS[name]}" for name in (place, part))
-                raise InputError(f"{key} says where {other} acts, which is not given; give it too")
+                raise InputError(f"{key} belongs to {other}, which is not given; give it too")
         given.setdefault("spline_radius", SPLINE * dog.inner_radius)
         whole = Mechanism(**given)
         parts = [place for place, part in PLACES.items() if getattr(whole, part) == 0.0]
         return replace(whole, **{name: getattr(NOTHING, name) for name in parts})
 
 
-#: What says where a part of a mechanism acts, and that part.
+#: What belongs to a part of a mechanism (where it acts, what holds it), and that part.
 PLACES = {
     "spline_radius": "spline_friction",
     "detent_position": "detent",
     "detent_width": "detent",
+    "input_stiffness": "ring_inertia",
+    "backlash": "ring_inertia",
+    "output_stiffness": "wheel_inertia",
 }
 _KEYS = {name: key for key, name in FIELDS.items()}
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.planar import kernel
-from dogshape.sim.planar.plant import PlanarClutch, planar_clutch
+from dogshape.sim.planar.plant import PlanarClutch, planar_clutch, state_size
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
@@ -52,7 +52,7 @@ def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) ->
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     """Integrate from where friction lets the ring go to the end of the travel or the time-out."""
     clutch, solver = plant.clutch, plant.clutch.solver
-    size = 8 if clutch.mechanism.has_linkage else 6
+    size = state_size(clutch.mechanism)
     tolerance = np.array([solver.accuracy, PLACE * solver.accuracy])
     knots = np.array(point.profile.knots())
     times, states = _begin(plant, point, angle)
@@ -84,13 +84,15 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
 
 
 def _begin(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Floats, Floats]:
-    """Give times and states, (n,) and (n, 8), up to where friction lets the ring go."""
+    """Give times and states, (n,) and (n, 12), up to where friction lets the ring go."""
     held, sliding = release(plant.clutch, point.profile), plant.clutch.rings.initial_speed
     output = sliding + point.mismatch
     states = np.zeros((len(held.time), kernel.SIZE))
     states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
     states[:, 3], states[:, 5] = output, sliding
     states[:, 6], states[:, 7] = held.displacement, held.speed
+    states[:, 8], states[:, 9] = states[:, 2], sliding
+    states[:, 10], states[:, 11] = states[:, 0], output
     return held.time, states
 
 

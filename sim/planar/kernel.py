@@ -44,7 +44,10 @@ OPPOSED = math.cos(0.625 * math.pi)
 MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
 ROOM = 12  #: corners of a cut quadrilateral, at most
 VALUES = 3  #: place for values at corners behind a polygon and two cut ones
-SIZE = 8  #: angles of both rings, way, their rates; way and speed of the actuator
+#: Angles of both rings, way, their rates; way and speed of the actuator; angle and rate of what is
+#: behind the sliding ring's shaft and the output ring's.
+SIZE = 12
+PLAIN_SIZE, LINKED_SIZE = 6, 8  #: without shafts that give way, and without an actuator apart
 #: Why ``advance`` returned.
 ENGAGED, PAUSED, FULL, LOST = range(4)
 LEAST = 1e-12  #: s, a step below which the integration is lost
@@ -60,8 +63,9 @@ TOUCHED, BEATEN = range(
 # Places in ``plain``, the numbers of a clutch.
 (SLEEVE, FAR, SLIDING, OUTPUT, DAMPING, FRICTION, DETENT, DETENT_AT, DETENT_WIDTH, SPLINE, DRAG,
  STIFF, LOSS, PLAY, DOGS, REBOUND, STOP, RADIUS, WAY, SLIP_SPEED, TURN_SPEED, DEEP_STOP,
- LINKED) = range(23)  # fmt: skip
-NUMBERS = 23
+ LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
+ TWIST) = range(32)  # fmt: skip
+NUMBERS = 32
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
@@ -293,8 +297,19 @@ def _pull(stretch, rate, plain):
 
 
 @njit(cache=True, error_model="numpy")
+def _twist(lead, rate, plain):
+    """Compute the torque of the sliding ring's shaft on the ring, N m (``Shaft.torque``)."""
+    stiff, loss, half = plain[SHAFT], plain[SHAFT_LOSS], 0.5 * plain[BACKLASH]
+    if half == 0.0:
+        return stiff * lead + loss * rate
+    ahead, behind = max(lead - half, 0.0), max(-lead - half, 0.0)
+    push = max(ahead * (stiff + loss * rate / (ahead + plain[TWIST])), 0.0)
+    return push - max(behind * (stiff - loss * rate / (behind + plain[TWIST])), 0.0)
+
+
+@njit(cache=True, error_model="numpy")
 def _forces(state, plain, surfaces, law, work):
-    """Compute force along and torque about the shaft of all dogs at a state (8,), N and N m."""
+    """Compute force along and torque about the shaft of all dogs at a state (12,), N and N m."""
     if state[1] <= surfaces[5]:
         return 0.0, 0.0
     angle, turn = state[0] - state[2], state[3] - state[5]
@@ -305,7 +320,7 @@ def _forces(state, plain, surfaces, law, work):
 
 @njit(cache=True, error_model="numpy")
 def _motion(push, along, about, state, out, plain):
-    """Write the rates of a state (8,) into ``out``: ``push`` of the actuator, forces of contact."""
+    """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
     way, speed = state[1], state[4]
     behind = 0.0
     if way < -plain[REBOUND]:
@@ -322,21 +337,36 @@ def _motion(push, along, about, state, out, plain):
         place = 2.0 * (way - plain[DETENT_AT]) / plain[DETENT_WIDTH]
         bump = max(1.0 - place * place, 0.0)
         held += plain[DETENT] * bump * bump
-    rub = plain[FRICTION] + plain[SPLINE] * abs(about)
+    drive_torque, through = 0.0, about
+    if plain[BEHIND] > 0.0:
+        drive_torque = _twist(state[8] - state[2], state[9] - state[5], plain)
+        through = drive_torque
+    rub = plain[FRICTION] + plain[SPLINE] * abs(through)
     if rub > 0.0:
         held += rub * _smooth(speed, plain[SLIP_SPEED])
     drag = 0.0
     if plain[DRAG] > 0.0:
-        drag = plain[DRAG] * _smooth(state[5], plain[TURN_SPEED])
+        drag = plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
     out[0], out[1], out[2] = state[3], speed, state[5]
-    out[3] = -about / plain[OUTPUT]
     out[4] = (drive - held - plain[DAMPING] * speed - along + behind) / plain[SLEEVE]
-    out[5] = (about - drag) / plain[SLIDING]
+    out[8], out[9], out[10], out[11] = 0.0, 0.0, 0.0, 0.0
+    if plain[BEHIND] > 0.0:
+        out[5] = (about + drive_torque) / plain[SLIDING]
+        out[8], out[9] = state[9], -(drive_torque + drag) / plain[BEHIND]
+    else:
+        out[5] = (about - drag) / plain[SLIDING]
+    if plain[AHEAD] > 0.0:
+        lead, rate = state[10] - state[0], state[11] - state[3]
+        back = plain[OUT_SHAFT] * lead + plain[OUT_LOSS] * rate
+        out[3] = (back - about) / plain[OUTPUT]
+        out[10], out[11] = state[11], -back / plain[AHEAD]
+    else:
+        out[3] = -about / plain[OUTPUT]
 
 
 @njit(cache=True, error_model="numpy")
 def rates(time, state, out, plain, knots, surfaces, law, work):
-    """Write the rates of a state (8,) into ``out``; whether dogs touch."""
+    """Write the rates of a state (12,) into ``out``; whether dogs touch."""
     along, about = _forces(state, plain, surfaces, law, work)
     _motion(force_at(time, knots), along, about, state, out, plain)
     return along != 0.0 or about != 0.0
@@ -344,7 +374,7 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
 
 @njit(cache=True, error_model="numpy")
 def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
-    """Write into ``slopes`` (9, 8) how the rates ``now`` change with each of a state, and in time.
+    """Write into ``slopes`` (13, 12) how the rates ``now`` change with the state, and in time.
 
     Contact follows from relative angle and speed: of either ring's, one is looked at.
     """
@@ -362,7 +392,7 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
         state[j] -= small
         more[j], moved[j] = one - along, other - about
     more[2], moved[2], more[5], moved[5] = -more[0], -moved[0], -more[3], -moved[3]
-    for j in range(SIZE if plain[LINKED] > 0.0 else SIZE - 2):
+    for j in range(int(plain[USED])):
         small, was = _small(j, plain), state[j]
         state[j] = was + small
         _motion(push, along + more[j], about + moved[j], state, changed, plain)
@@ -377,13 +407,25 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
 @njit(cache=True, error_model="numpy")
 def _small(j, plain):
     """Give the change of a state's number ``j`` by which slopes are measured."""
-    small = SMALL_WAY if j < 3 or j == SIZE - 2 else SMALL_SPEED
-    return small / plain[RADIUS] if j in {0, 2, 3, 5} else small
+    small = SMALL_WAY if _is_place(j) else SMALL_SPEED
+    return small / plain[RADIUS] if _turns(j) else small
+
+
+@njit(cache=True, error_model="numpy")
+def _is_place(j):
+    """Decide whether a state's number ``j`` is an angle or a way, not a rate."""
+    return j < 3 or (j >= PLAIN_SIZE and j % 2 == 0)
+
+
+@njit(cache=True, error_model="numpy")
+def _turns(j):
+    """Decide whether a state's number ``j`` is an angle or its rate."""
+    return j >= LINKED_SIZE or (j < PLAIN_SIZE and j % 3 != 1)
 
 
 @njit(cache=True, error_model="numpy")
 def _factor(step, slopes, matrix, size):
-    """Factor ``1 - step J`` in place, (8, 8), without exchange of rows."""
+    """Factor ``1 - step J`` in place, (12, 12), without exchange of rows."""
     for i in range(size):
         for j in range(size):
             matrix[i, j] = (1.0 if i == j else 0.0) - step * slopes[j, i]
@@ -419,7 +461,7 @@ def _implicit(
     k1, k2, k3, k4 = stages
     if new:
         _slopes(time, state, k1, slopes, plain, knots, surfaces, law, work)
-    size = SIZE if plain[LINKED] > 0.0 else SIZE - 2
+    size = int(plain[USED])
     part = h * ROSENBROCK
     _factor(part, slopes, matrix, size)
     one, two = np.empty(SIZE), np.empty(SIZE)
@@ -467,12 +509,11 @@ def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
 def _worst(h, error, plain, tolerance):
     """Compute the largest error over its tolerance."""
     worst = 0.0
-    for i in range(SIZE if plain[LINKED] > 0.0 else SIZE - 2):
+    for i in range(int(plain[USED])):
         one = abs(h * error[i])
-        if i % 3 != 1 and i < SIZE - 2:  # an angle or its rate
+        if _turns(i):
             one *= plain[RADIUS]
-        place = i < 3 or i == SIZE - 2
-        worst = max(worst, one / (tolerance[1] if place else tolerance[0]))
+        worst = max(worst, one / (tolerance[1] if _is_place(i) else tolerance[0]))
     return worst if math.isfinite(worst) else 1e3
 
 
@@ -508,11 +549,11 @@ def advance(
     Parameters
     ----------
     time, step : now, and the step to try, s.
-    state : (8,); holds the last state afterwards.
+    state : (12,); holds the last state afterwards.
     until : s.
     tolerance : error of a speed in m/s and of a place in m that a step may have, (2,).
     mode : of the steps, (2,), zeros at the start; holds what the next call goes on with.
-    times, states : room for the record, (n,) and (n, 8).
+    times, states : room for the record, (n,) and (n, 12).
 
     Returns
     -------

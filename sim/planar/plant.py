@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mechanism import DEEP, SLIP, TURN
+from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
 from dogshape.sim.shift.mesh import dog_planes, rigid_dog
 
 Floats = NDArray[np.float64]
@@ -75,16 +75,27 @@ def law_of(clutch: Clutch) -> Floats:
     )
 
 
+def state_size(mechanism: Mechanism) -> int:
+    """Count the numbers of a state that a mechanism moves, of ``kernel.SIZE``."""
+    if mechanism.has_shafts:
+        return kernel.SIZE
+    return kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+
+
 def _numbers(clutch: Clutch) -> Floats:
     dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
     stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
     share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
+    near, far = (
+        mechanism.input_side(rings.sliding_inertia),
+        mechanism.output_side(rings.output_inertia),
+    )
     numbers = np.zeros(kernel.NUMBERS)
     for place, value in {
         kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
         kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
-        kernel.SLIDING: rings.sliding_inertia,
-        kernel.OUTPUT: rings.output_inertia,
+        kernel.SLIDING: rings.sliding_inertia if near is None else near.near,
+        kernel.OUTPUT: rings.output_inertia if far is None else far.near,
         kernel.DAMPING: mechanism.damping,
         kernel.FRICTION: mechanism.friction,
         kernel.DETENT: mechanism.detent,
@@ -104,6 +115,27 @@ def _numbers(clutch: Clutch) -> Floats:
         kernel.TURN_SPEED: TURN,
         kernel.DEEP_STOP: DEEP,
         kernel.LINKED: mechanism.has_linkage,
+        kernel.USED: state_size(mechanism),
+        kernel.TWIST: DEEP_TWIST,
+        **(
+            {}
+            if near is None
+            else {
+                kernel.BEHIND: near.far,
+                kernel.SHAFT: near.stiffness,
+                kernel.SHAFT_LOSS: near.damping,
+                kernel.BACKLASH: near.backlash,
+            }
+        ),
+        **(
+            {}
+            if far is None
+            else {
+                kernel.AHEAD: far.far,
+                kernel.OUT_SHAFT: far.stiffness,
+                kernel.OUT_LOSS: far.damping,
+            }
+        ),
     }.items():
         numbers[place] = value
     return numbers

@@ -127,6 +127,17 @@ class Clutch:
     rebound: float = 1e-3
     mechanism: Mechanism = NOTHING
 
+    def __post_init__(self) -> None:
+        mechanism, rings = self.mechanism, self.rings
+        for key, part, side, whole in (
+            ("ring_inertia_kgm2", mechanism.ring_inertia, "sliding", rings.sliding_inertia),
+            ("wheel_inertia_kgm2", mechanism.wheel_inertia, "output", rings.output_inertia),
+        ):
+            if part >= whole:
+                rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
+                remedy = "give what turns with the dogs alone"
+                raise InputError(refusal(f"mechanism.{key}", part, "kg m2", rule, remedy))
+
     @property
     def shift_travel(self) -> float:
         """Travel at which a shift counts as finished, m."""

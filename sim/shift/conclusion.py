@@ -50,7 +50,8 @@ class Run:
     ----------
     times : s, (n,).
     states : output angle, displacement, sliding angle and their rates, each (6,); with a linkage
-        also displacement and speed of the actuator, (8,).
+        also displacement and speed of the actuator, (8,); with shafts that give way these and angle
+        and rate of what is behind the sliding and the output ring, (12,).
     blocked : whether the rings stood still on each other.
     failure : why the integration was lost; empty where it was not.
     evaluations : derivatives that the integrator asked for.

@@ -29,7 +29,8 @@ def later_phases(phases: tuple[Phase, ...], delay: float) -> tuple[Phase, ...]:
 
 def later_trace(trace: Trace, delay: float) -> Trace:
     """Put the dead time in s before a trace, as one more state at the command, (n + 1,)."""
-    first = {one.name: getattr(trace, one.name)[0] for one in fields(trace)}
+    kept = [one.name for one in fields(trace) if getattr(trace, one.name) is not None]
+    first = {name: getattr(trace, name)[0] for name in kept}
     first["time"] = 0.0
     first["relative_angle"] -= delay * float(trace.relative_speed[0])
     later_times = replace(trace, time=trace.time + delay)

@@ -32,7 +32,7 @@ class _Record:
         self.travel = clutch.shift_travel
         #: Places in the state of what has not made its travel: ring, actuator.
         self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
-        self._size = 8 if clutch.mechanism.has_linkage else 6
+        self._size = plant.state_size
         self.clutch = clutch
         self.times: list[float] = []
         self.states: list[Series] = []
@@ -50,8 +50,10 @@ class _Record:
         for now, *actuator in zip(held.time, held.displacement, held.speed, strict=True):
             if now < self.plant.context.get_time():
                 turned = [angle + rates[0] * now, 0.0, speed * now]
+                behind = [turned[2], rates[2], turned[0], rates[0]]
                 self.times.append(float(now))
-                self.states.append(np.array([*turned, *rates, *actuator][: self._size]))
+                state = np.array([*turned, *rates, *actuator, *behind])
+                self.states.append(state[: self._size])
         self(self.plant.context)
 
     def __call__(self, context: Context) -> EventStatus | None:

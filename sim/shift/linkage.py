@@ -1,4 +1,4 @@
-"""The mechanism of a clutch in its Drake plant: an actuator's body, and the forces.
+"""The mechanism of a clutch in its Drake plant: bodies of actuator and shafts, and the forces.
 
 Everything is that of one modelled dog: masses and forces over the number of dogs it stands for.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import PrismaticJoint, SpatialInertia, UnitInertia
+from pydrake.multibody.tree import PrismaticJoint, RevoluteJoint, SpatialInertia, UnitInertia
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, System
 
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.mechanism import Shaft
 
-ACTUATOR, SHIFT, SLIDING = "actuator", "shift", "sliding"  #: joints that forces act on
+#: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
+ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
+BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
 
 
 def add_actuator(plant: MultibodyPlant, clutch: Clutch, share: int, axis: np.ndarray) -> None:
@@ -22,6 +25,27 @@ def add_actuator(plant: MultibodyPlant, clutch: Clutch, share: int, axis: np.nda
     body = plant.AddRigidBody("actuator", inertia)
     joint = PrismaticJoint(ACTUATOR, plant.world_frame(), body.body_frame(), axis, damping=0.0)
     plant.AddJointActuator("actuator_force", plant.AddJoint(joint))
+
+
+def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
+    """Return the shafts that give way, by the joint of their ring."""
+    rings, mechanism = clutch.rings, clutch.mechanism
+    sides = {
+        SLIDING: mechanism.input_side(rings.sliding_inertia),
+        OUTPUT: mechanism.output_side(rings.output_inertia),
+    }
+    return {joint: shaft for joint, shaft in sides.items() if shaft is not None}
+
+
+def add_behind(
+    plant: MultibodyPlant, ring: str, shaft: Shaft, share: int, axis: np.ndarray
+) -> None:
+    """Add what is behind a ring's shaft: a body that turns about ``axis`` and touches nothing."""
+    unit = UnitInertia(0.5, 0.5, 1.0)
+    inertia = SpatialInertia(shaft.far / share, np.zeros(3), unit)
+    body = plant.AddRigidBody(BEHIND[ring], inertia)
+    joint = RevoluteJoint(BEHIND[ring], plant.world_frame(), body.body_frame(), axis, damping=0.0)
+    plant.AddJointActuator(f"{BEHIND[ring]}_torque", plant.AddJoint(joint))
 
 
 def add_forces(
@@ -51,12 +75,17 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         joint = {n: plant.GetJointByName(n) for n in (SHIFT, SLIDING)}
         self._way, self._turn = (joint[n].position_start() for n in (SHIFT, SLIDING))
         self._rate = places + joint[SHIFT].velocity_start()
-        self._spin = places + joint[SLIDING].velocity_start()
+        self._dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        self._spin = self._places(plant, self._dragged)[1]
         self._torque = joint[SLIDING].velocity_start()
         if self._linkage is not None:
             actuator = plant.GetJointByName(ACTUATOR)
             self._far = actuator.position_start()
             self._far_rate = places + actuator.velocity_start()
+        self._shafts = [
+            (ring, shaft, self._places(plant, ring), self._places(plant, BEHIND[ring]))
+            for ring, shaft in shafts_of(clutch).items()
+        ]
         order = [
             plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices()
         ]
@@ -64,9 +93,15 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
         self.contact = None
-        if mechanism.spline_friction > 0.0:
+        if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
             self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
         self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
+
+    @staticmethod
+    def _places(plant: MultibodyPlant, joint: str) -> tuple[int, int]:
+        """Find the places of a joint's angle and of its rate in the state."""
+        found = plant.GetJointByName(joint)
+        return found.position_start(), plant.num_positions() + found.velocity_start()
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context).tolist()
@@ -77,6 +112,12 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         mechanism, share = self._mechanism, self._share
         drive, slots = push, self._slots
         forces = [0.0] * len(slots)
+        for ring, shaft, (angle, rate), (far, far_rate) in self._shafts:
+            twist = shaft.torque(state[far] - state[angle], state[far_rate] - state[rate])
+            forces[slots[ring]] += twist / share
+            forces[slots[BEHIND[ring]]] -= twist / share
+            if ring == SLIDING:
+                torque = twist
         if self._linkage is not None:
             stretch = state[self._far] - state[self._way]
             rate = state[self._far_rate] - state[self._rate]
@@ -84,5 +125,5 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             forces[slots[ACTUATOR]] = push - drive
         held = mechanism.resistance(state[self._way], state[self._rate], torque)
         forces[slots[SHIFT]] = drive - held / share
-        forces[slots[SLIDING]] = -mechanism.drag(state[self._spin]) / share
+        forces[slots[self._dragged]] -= mechanism.drag(state[self._spin]) / share
         output.SetFromVector(forces)

@@ -121,15 +121,23 @@ def _within_impact(trace: Trace, force: Series) -> Series:
 def energy_lost(clutch: Clutch, trace: Trace) -> Series:
     """Return initial energy and work of the shift force less kinetic energy, J, (n,).
 
-    What a mechanism took is in it.
+    What a mechanism took is in it, and what shafts store.
     """
     rings, mechanism = clutch.rings, clutch.mechanism
-    kinetic = 0.5 * (
+    twice = (
         mechanism.sleeve_mass(rings.mass) * trace.axial_speed**2
         + mechanism.actuator_mass(rings.mass) * trace.actuator_speed**2
-        + rings.sliding_inertia * trace.sliding_speed**2
-        + rings.output_inertia * trace.output_speed**2
     )
+    for side, whole, near, far in (
+        (mechanism.input_side, rings.sliding_inertia, trace.sliding_speed, trace.input_speed),
+        (mechanism.output_side, rings.output_inertia, trace.output_speed, trace.output_far_speed),
+    ):
+        shaft = side(whole)
+        if shaft is None or far is None:
+            twice = twice + whole * near**2
+        else:
+            twice = twice + shaft.near * near**2 + shaft.far * far**2
+    kinetic = 0.5 * twice
     mean_force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
     work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.actuator_displacement))])
     lost: Series = kinetic[0] + work - kinetic

@@ -28,6 +28,16 @@ takes :math:`(8/15) D_0 w`.
 ring itself takes the share :math:`J_r/J_1`, :math:`J_r = m r^2` at the mean radius of the dogs; the
 rest, :math:`T = M_c (1 - J_r/J_1)`, accelerates what is behind the spline and goes through it.
 Pressed by :math:`|T|/r_s` its teeth rub along the shaft.
+
+*Shafts*: where flanks strike, the ring with its toothing (:math:`J_r` of :math:`J_1`) and the wheel
+of the other ring (:math:`J_w` of :math:`J_2`) stop before what is behind their shafts. With a
+``ring_inertia`` the rest of its side hangs on the spline and the input shaft of stiffness
+:math:`c_1`: it turns the ring by :math:`T = c_1 [u]_b + d_1 \dot u`, *u* being its lead over the
+ring and :math:`[u]_b` what is beyond half of the play *b*, either way; flanks of a play push and
+never pull. Then *T* itself presses the spline, and the drag holds what is behind. A
+``wheel_inertia`` does the same for the output side, without play. Damping is a share
+``SHAFT_DAMPING`` of the critical one of both inertias on their shaft. Ring and wheel begin in the
+middle of their play, at the speed of their side.
 """
 
 from __future__ import annotations
@@ -38,7 +48,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import require_between
+from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.units import from_si
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
@@ -50,6 +60,45 @@ DAMPING_RATIO = 0.3  #: of a linkage; a stop then gives back 0.6 of the speed of
 STOP = 1e-6  #: m/N, compliance of a linkage that has play and is stiff otherwise
 SPLINE = 0.8  #: radius of the spline over the inner radius of the dogs, where none is given
 DEEP = 1e-5  #: m of depth in a stop at which half of the damping acts
+SHAFT_DAMPING = 0.02  #: of a shaft with what hangs on it, over the critical one
+DEEP_TWIST = 1e-4  #: rad beyond a play at which half of the damping acts
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """Ring, and what is behind it on a shaft.
+
+    Parameters
+    ----------
+    near, far : inertia of the ring and of the rest of its side, kg m2.
+    stiffness, damping : N m/rad and N m s/rad.
+    backlash : play between them, rad.
+    """
+
+    near: float
+    far: float
+    stiffness: float
+    damping: float
+    backlash: float = 0.0
+
+    def torque(self, lead: Number, rate: Number) -> Number:
+        """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
+        if self.backlash == 0.0:
+            return self.stiffness * lead + self.damping * rate
+        half = 0.5 * self.backlash
+        ahead, behind = positive(lead - half), positive(-lead - half)
+        push = positive(ahead * (self.stiffness + self.damping * rate / (ahead + DEEP_TWIST)))
+        return push - positive(
+            behind * (self.stiffness - self.damping * rate / (behind + DEEP_TWIST))
+        )
+
+
+def _shaft(near: float, whole: float, stiffness: float, backlash: float) -> Shaft | None:
+    if near == 0.0:
+        return None
+    far = whole - near
+    damping = 2.0 * SHAFT_DAMPING * (stiffness * near * far / whole) ** 0.5
+    return Shaft(near, far, stiffness, damping, backlash)
 
 
 @dataclass(frozen=True)
@@ -66,6 +115,11 @@ class Mechanism:
     drag_torque : that holds the sliding ring against turning, N m.
     compliance : of the linkage, m/N.
     free_play : between linkage and ring, m.
+    ring_inertia : of the sliding ring with its toothing, kg m2; 0 for all of its side in one piece.
+    input_stiffness : of the shaft between the ring and the rest of its side, N m/rad.
+    backlash : play of the ring's spline, rad.
+    wheel_inertia : of what stands at the flanks on the output side, kg m2; 0 for one piece.
+    output_stiffness : of the shaft between that and the rest, N m/rad.
 
     Raises
     ------
@@ -84,11 +138,26 @@ class Mechanism:
     drag_torque: float = 0.0
     compliance: float = 0.0
     free_play: float = 0.0
+    ring_inertia: float = 0.0
+    input_stiffness: float = 0.0
+    backlash: float = 0.0
+    wheel_inertia: float = 0.0
+    output_stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         for name, (key, low, high) in _RANGES.items():
             value = from_si(key, getattr(self, name))
             require_between(f"mechanism.{key}", value, low, high, "correct the mechanism")
+        for inertia, stiffness in (
+            ("ring_inertia", "input_stiffness"),
+            ("wheel_inertia", "output_stiffness"),
+        ):
+            if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
+                key, other = (f"mechanism.{_RANGES[one][0]}" for one in (inertia, stiffness))
+                raise InputError(
+                    f"{key} needs {other}, the shaft that it hangs on; give it too, or leave both "
+                    "out for a rigid shaft"
+                )
 
     @property
     def has_linkage(self) -> bool:
@@ -99,7 +168,20 @@ class Mechanism:
     def has_forces(self) -> bool:
         """Whether there is more than a mass and a damper."""
         own = (self.friction, self.detent, self.spline_friction, self.drag_torque)
-        return self.has_linkage or any(value > 0.0 for value in own)
+        return self.has_linkage or self.has_shafts or any(value > 0.0 for value in own)
+
+    @property
+    def has_shafts(self) -> bool:
+        """Whether a ring turns apart from what is behind its shaft."""
+        return self.ring_inertia > 0.0 or self.wheel_inertia > 0.0
+
+    def input_side(self, inertia: float) -> Shaft | None:
+        """Return ring and shaft of a sliding side of ``inertia`` in kg m2; None where it is one."""
+        return _shaft(self.ring_inertia, inertia, self.input_stiffness, self.backlash)
+
+    def output_side(self, inertia: float) -> Shaft | None:
+        """Return wheel and shaft of an output side of ``inertia``, kg m2; None where it is one."""
+        return _shaft(self.wheel_inertia, inertia, self.output_stiffness, 0.0)
 
     def sleeve_mass(self, mass: float) -> float:
         """Return the mass in kg that moves with the ring, whose own is ``mass``."""
@@ -179,6 +261,11 @@ _RANGES = {
     "drag_torque": ("drag_torque_Nm", 0.0, 1e4),
     "compliance": ("compliance_mm_kN", 0.0, 1e3),
     "free_play": ("free_play_mm", 0.0, 100.0),
+    "ring_inertia": ("ring_inertia_kgm2", 0.0, 100.0),
+    "input_stiffness": ("input_stiffness_Nm_rad", 0.0, 1e8),
+    "backlash": ("spline_backlash_deg", 0.0, 30.0),
+    "wheel_inertia": ("wheel_inertia_kgm2", 0.0, 1e4),
+    "output_stiffness": ("output_stiffness_Nm_rad", 0.0, 1e8),
 }
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.

@@ -16,6 +16,8 @@ the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common import MemoryFile
@@ -50,7 +52,18 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.linkage import SHIFT, SLIDING, add_actuator, add_forces
+from dogshape.sim.shift.linkage import (
+    ACTUATOR,
+    BEHIND,
+    OUTPUT,
+    SHIFT,
+    SLIDING,
+    add_actuator,
+    add_behind,
+    add_forces,
+    shafts_of,
+)
+from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 from dogshape.sim.shift.release import release
 
@@ -74,10 +87,15 @@ class ClutchPlant:
         self._add_stop(self._add_sliding_ring())
         if clutch.mechanism.has_linkage:
             add_actuator(self.plant, clutch, self.share, -_AXIS)
+        shafts = shafts_of(clutch)
+        for ring, shaft in shafts.items():
+            add_behind(self.plant, ring, shaft, self.share, _AXIS)
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
+        self._columns = self._columns_of(shafts)
+        self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             add_forces(builder, self.plant, clutch, self.share, self._force)
@@ -113,29 +131,51 @@ class ClutchPlant:
             float(series[-1])
             for series in (self.held.time, self.held.displacement, self.held.speed)
         )
-        places = [relative_angle + output * begin, 0.0, sliding * begin, way]
-        count = self.plant.num_positions()
+        turned, led = sliding * begin, relative_angle + output * begin
+        state = [led, 0.0, turned, output, 0.0, sliding, way, speed, turned, sliding, led, output]
         self.context.SetTime(begin)
-        self.plant.SetPositions(self.plant_context, places[:count])
-        self.plant.SetVelocities(self.plant_context, [output, 0.0, sliding, speed][:count])
+        values = np.zeros(2 * self.plant.num_positions())
+        for column, place in self._columns.items():
+            values[place] = state[column]
+        self.plant.SetPositionsAndVelocities(self.plant_context, values)
         self.simulator.Initialize()
         return self.simulator
 
     def state(self) -> NDArray[np.float64]:
         """Return (output angle, displacement, sliding angle) and their rates, (6,), SI.
 
-        With a linkage displacement and speed of the actuator follow, (8,).
+        With a linkage displacement and speed of the actuator follow, (8,), with shafts that give
+        way angles and rates of what is behind the sliding and the output ring, (12,); what is not
+        there moves as the ring does.
         """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state if state.size == 6 else state[[0, 1, 2, 4, 5, 6, 3, 7]]
+        return state[self._order]
+
+    def _columns_of(self, shafts: Mapping[str, Shaft]) -> dict[int, int]:
+        """Find where Drake's state has each column of ours; sets the order of reading, too."""
+        rings = ((OUTPUT, 0, 3), (SHIFT, 1, 4), (SLIDING, 2, 5))
+        more = [(ACTUATOR, 6, 7)] if self.clutch.mechanism.has_linkage else []
+        columns, behind = ((SLIDING, 8, 9), (OUTPUT, 10, 11)), self.plant.num_positions()
+        more += [(BEHIND[ring], place, rate) for ring, place, rate in columns if ring in shafts]
+        found = {}
+        for name, place, rate in (*rings, *more):
+            joint = self.plant.GetJointByName(name)
+            found[place], found[rate] = joint.position_start(), behind + joint.velocity_start()
+        size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
+        same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
+        self._order = [found.get(k, found[same.get(k, k)]) for k in range(size)]
+        return found
 
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
-        inertia = clutch.rings.output_inertia / self.share
+        shaft = shafts_of(clutch).get(OUTPUT)
+        inertia = (clutch.rings.output_inertia if shaft is None else shaft.near) / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
-        plant.AddJoint(
-            RevoluteJoint("output", plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+        joint = plant.AddJoint(
+            RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
         )
+        if OUTPUT in shafts_of(clutch):
+            plant.AddJointActuator("output_torque", joint)
         surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
         properties = ProximityProperties()
         AddRigidHydroelasticProperties(properties)
@@ -187,7 +227,8 @@ class ClutchPlant:
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
-        inertia = clutch.rings.sliding_inertia / self.share
+        shaft = shafts_of(clutch).get(SLIDING)
+        inertia = (clutch.rings.sliding_inertia if shaft is None else shaft.near) / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.shift.balance import contact_means
+from dogshape.sim.shift.balance import contact_means, shaft_torques
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 
 Series = NDArray[np.float64]
@@ -28,7 +28,9 @@ class Trace:
     ``contact_force`` is the axial one, positive against the shift.
     ``tangential_force`` acts on the sliding ring at the mean radius, positive
     where the output ring drives it. Both are of the whole ring. ``actuator_displacement``
-    and its rate are those of the ring unless there is a linkage.
+    and its rate are those of the ring unless there is a linkage. ``input_torque`` and
+    ``output_torque`` are those of the shafts on their rings, ``input_speed`` and
+    ``output_far_speed`` of what is behind; None for rigid shafts.
     """
 
     time: Series
@@ -42,6 +44,10 @@ class Trace:
     tangential_force: Series
     actuator_displacement: Series
     actuator_speed: Series
+    input_torque: Series | None = None
+    output_torque: Series | None = None
+    input_speed: Series | None = None
+    output_far_speed: Series | None = None
 
     @cached_property
     def steps(self) -> Series:
@@ -65,15 +71,15 @@ def trace_of(
     Parameters
     ----------
     times : s, (n,); a time that does not grow is left out.
-    states : output angle, displacement, sliding angle and their rates, each (6,); with a
-        linkage also displacement and speed of the actuator, (8,).
+    states : as ``sim.shift.conclusion.Run`` has them.
     """
     time, state = np.array(times), np.array(states)
     keep = np.concatenate([[True], time[1:] > time[:-1]])
     if not keep.all():
         time, state = time[keep], state[keep]
     mean_force, torque = contact_means(clutch, point.profile, time, state)
-    far = state[:, 6:] if clutch.mechanism.has_linkage else state[:, [1, 4]]
+    far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
+    shafts = shaft_torques(clutch, state)
     return Trace(
         time=time,
         displacement=state[:, 1],
@@ -86,6 +92,10 @@ def trace_of(
         tangential_force=np.concatenate([[0.0], torque / clutch.dog.mean_radius]),
         actuator_displacement=far[:, 0],
         actuator_speed=far[:, 1],
+        input_torque=shafts[0],
+        output_torque=shafts[1],
+        input_speed=None if shafts[0] is None else state[:, 9],
+        output_far_speed=None if shafts[1] is None else state[:, 11],
     )
 
 

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
 from dogshape.sim.units import MM, RPM
@@ -45,6 +48,16 @@ def loads_record(result: Engagement) -> Record:
     }
 
 
+def shaft_record(trace: Trace) -> Record:
+    """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
+    shafts = {"input": trace.input_torque, "output": trace.output_torque}
+    return {
+        f"{name}_torque_peak_Nm": float(np.abs(torque).max())
+        for name, torque in shafts.items()
+        if torque is not None
+    }
+
+
 def shift_record(result: Engagement, given: Record) -> Record:
     """Return one shift as a flat record: key, the inputs ``given``, result and versions."""
     linked = result.clutch.mechanism.has_linkage
@@ -54,6 +67,7 @@ def shift_record(result: Engagement, given: Record) -> Record:
         "outcome": result.outcome.value,
         "shift_time_s": result.shift_time,
         **({"actuator_time_s": result.actuator_time} if linked else {}),
+        **shaft_record(result.trace),
         **events_record(result),
         **loads_record(result),
         "steps": result.steps,

@@ -182,9 +182,12 @@ def test_study_then_report_fit_and_check(
     weak = dogshape("check", "mq200_paper", *SETS, "--set", "dog.traction_deg=5")
     assert weak.status == 1
 
-    other = dogshape("check", "mq200_paper", *SETS, "--set", "contact.set=adams2019")
-    assert other.status == 2
-    assert "other physics" in other.sentence
+    other = dogshape("check", "mq200_paper", *SETS, "--set", "contact.set=adams2019", "--json")
+    assert (other.status, other.json["engine"], other.json["surrogate"]) == (0, "planar", None)
+    named = ("--surrogate", "results/mq200_paper/surrogate.json", "--set", "contact.set=adams2019")
+    refused = dogshape("check", "mq200_paper", *SETS, *named)
+    assert refused.status == 2
+    assert "other physics" in refused.sentence
 
     again = dogshape("study", "mq200_paper", *SETS)
     assert again.status == 2
@@ -302,7 +305,7 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     ),
     (("report", "nowhere"), "there is no study.json in nowhere"),
     (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
-    (("check", "mq200_paper", "--set", "contact.set=adams2019"), "other physics than the study's"),
+    (("explore", "mq200_paper", "--set", "contact.set=adams2019"), "other physics than the study"),
     (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
     (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
     (("fit", "mq200_paper", "--question", "bst"), "did you mean 'best'?"),

@@ -50,8 +50,11 @@ PAIRS: dict[str, tuple[Any, dict[str, float]]] = {
     "viscous_damping": (60.0, {"damping_Ns_m": 60.0}),
 }
 PARTS = ("friction_N", "spline_friction", "added_mass_kg", "drag_torque_Nm", "damping_Ns_m",
-         "compliance_mm_kN", "free_play_mm", "detent_N", "delay_s", "lag_s")  # fmt: skip
-PLACES = {"spline_radius_mm": 15.0, "detent_position_mm": 2.0, "detent_width_mm": 3.0}
+         "compliance_mm_kN", "free_play_mm", "detent_N", "delay_s", "lag_s", "ring_inertia_kgm2",
+         "wheel_inertia_kgm2")  # fmt: skip
+PLACES = {"spline_radius_mm": 15.0, "detent_position_mm": 2.0, "detent_width_mm": 3.0,
+          "input_stiffness_Nm_rad": 15e3, "spline_backlash_deg": 0.2,
+          "output_stiffness_Nm_rad": 8e3}  # fmt: skip
 NONE = {**dict.fromkeys(PARTS, 0.0), **PLACES, "force_factor": 1.0}
 
 
@@ -65,7 +68,9 @@ def test_every_field_of_a_mechanism_has_its_key() -> None:
 
 
 def test_an_option_that_is_a_key_is_told() -> None:
-    assert keys_like("spline") == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
+    found = keys_like("spline")
+    assert found[:2] == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
+    assert found[2:] == ["mechanism.spline_backlash_deg"]
     assert keys_like("chamfer")[0] == "dog.chamfer_deg"
 
 
@@ -159,7 +164,7 @@ MISTAKES = {
     "mechanism.force_factor is 0, but it must lie between 0.01 and 10": {
         "mechanism.force_factor": 0.0
     },
-    "mechanism.detent_position_mm says where mechanism.detent_N acts, which is not given": {
+    "mechanism.detent_position_mm belongs to mechanism.detent_N, which is not given": {
         "mechanism.detent_position_mm": 1.0
     },
     "mechanism.friction_N and effects.sleeve_friction both set mechanism.friction_N; leave out": {
@@ -267,7 +272,11 @@ def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
         stored, _ = stored_surrogate(study, None)
         with pytest.raises(InputError, match=r"other physics than the study's: .* 'dogshape fit'"):
             require_same_physics(stored.surrogate.data, study.physics)
-    said = dogshape("check", "mq200_paper", "--set", "mechanism.spline_friction=0.1")
+    rubs = ("--set", "mechanism.spline_friction=0.1")
+    said = dogshape("check", "mq200_paper", *rubs)
+    assert "shifts of the compiled engine" in said.out  # and not the surrogate of another clutch
+    brought = str(bundled_root() / "mq200_paper" / "surrogate.json")
+    said = dogshape("check", "mq200_paper", *rubs, "--surrogate", brought)
     assert said.status == 2
     assert "mechanism_spline_friction is 0.1 here and absent there" in said.sentence
 

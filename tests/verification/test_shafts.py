@@ -1,0 +1,168 @@
+"""Shafts that give way and play of the spline: closed forms, limits, and both engines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.engines import engage
+from dogshape.sim.errors import InputError
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
+from dogshape.sim.units import DEG, RPM
+
+RING, WHEEL = 5e-4, 1e-2  #: kg m2
+INPUT, OUTPUT = 15e3, 8e3  #: N m/rad
+GIVING = Mechanism(
+    ring_inertia=RING, input_stiffness=INPUT, wheel_inertia=WHEEL, output_stiffness=OUTPUT
+)
+PLAY = replace(GIVING, backlash=0.2 * DEG)
+
+
+def _clutch(mechanism: Mechanism, engine: str = "planar") -> Clutch:
+    return replace(load_study("mq200_paper").clutch, mechanism=mechanism).with_engine(engine)
+
+
+def _shift(mechanism: Mechanism, mismatch: float, engine: str = "planar") -> Engagement:
+    study = load_study("mq200_paper")
+    point = OperatingPoint(mismatch * RPM, study.actuation.profile(469.0))
+    return engage(_clutch(mechanism, engine), point, 3.0 * DEG)
+
+
+def _free(mechanism: Mechanism, start: dict[int, float], until: float) -> np.ndarray:
+    """Integrate rings that touch nothing from a state, and return the last one, (12,)."""
+    plant = planar_clutch(_clutch(mechanism))
+    state = np.zeros(kernel.SIZE)
+    for column, value in start.items():
+        state[column] = value
+    knots = np.array([[0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    room, states = np.empty(200_000), np.empty((200_000, kernel.SIZE))
+    why, *_ = kernel.advance(
+        0.0, 1e-6, state, until, plant.numbers, knots, plant.surfaces, plant.law,
+        np.array([1e-7, 1e-11]), 1e-4, np.zeros(2), room, states,
+    )  # fmt: skip
+    assert why == kernel.PAUSED
+    return state
+
+
+@pytest.mark.parametrize(
+    ("near", "whole", "stiffness", "columns"),
+    [(RING, 0.01, INPUT, (2, 8)), (WHEEL, 0.6048, OUTPUT, (0, 10))],
+)
+def test_a_twisted_shaft_swings_as_two_inertias_on_a_spring(
+    near: float, whole: float, stiffness: float, columns: tuple[int, int]
+) -> None:
+    """Free damped vibration, Rao section 2.6: the lead after some periods."""
+    reduced = near * (whole - near) / whole
+    rate = math.sqrt(stiffness / reduced)
+    damped = rate * math.sqrt(1.0 - SHAFT_DAMPING**2)
+    lead, until = 1e-3, 3.3 * 2.0 * math.pi / rate
+    ring, behind = columns
+    state = _free(GIVING, {behind: lead}, until)
+    swing = math.cos(damped * until) + SHAFT_DAMPING * rate / damped * math.sin(damped * until)
+    expected = lead * math.exp(-SHAFT_DAMPING * rate * until) * swing
+    assert state[behind] - state[ring] == pytest.approx(expected, abs=1e-3 * lead)
+    # The middle of mass stays where it was.
+    assert near * state[ring] + (whole - near) * state[behind] == pytest.approx(
+        (whole - near) * lead, rel=1e-6
+    )
+
+
+def test_a_ring_flies_through_its_play_before_the_spline_takes_it_along() -> None:
+    half, speed = 0.5 * PLAY.backlash, 1.0
+    before = _free(PLAY, {9: speed}, 0.9 * half / speed)
+    assert before[5] == 0.0
+    assert before[8] == pytest.approx(0.9 * half, rel=1e-9)
+    after = _free(PLAY, {9: speed}, 1.1 * half / speed)
+    assert after[5] > 0.0
+
+
+def test_flanks_of_a_play_push_and_never_pull() -> None:
+    shaft = Shaft(RING, 0.0095, INPUT, 5.0, backlash=2e-3)
+    leads = np.array([-3e-3, -1e-3, 0.0, 1e-3, 3e-3])
+    torques = shaft.torque(leads, 0.0 * leads)
+    assert torques == pytest.approx([-INPUT * 2e-3, 0.0, 0.0, 0.0, INPUT * 2e-3])
+    parting = float(shaft.torque(1.1e-3, -100.0))
+    assert parting == 0.0
+    pressed = float(shaft.torque(1e-3 + DEEP_TWIST, 2.0))
+    assert pressed == pytest.approx(INPUT * DEEP_TWIST + 0.5 * 5.0 * 2.0)
+
+
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+@pytest.mark.parametrize("mechanism", [GIVING, PLAY], ids=["tight", "play"])
+def test_angular_momentum_stays(mechanism: Mechanism, engine: str) -> None:
+    trace = _shift(mechanism, 149.0, engine).trace
+    assert trace.input_speed is not None
+    assert trace.output_far_speed is not None
+    total = (
+        RING * trace.sliding_speed
+        + (0.01 - RING) * trace.input_speed
+        + WHEEL * trace.output_speed
+        + (0.6048 - WHEEL) * trace.output_far_speed
+    )
+    assert total == pytest.approx(np.full(len(total), 0.6048 * 149.0 * RPM), rel=1e-9)
+
+
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+def test_stiff_shafts_are_rigid_ones(engine: str) -> None:
+    stiff = Mechanism(
+        ring_inertia=5e-3, input_stiffness=5e6, wheel_inertia=0.3, output_stiffness=5e6
+    )
+    rigid, found = (_shift(m, 50.0, engine) for m in (Mechanism(), stiff))
+    assert found.shift_time == pytest.approx(rigid.shift_time, rel=1e-3)
+
+
+@pytest.mark.parametrize("mismatch", [50.0, 149.0, -149.0])
+def test_engines_agree_on_shafts(mismatch: float) -> None:
+    drake, planar = (_shift(GIVING, mismatch, engine) for engine in ("drake", "planar"))
+    assert planar.shift_time == pytest.approx(drake.shift_time, rel=5e-3)
+    for name in ("input_torque", "output_torque"):
+        one, other = (np.abs(getattr(e.trace, name)).max() for e in (drake, planar))
+        assert other == pytest.approx(one, rel=0.02), name
+
+
+def test_a_strike_is_that_of_what_stands_at_the_flanks() -> None:
+    """A light ring and wheel strike with less force than all of both sides in one piece."""
+    rigid, giving = (_shift(m, 149.0).loads for m in (Mechanism(), GIVING))
+    reduced = [one * two / (one + two) for one, two in ((0.01, 0.6048), (RING, WHEEL))]
+    ratio = giving.peak_tangential_force / rigid.peak_tangential_force
+    # sqrt of the reduced inertias: the least; what follows through the shafts adds to it.
+    assert math.sqrt(reduced[1] / reduced[0]) < ratio < 0.5
+
+
+def test_shaft_torque_stays_below_what_the_whole_mismatch_makes() -> None:
+    """All of the kinetic energy of the relative motion in one spring."""
+    for mismatch in (50.0, 149.0, 249.0):
+        trace = _shift(GIVING, mismatch).trace
+        whole = mismatch * RPM * math.sqrt(INPUT * 0.01 * 0.6048 / 0.6148)
+        assert trace.input_torque is not None
+        assert 0.02 * whole < np.abs(trace.input_torque).max() < whole
+
+
+def test_keys_of_shafts() -> None:
+    keys = [
+        "mechanism.ring_inertia_kgm2=5e-4",
+        "mechanism.input_stiffness_Nm_rad=15000",
+        "mechanism.spline_backlash_deg=0.2",
+    ]
+    study = load_study("mq200_paper", keys)
+    assert study.clutch.mechanism.input_side(0.01) == Shaft(
+        5e-4, 0.0095, 15e3, pytest.approx(2 * 0.02 * math.sqrt(15e3 * 5e-4 * 0.95)),
+        pytest.approx(0.2 * DEG),
+    )  # fmt: skip
+    assert study.physics_hash != load_study("mq200_paper").physics_hash
+    for wrong, words in (
+        (keys[:1], "mechanism.ring_inertia_kgm2 needs mechanism.input_stiffness_Nm_rad"),
+        (keys[1:2], "belongs to mechanism.ring_inertia_kgm2"),
+        (keys[2:], "belongs to mechanism.ring_inertia_kgm2"),
+        (["mechanism.ring_inertia_kgm2=0.02", keys[1]], "part of sliding.inertia_kgm2 = 0.01"),
+    ):
+        with pytest.raises(InputError, match=words):
+            load_study("mq200_paper", wrong)
