@@ -128,7 +128,9 @@ OTHERS: dict[str, dict[str, str]] = {
     "docs/results.md": {"": "what the page holds"},
     "docs/commands.md": dict.fromkeys(
         (
-            *("", "Install", "Verbs", "A study of your own", "On many machines"),
+            *("", "Install", "Verbs", "Begin with a folder"),
+            *("Compare", "Decide for a design", "A study of your own"),
+            "On many machines",
             *("When something goes wrong", "Exit status", "What a study's folder holds"),
         ),
         "examples, limits and defaults",
@@ -138,7 +140,8 @@ OTHERS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("Conventions", "Physics in short", "Strength in short"), DEFINITIONS),
     },
     "docs/bench.md": dict.fromkeys(
-        ("", "Format", "Slips of units and axes", "Along the shift"), DEFINITIONS
+        ("", "Format", "From a table of your own", "Slips of units and axes", "Along the shift"),
+        DEFINITIONS,
     ),
     "docs/blind.md": {
         **dict.fromkeys(

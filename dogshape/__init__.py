@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dogshape.bench import Bench
     from dogshape.check import Check
     from dogshape.comparison import Comparison
+    from dogshape.decision import Decision
     from dogshape.expectation import Expectation
     from dogshape.exploration import Exploration
     from dogshape.fitted import Fitted, fit
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from dogshape.predictions import Predictions
     from dogshape.result import Result
     from dogshape.shift import Shift
+    from dogshape.side_by_side import SideBySide, compare
     from dogshape.sim.effect import BenchTest, Effect, Parameter
     from dogshape.sim.errors import DogshapeError, InputError
     from dogshape.strength import Strength
@@ -36,6 +38,7 @@ __all__ = [
     "BenchTest",
     "Check",
     "Comparison",
+    "Decision",
     "Diagnosis",
     "DogshapeError",
     "Effect",
@@ -48,9 +51,11 @@ __all__ = [
     "Progress",
     "Result",
     "Shift",
+    "SideBySide",
     "Strength",
     "Study",
     "StudyResult",
+    "compare",
     "diagnose",
     "fit",
     "load_result",
@@ -63,6 +68,7 @@ _HOMES = {
     "BenchTest": "dogshape.sim.effect",
     "Check": "dogshape.check",
     "Comparison": "dogshape.comparison",
+    "Decision": "dogshape.decision",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
     "Effect": "dogshape.sim.effect",
@@ -75,9 +81,11 @@ _HOMES = {
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
     "Shift": "dogshape.shift",
+    "SideBySide": "dogshape.side_by_side",
     "Strength": "dogshape.strength",
     "Study": "dogshape.study",
     "StudyResult": "dogshape.study_result",
+    "compare": "dogshape.side_by_side",
     "diagnose": "dogshape.gap",
     "fit": "dogshape.fitted",
     "load_result": "dogshape.study_result",

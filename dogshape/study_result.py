@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
+    from dogshape.decision import Decision
+
 TOLD = ("engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
 
 
@@ -106,6 +108,12 @@ class StudyResult(Result):
         if not others:
             return sure_figure(self.record)
         return front_figure(self.record, list(self.config.variables), objective or others[0])
+
+    def choose(self, design: int, why: str, *, force: bool = False) -> Decision:
+        """Decide for a design (``dogshape.decision.choose_design``)."""
+        from dogshape.decision import choose_design  # noqa: PLC0415
+
+        return choose_design(self.folder, design, why, force=force)
 
     def report(self, path: str | Path | None = None, *, progress: Progress = SILENT) -> Path:
         """Write the report; give its path.

@@ -11,7 +11,8 @@ import codecs
 import csv
 import re
 import tomllib
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -132,6 +133,29 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     FileNotFoundError
         There is no such file.
     """
+    separator, rows = _rows(path)
+    if not rows:
+        raise DataError(f"{path} {NO_TABLE}: it is empty; {SAVE}")
+    head = _named(_unpadded(rows[0][1]), names)
+    body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
+    if separator != ",":
+        body = _with_points(path, head, body, frozenset(numeric))
+    return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
+
+
+def read_cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Read a table of unknown layout: what parts its cells, and its rows with their numbers.
+
+    Lines before the head may have fewer cells than the table, so that all lines choose what parts
+    them. Raises as ``read_table``.
+    """
+    return _rows(path, _commonest)
+
+
+def _rows(
+    path: Path, separator_of: Callable[[list[str]], str] | None = None
+) -> tuple[str, list[tuple[int, list[str]]]]:
+    """Read the cells of a file's lines that are not empty, with the lines' numbers."""
     try:
         text = text_of(path)
     except FileNotFoundError:
@@ -143,20 +167,15 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     lines = text.splitlines(keepends=True)
     if lines and re.fullmatch(r"sep=.\s*", lines[0]):
         lines = lines[1:]  # Excel's own line, which it does not show
-    separator = _separator(lines)
+    separator = (separator_of or _separator)(lines)
     try:
         found = list(csv.reader(lines, delimiter=separator))
     except csv.Error as error:
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
     rows = [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
-    if not rows or "\0" in text:
-        reason = "it is no text" if rows else "it is empty"
-        raise DataError(f"{path} {NO_TABLE}: {reason}; {SAVE}")
-    head = _named(_unpadded(rows[0][1]), names)
-    body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
-    if separator != ",":
-        body = _with_points(path, head, body, frozenset(numeric))
-    return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
+    if rows and "\0" in text:
+        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
+    return separator, rows
 
 
 def _named(head: list[str], names: Iterable[str]) -> list[str]:
@@ -169,6 +188,21 @@ def _separator(lines: list[str]) -> str:
     """Choose the separator that parts the head into most cells."""
     head = next((line for line in lines if line.strip()), "")
     return max(SEPARATORS, key=lambda one: len(next(csv.reader([head], delimiter=one), [])))
+
+
+def _commonest(lines: list[str]) -> str:
+    """Choose the separator that gives most lines one number of cells; commas are the last choice.
+
+    A comma may stand in the numbers of a table whose cells something else parts.
+    """
+
+    def agreeing(separator: str) -> int:
+        lengths = [len(row) for row in csv.reader(lines, delimiter=separator) if len(row) > 1]
+        return max(Counter(lengths).values(), default=0)
+
+    counts = {one: agreeing(one) for one in (";", "\t")}
+    best = max(counts, key=lambda one: counts[one])
+    return best if 4 * counts[best] > len(lines) else ","
 
 
 def _unpadded(row: list[str]) -> list[str]:

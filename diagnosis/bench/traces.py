@@ -1,4 +1,4 @@
-"""Time series of bench shifts, from CSV or LabVIEW's TDMS.
+"""Time series of bench shifts, from CSV, LabVIEW's TDMS or ASAM's MDF.
 
 A trace starts with the force. Time has to grow from sample to sample, and every value has to
 be a finite number; other columns or channels than those of ``COLUMNS`` are let be.
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from dogshape.diagnosis.bench.mdf4 import SUFFIXES, read_mdf
 from dogshape.diagnosis.bench.tdms import read_channels
 from dogshape.sim.errors import DataError, number_rule
 from dogshape.sim.texts import TextTable, read_table
@@ -53,8 +54,9 @@ def read_trace(path: Path) -> BenchTrace:
     """Read a trace; every mistake raises DataError with file, row or channel, and remedy."""
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
-    if path.suffix.lower() == ".tdms":
-        table = read_channels(path, COLUMNS)
+    suffix = path.suffix.lower()
+    if suffix == ".tdms" or suffix in SUFFIXES:
+        table = (read_channels if suffix == ".tdms" else read_mdf)(path, COLUMNS)
         rows: Sequence[int] = range(next(iter(table.values())).size)
     else:
         text = read_table(path, COLUMNS, COLUMNS)

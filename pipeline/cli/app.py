@@ -16,6 +16,7 @@ from dogshape.sim.versions import versions
 
 #: Module of each verb, in which a function bears the verb's name; in the order of the help.
 VERBS = {
+    "init": "dogshape.pipeline.cli.verbs.init",
     "shift": "dogshape.pipeline.cli.verbs.shift_expect",
     "expect": "dogshape.pipeline.cli.verbs.shift_expect",
     "strength": "dogshape.pipeline.cli.verbs.strength_export",
@@ -24,6 +25,8 @@ VERBS = {
     "export": "dogshape.pipeline.cli.verbs.strength_export",
     "study": "dogshape.pipeline.cli.verbs.study",
     "report": "dogshape.pipeline.cli.verbs.study",
+    "choose": "dogshape.pipeline.cli.verbs.choose",
+    "compare": "dogshape.pipeline.cli.verbs.compare",
     "fit": "dogshape.pipeline.cli.verbs.study",
     "validate": "dogshape.pipeline.cli.verbs.validate",
     "gap": "dogshape.pipeline.cli.verbs.gap",

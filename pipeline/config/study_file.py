@@ -180,7 +180,9 @@ def load_study(
         data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
-    pairs = overrides.items() if isinstance(overrides, Mapping) else map(_pair, overrides or ())
+    pairs = (
+        overrides.items() if isinstance(overrides, Mapping) else map(key_and_value, overrides or ())
+    )
     source = str(path)
     for key, value in pairs:
         _override(data, key, value)
@@ -209,7 +211,7 @@ def bundled_studies() -> list[str]:
     return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
 
 
-def _pair(text: str) -> tuple[str, Any]:
+def key_and_value(text: str) -> tuple[str, Any]:
     """Read ``KEY=VALUE``, the value as TOML or else as text."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():

@@ -160,3 +160,17 @@ def _rule(name: str, load: LoadCase) -> Rule:
             formula += "; + m a, a the axial vibration"
         return replace(rule, formula=formula)
     return rule
+
+
+def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:
+    """Return the static friction above which a surface locks first, and that surface's check.
+
+    A flank locks where its release angle reaches its side angle, the chamfer where it no longer
+    slides from rest. Flanks do not count where the actuator may pull them out.
+    """
+    spline = math.atan(load.spline_friction * dog.mean_radius / load.spline_radius)
+    found = {"chamfer_release": dog.chamfer}
+    if load.release_by_itself:
+        found |= {f"{flank}_release": side_angle(dog, flank) - spline for flank in FLANKS}
+    name = min(found, key=lambda one: found[one])
+    return math.tan(max(0.0, found[name])), name

@@ -1,4 +1,4 @@
-"""Traces of bench shifts, CSV and TDMS: what is read, and errors with file, row and column."""
+"""Traces of bench shifts, CSV, TDMS and MDF: what is read, and errors with file, row and column."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.mdf4 import mdf_available
 from dogshape.diagnosis.bench.table import load_sheet
 from dogshape.diagnosis.bench.tdms import tdms_available
 from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
@@ -221,6 +222,70 @@ def test_two_shifts_in_a_tdms_file_are_refused(folder: Path) -> None:
             writer.write_segment([nptdms.ChannelObject(group, "displacement_mm", np.ones(20))])
     with pytest.raises(DataError, match=r"in the groups 'first', 'second'.* a file for each shift"):
         read_trace(path)
+
+
+def mdf(path: Path, trace: BenchTrace, units: dict[str, str] | None = None, **extra: Any) -> None:
+    """Write a trace as a measurement system would, in the units of its channels."""
+    asammdf = importlib.import_module("asammdf")
+    factors = (MM, 1.0, RPM, RPM)
+    series = (trace.displacement, trace.force, trace.sliding_speed, trace.output_speed)
+    given = dict(
+        zip(COLUMNS[1:], (s / u for s, u in zip(series, factors, strict=True)), strict=True)
+    )
+    given |= extra
+    named = {"displacement_mm": "mm", "force_N": "N"} | (units or {})
+    with asammdf.MDF(version="4.10") as file:
+        for name, samples in given.items():
+            if samples is not None:
+                time = trace.time[: len(samples)]
+                unit = named.get(name, "1/min")
+                file.append([asammdf.Signal(np.asarray(samples), time, name=name, unit=unit)])
+        file.save(path, overwrite=True)
+
+
+def test_mdf_reads_as_csv_does(folder: Path) -> None:
+    needed(mdf_available(), "asammdf")
+    known = load_sheet(folder / "shifts.csv").rows[0].trace
+    assert known is not None
+    mdf(folder / "traces" / "x.mf4", known)
+    edit(folder / "shifts.csv", trace=lambda name: name.replace("0041.csv", "x.mf4"))
+    read = load_bench(folder).readings[0].trace
+    assert read is not None
+    assert read.path.name == "x.mf4"
+    for name in ("time", "displacement", "force", "sliding_speed", "output_speed"):
+        assert np.allclose(getattr(read, name), getattr(known, name), rtol=1e-12, atol=1e-12)
+
+
+def test_broken_mdf(folder: Path) -> None:
+    needed(mdf_available(), "asammdf")
+    path = folder / "x.mf4"
+    known = read_trace(folder / "traces" / "0041.csv")
+    cases: list[tuple[dict[str, Any], str]] = [
+        ({"force_N": None}, "the channel 'force_N' is missing"),
+        ({"force_N": known.force[:20]}, "channel force_N has 20 samples at other times"),
+        ({"units": {"force_N": "kN"}}, "channel force_N is in 'kN'"),
+    ]
+    for options, words in cases:
+        mdf(path, known, **options)
+        with pytest.raises(DataError) as refused:
+            read_trace(path)
+        assert words in str(refused.value)
+        assert str(path) in str(refused.value)
+    path.write_bytes(b"no MDF at all, whatever its name says" * 10)
+    with pytest.raises(DataError, match="is not an MDF file"):
+        read_trace(path)
+
+
+def test_without_the_extra_mdf_a_sentence_says_what_to_install(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise ImportError(f"No module named '{name}'")
+
+    monkeypatch.setattr("dogshape.diagnosis.bench.mdf4.import_module", missing)
+    (folder / "x.mf4").write_bytes(b"MDF     4.10")
+    with pytest.raises(InputError, match=r"pip install -c constraints.txt '.\[mdf\]'"):
+        read_trace(folder / "x.mf4")
 
 
 def test_without_the_extra_a_sentence_says_what_to_install(

@@ -11,6 +11,11 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
+from dogshape.pipeline.reports.study.alternatives import (
+    alternatives,
+    margin_doubts,
+    reasons,
+)
 from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.replicated import replicated_words
@@ -37,6 +42,7 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
     lines: list[RenderableType] = [headline(result)]
     if result["confirmation"]:
         lines += ["", _pair(study, result), *failures_of(result)]
+        lines += [*margin_doubts(result), *reasons(alternatives(study, result, None))]
         lines += [words for words in (passed_over(result),) if words]
         error = result["confirmation"]["best"]["numerical_error_s"]
         if error is not None:

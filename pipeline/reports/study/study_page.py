@@ -13,6 +13,7 @@ from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import check_name, label, percent
+from dogshape.pipeline.reports.study import alternatives as other_choices
 from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
 from dogshape.pipeline.reports.study import point_gains as places
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
@@ -31,6 +32,7 @@ from dogshape.pipeline.reports.study.single_shifts import Shifts, place, read_sh
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
 from dogshape.pipeline.simulate.design import limits_of
+from dogshape.pipeline.store.decisions import decisions_of, record_of, result_hash
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.output_files import require_targets
@@ -105,6 +107,8 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
     still = landing_checks(study.clutch.dog, Landing(), study.limits)
     own = [Check(quantity.rule, limit, limit) for quantity, limit in limits_of(study)]
     trials = result["trials"]
+    decided = _decided(folder)
+    choices = other_choices.alternatives(study, result, shifts, decided.get("design"))
     return {
         **{name: _html(name, figure) for name, figure in figures.items()},
         "study": study,
@@ -128,6 +132,10 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "at_factor": at_factor,
         "headline": summary.headline(result),
         "said": summary.points_of(result) if confirmation else [],
+        "doubts": other_choices.margin_doubts(result),
+        "alternatives": choices,
+        "reasons": other_choices.reasons(choices),
+        "decided": decided,
         "choice": summary.choice(result),
         "failures": summary.failures_of(result) if confirmation else [],
         "passed_over": summary.passed_over(result) if confirmation else "",
@@ -158,6 +166,17 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "failed_anew": designs.failed_at_new_angles(result),
         "hard": [r for r in trials if not r["feasible"] and not designs.is_barred(r)],
     }
+
+
+def _decided(folder: StudyFolder) -> Row:
+    """Return the last decision, and whether the result has changed since; empty without one."""
+    taken = decisions_of(folder)
+    if not taken:
+        return {}
+    same = taken[-1].result_sha256 == result_hash(folder)
+    why = taken[-1].why
+    ended = why if why.endswith((".", "!", "?")) else f"{why}."
+    return {**record_of(taken[-1]), "why": ended, "day": taken[-1].day, "same": same}
 
 
 def _html(name: str, figure: Any) -> Any:

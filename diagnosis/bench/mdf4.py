@@ -1,0 +1,100 @@
+"""Traces in MDF files of measurement systems (ASAM MDF 3 and 4), by asammdf (extra ``mdf``).
+
+Channels are named as the columns of a CSV trace, whatever groups they stand in; the time is the
+master of the displacement. A unit that a channel gives must be that of its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.diagnosis.bench.measured_units import unit_named
+from dogshape.sim.errors import DataError, InputError, did_you_mean
+
+Series = NDArray[np.float64]
+
+SUFFIXES = (".mf4", ".mdf", ".dat")
+TIME = "t_s"
+LEAD = "displacement_mm"  #: the channel whose master is the time
+
+
+def mdf_available() -> bool:
+    """Test that asammdf can be imported."""
+    try:
+        _asammdf()
+    except InputError:
+        return False
+    return True
+
+
+def _asammdf() -> Any:
+    try:
+        return import_module("asammdf")
+    except ImportError as error:
+        raise InputError(
+            f"asammdf cannot be loaded ({error}), but an MDF trace needs it; install it with: "
+            "pip install -c constraints.txt '.[mdf]', or export the trace as CSV."
+        ) from error
+
+
+def read_mdf(path: Path, names: Sequence[str]) -> dict[str, Series]:
+    """Return the channels called ``names`` of an MDF file, each (n,), in the units of the names.
+
+    Raises InputError without the extra, DataError where file or channels are not as they must be.
+    """
+    library = _asammdf()
+    try:
+        file = library.MDF(str(path))
+    except Exception as error:  # what it raises for foreign bytes depends on these bytes
+        raise DataError(f"{path} is not an MDF file: {error}; export the trace again") from error
+    with file:
+        signals = {name: _signal(path, file, name) for name in names if name != TIME}
+    found = {name: _values(path, name, signal) for name, signal in signals.items()}
+    time = np.asarray(signals[LEAD].timestamps, dtype=float)
+    for name, signal in signals.items():
+        own = np.asarray(signal.timestamps, dtype=float)
+        if own.shape != time.shape or not np.allclose(own, time, rtol=0.0, atol=1e-9):
+            raise DataError(
+                f"{path}, channel {name} has {own.size} samples at other times than the "
+                f"{time.size} of {LEAD}, but all need the same; record them at one rate, or "
+                "resample them"
+            )
+    return {**found, TIME: time}
+
+
+def _signal(path: Path, file: Any, name: str) -> Any:
+    places = file.channels_db.get(name, ())
+    if not places:
+        hint = did_you_mean(name, file.channels_db)
+        raise DataError(
+            f"{path}: the channel '{name}' is missing; name the channels as in a CSV trace (in the "
+            f"file: {hint})"
+        )
+    if len(places) > 1:
+        raise DataError(
+            f"{path} has the channel {name} in {len(places)} groups, but a trace is one shift; "
+            "write a file for each shift"
+        )
+    group, index = places[0]
+    return file.get(name, group=group, index=index)
+
+
+def _values(path: Path, name: str, signal: Any) -> Series:
+    unit = unit_named(signal.unit or "")
+    if unit is not None and unit.factor != 1.0:
+        raise DataError(
+            f"{path}, channel {name} is in '{signal.unit}', but its name says another unit; "
+            "convert it or name it by its unit"
+        )
+    try:
+        return np.asarray(signal.samples, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"{path}, channel {name} does not hold numbers ({error}); write it as numbers"
+        ) from error

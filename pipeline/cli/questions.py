@@ -1,0 +1,42 @@
+"""Questions in a terminal, each with a default; none where nobody can answer."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import typer
+
+from dogshape.pipeline.cli.progress_bar import say
+from dogshape.sim.errors import meant_number
+
+
+def may_ask(yes: bool) -> bool:
+    """Decide whether to ask: in a terminal, unless all defaults were accepted beforehand."""
+    return not yes and sys.stdin.isatty()
+
+
+def ask_text(question: str, default: str) -> str:
+    """Ask for words."""
+    found: str = typer.prompt(question, default=default, err=True)
+    return found.strip()
+
+
+def ask_yes(question: str, *, default: bool) -> bool:
+    """Ask for yes or no."""
+    return typer.confirm(question, default=default, err=True)
+
+
+def ask_number(question: str, default: Any) -> Any:
+    """Ask for a number, whole where the default is; a decimal comma is taken as a point."""
+    while True:
+        found = meant_number(ask_text(question, f"{default:g}"))
+        if found is not None and (not isinstance(default, int) or found == round(found)):
+            return round(found) if isinstance(default, int) else found
+        say("that is no " + ("whole number" if isinstance(default, int) else "number"))
+
+
+def ask_changed(values: dict[str, Any], words: dict[str, str]) -> dict[str, Any]:
+    """Ask for values by their keys; give those that differ from their defaults."""
+    found = {key: ask_number(words.get(key, key), value) for key, value in values.items()}
+    return {key: value for key, value in found.items() if value != values[key]}

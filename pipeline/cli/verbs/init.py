@@ -1,0 +1,154 @@
+"""``init``: commented folders to begin with, for a study or a bench of one's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from dogshape.drafts import (
+    CLUTCH,
+    BenchDraft,
+    default_values,
+    guessed,
+    require_free,
+    write_bench,
+    write_study,
+)
+from dogshape.pipeline.cli.console import emit, verb
+from dogshape.pipeline.cli.options import Json, Sets
+from dogshape.pipeline.cli.progress_bar import say
+from dogshape.pipeline.cli.questions import ask_changed, ask_number, ask_text, ask_yes, may_ask
+from dogshape.pipeline.cli.tables.init_tables import bench_text, study_text
+from dogshape.pipeline.config.study_file import key_and_value
+from dogshape.sim.errors import InputError
+
+init = typer.Typer(
+    name="init",
+    help="Begin a study or a bench of your own: a folder with commented files.",
+    no_args_is_help=True,
+    add_completion=False,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+)
+
+Yes = Annotated[bool, typer.Option("--yes", help="ask nothing and take the defaults")]
+Force = Annotated[bool, typer.Option("--force", help="write over files of the same name")]
+
+
+@init.command()
+@verb
+def study(
+    out: Annotated[Path, typer.Option(help="folder to write")] = Path("my_clutch"),
+    origin: Annotated[
+        str, typer.Option("--from", help="study to copy, or bench whose clutch is taken")
+    ] = "mq200",
+    set_: Sets = None,
+    yes: Yes = False,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Write a commented study file; in a terminal it asks for your clutch.
+
+    Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
+    """
+    require_free(out, force)
+    values = dict(key_and_value(text) for text in set_ or [])
+    if may_ask(yes):
+        origin = ask_text("begin from (a study, or the folder of a bench)", origin)
+        defaults = default_values(origin) | {k: v for k, v in values.items() if k in CLUTCH}
+        values |= ask_changed(defaults, CLUTCH)
+    found = write_study(out, origin, values, force=force)
+    emit(found, json, lambda: study_text(found))
+
+
+@init.command()
+@verb
+def bench(
+    tables: Annotated[
+        list[Path] | None, typer.Argument(metavar="[CSV ...]", help="tables of the stand")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="default: the name of the first table")] = None,
+    origin: Annotated[
+        str, typer.Option("--from", help="study or bench whose clutch the stand has")
+    ] = "mq200_stand",
+    column: Annotated[
+        list[str] | None,
+        typer.Option(metavar="QUANTITY=COLUMN[:UNIT]", help="e.g. shift_time_s='t 90 %:ms'"),
+    ] = None,
+    rise_s: Annotated[
+        float | None, typer.Option(help="rise time of the force where no column has it")
+    ] = None,
+    set_: Sets = None,
+    yes: Yes = False,
+    force: Force = False,
+    json: Json = False,
+) -> None:
+    """Write a bench folder from tables of any layout, or one to fill in.
+
+    Columns and units are guessed, and asked about in a terminal. What is assumed is said, and
+    all faults are told at once. The folder is one that 'validate' and 'gap' take as it is.
+
+    Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
+    """
+    paths = tuple(tables or ())
+    target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
+    require_free(target, force)
+    columns = dict(_pair(text) for text in column or [])
+    values = dict(key_and_value(text) for text in set_ or [])
+    if may_ask(yes):
+        origin, columns, values = _asked(paths, target, origin, columns, values)
+    draft = BenchDraft(paths, origin, columns, rise_s, values)
+    found = write_bench(target, draft, force=force)
+    emit(found, json, lambda: bench_text(found))
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, sign, column = text.partition("=")
+    if not sign or not column:
+        raise InputError(
+            f"--column is '{text}', but it must be QUANTITY=COLUMN or QUANTITY=COLUMN:UNIT; "
+            "write for instance shift_time_s=t_shift:ms"
+        )
+    return name.strip(), column
+
+
+def _asked(
+    paths: tuple[Path, ...], target: Path, origin: str, columns: dict[str, str],
+    values: dict[str, Any],
+) -> tuple[str, dict[str, str], dict[str, Any]]:  # fmt: skip
+    """Ask about columns, clutch and stand."""
+    rows, faults = guessed(paths, columns)
+    for line in (*_lines(rows), *faults):
+        say(line)
+    while faults or (rows and not ask_yes("is that right?", default=True)):
+        told = ask_text("say one column, as shift_time_s=COLUMN:UNIT (empty: go on)", "")
+        if not told:
+            break
+        columns = columns | dict([_pair(told)])
+        rows, faults = guessed(paths, columns)
+        for line in [
+            *(f"{r['quantity']}: '{r['column']}' {r['unit'] or ''}" for r in rows),
+            *faults,
+        ]:
+            say(line)
+    values = {"name": ask_text("name of the data set", target.name)} | values
+    values = {"source": ask_text("who measured it, and when", "not said")} | values
+    origin = ask_text("clutch of the stand, as in (study or bench)", origin)
+    if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
+        values = ask_changed(default_values(origin), CLUTCH) | values
+    if "mismatch_sense" not in values and ask_yes(
+        "was it noted which way the rings turned past each other (docs/mismatch.md)?", default=False
+    ):
+        values["mismatch_sense"] = "known"
+    if "timeout_s" not in values and ask_yes("has the stand a time-out of its own?", default=False):
+        values["timeout_s"] = ask_number("time-out, s", 1.0)
+    return origin, columns, values
+
+
+def _lines(rows: list[dict[str, Any]]) -> list[str]:
+    return [
+        f"{row['quantity']}: column '{row['column']}' of {row['file']}, unit {row['unit'] or '-'}"
+        for row in rows
+    ]

@@ -1,0 +1,42 @@
+"""The commented ``bench.toml`` that a new bench folder begins with."""
+
+from __future__ import annotations
+
+TEMPLATE = """\
+# A bench data set (docs/bench.md). Check each value: the diagnosis takes them as the truth.
+name = "my bench"
+source = "who measured it, when, and in which report"
+timeout_s = 1.0             # after which the stand gives a shift up
+shift_travel_mm = 4.65      # travel of the ring at which a shift counts as finished
+mismatch_sense = "unknown"  # "known" where the sign of mismatch_rpm was noted (docs/mismatch.md)
+
+[dog]
+count = 15
+chamfer_deg = 8.0           # of the face
+traction_deg = 12.0         # side angle of the traction flank
+braking_deg = 22.0          # side angle of the braking flank
+height_mm = 3.7
+outer_diameter_mm = 52.0
+inner_diameter_mm = 44.0
+axial_gap_mm = 1.0          # between the crests before the shift
+
+[sliding]                   # the ring that is shifted, with all that moves along with it
+mass_kg = 0.3
+inertia_kgm2 = 0.01
+initial_speed_rpm = 0.0
+
+[output]                    # the side that it engages, referred to the dogs
+inertia_kgm2 = 0.6048
+
+[contact]                   # what the stand's dogs and oil are believed to have
+static_friction = 0.12
+dynamic_friction = 0.10
+stiction_velocity_m_s = 0.0002
+friction_velocity_m_s = 1.0 # read and not used
+
+# Where the sensors sit, if the actuator does not act on the sleeve itself:
+# [sensor]
+# displacement_at = "actuator"
+# linkage_ratio = 3.2       # actuator travel over sleeve travel
+# linkage_efficiency = 0.8  # share of the force that arrives
+"""

@@ -1,0 +1,109 @@
+"""Sources that a draft takes over: clutch, contact and rise of a study or of a bench."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.units import DEG, MM, RPM
+
+PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
+
+
+@dataclass(frozen=True)
+class Source:
+    """A clutch with its contact and the rise of its force, taken from ``name``.
+
+    ``rises`` are pairs of force in N and rise time in s; ``operating`` mismatches in 1/min and
+    forces in N; ``calibration`` lines of ``bench.toml`` that only a bench has.
+    """
+
+    name: str
+    clutch: Clutch
+    rises: tuple[tuple[float, float], ...]
+    mismatches: tuple[float, ...]
+    forces: tuple[float, ...]
+    bench: Bench | None = None
+
+    def rise(self, force: float) -> tuple[float, bool]:
+        """Give the rise time in s of a force in N, linear in between; and whether it lies within.
+
+        Beyond the ends it is that of the nearest force.
+        """
+        table = sorted(dict(self.rises).items())
+        forces, times = zip(*table, strict=True)
+        within = forces[0] * (1.0 - 1e-3) <= force <= forces[-1] * (1.0 + 1e-3)
+        return float(np.interp(force, forces, times)), within
+
+    @property
+    def dog_values(self) -> dict[str, Any]:
+        """Values of the tables ``[dog]``, ``[sliding]`` and ``[output]`` by dotted key."""
+        dog, rings = self.clutch.dog, self.clutch.rings
+        lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap")
+        angles = ("chamfer", "traction", "braking")
+        return {
+            "dog.count": dog.count,
+            **{f"dog.{name}_deg": _round(getattr(dog, name) / DEG) for name in angles},
+            **{f"dog.{name}_mm": _round(getattr(dog, name) / MM) for name in lengths},
+            "sliding.mass_kg": rings.mass,
+            "sliding.inertia_kgm2": rings.sliding_inertia,
+            "output.inertia_kgm2": rings.output_inertia,
+        }
+
+    @property
+    def bench_values(self) -> dict[str, Any]:
+        """Values of ``bench.toml`` by dotted key."""
+        contact = self.clutch.contact
+        return {
+            "timeout_s": self.clutch.timeout,
+            "shift_travel_mm": _round(self.clutch.shift_travel / MM),
+            **self.dog_values,
+            "sliding.initial_speed_rpm": _round(self.clutch.rings.initial_speed / RPM),
+            "contact.static_friction": contact.static_friction,
+            "contact.dynamic_friction": contact.dynamic_friction,
+            "contact.stiction_velocity_m_s": contact.stiction_velocity,
+        }
+
+
+def _round(value: float) -> float:
+    return float(f"{value:.9g}")
+
+
+def source_of(where: str) -> Source:
+    """Read a study (file, folder, bundled name) or a bench data set (folder, bundled name).
+
+    Raises InputError where it is neither, or a mistake of its files.
+    """
+    path = Path(where)
+    folder = path.parent if path.name == "bench.toml" else path
+    is_bench = (folder / "bench.toml").is_file() or (bundled_root() / "bench" / where).is_dir()
+    if is_bench:
+        bench = load_bench(folder if (folder / "bench.toml").is_file() else where)
+        points = [cell.point for cell in bench.cells]
+        rises = tuple((p.profile.force, p.profile.rise) for p in points)
+        return Source(bench.name, bench.clutch, rises, *_axes(points), bench)
+    try:
+        study = load_study(where)
+    except InputError as error:
+        if "there is no study" not in str(error):
+            raise
+        raise InputError(
+            f"--from is '{where}', but there is no study and no bench data set of that name; give "
+            "a TOML file, a folder with study.toml or bench.toml, mq200 or mq200_stand"
+        ) from error
+    table = study.actuation.table
+    rises = tuple(zip(table.forces, table.rises, strict=True))
+    return Source(study.name, study.clutch, rises, *_axes(study.points))
+
+
+def _axes(points: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    mismatches = sorted({_round(p.mismatch / RPM) for p in points})
+    return tuple(mismatches), tuple(sorted({_round(p.profile.force) for p in points}))

@@ -1,0 +1,1 @@
+"""Compare designs, studies and contact sets side by side."""

@@ -1,0 +1,1 @@
+"""Write what a workshop needs of the design that was chosen."""

@@ -1,0 +1,173 @@
+"""``compare``: designs, studies and contact sets side by side."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.study.single_shifts import read_shifts
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
+from dogshape.pipeline.store.decisions import Decision, keep_decision
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.shift.contact import CONTACT_SETS
+from tests.conftest import Said
+from tests.found import shift
+from tests.kept import kept_folder
+
+Call = Callable[..., Said]
+KEPT = json.loads((bundled_root() / "mq200_paper/result.json").read_text())
+
+
+def test_designs_of_a_kept_result(dogshape: Call) -> None:
+    said = dogshape("compare", "mq200_paper#0", "mq200_paper#19", "mq200_paper#43", "--json")
+    assert said.status == 0
+    record = said.json
+    assert [item["label"] for item in record["items"]] == [
+        "mq200_paper#0",
+        "mq200_paper#19",
+        "mq200_paper#43",
+    ]
+    confirmed = KEPT["confirmation"]
+    gain, _ = record["differences"]
+    assert gain["expected_shift_time_s"] == pytest.approx(-confirmed["gain_s"])
+    assert gain["standard_error_s"] == pytest.approx(confirmed["gain_standard_error_s"])
+    assert (gain["paired"], gain["clear"], gain["notes"]) == (False, True, [])
+    assert len(gain["points"]) == 28
+    chosen = record["items"][1]
+    assert chosen["expected_shift_time_s"] == confirmed["best"]["expected_shift_time_s"]
+    worst = chosen["worst_against_prototype"]
+    assert (worst["mismatch_rpm"], worst["force_N"]) == (249.0, 469.0)
+    assert worst["difference_s"] == pytest.approx(0.0564, abs=1e-4)
+    assert chosen["locking_friction"] == pytest.approx(0.12086, abs=1e-5)
+
+
+def test_a_study_without_a_number_is_its_chosen_design_or_the_one_decided_for(
+    tmp_path: Path,
+) -> None:
+    folder = kept_folder(tmp_path / "mine")
+    here = str(folder.root)
+    assert ds.compare("mq200_paper", here).to_dict()["items"][1]["design"] == 19
+    keep_decision(folder, Decision(43, "why", "2026-01-01T00:00:00Z", "", "", ""))
+    assert ds.compare("mq200_paper", here).to_dict()["items"][1]["design"] == 43
+    assert ds.compare("mq200_paper", f"{here}#47").to_dict()["items"][1]["design"] == 47
+
+
+def _with_shifts(root: Path, noise: float) -> tuple[str, list[float]]:
+    """Make results whose designs 19 and 43 have shifts that share most of their scatter."""
+    folder = kept_folder(root)
+    study, rows = folder.stored_study(), []
+    trials = {row["trial"]: row for row in KEPT["trials"]}
+    apart = [0.002 + noise * math.sin(7.0 * k) for k in range(16)]
+    for trial in (19, 43):
+        values = {name: trials[trial][name] for name in study.variables}
+        for point in KEPT["confirmation"]["prototype"]["points"]:
+            for k in range(16):
+                time = 0.06 + 0.02 * math.sin(1.0 + k) + (apart[k] if trial == 43 else 0.0)
+                angle = 360.0 / values["count"] * (k + 0.4) / 16
+                place = {name: point[name] for name in ("mismatch_rpm", "force_N")}
+                seed = study.file.expectation.seed + NEW_ANGLES
+                key = f"{trial}-{k}-{place}"
+                rows.append(shift(study, values, angle, time, **place, seed=seed, key=key))
+    folder.shifts.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    return str(folder.root), apart
+
+
+def test_the_same_angles_are_paired(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    here, apart = _with_shifts(tmp_path / "mine", 1e-4)
+    folder = kept_folder(tmp_path / "plain")
+    rows = [json.loads(line) for line in Path(here, "shifts.jsonl").read_text().splitlines()]
+
+    def journal(path: Path, only_read: bool = False) -> Any:
+        """A journal of rows by hand, whose keys are no hashes of their content."""
+        found = ShiftJournal(path.with_name("none.jsonl"), only_read)
+        found.rows = {row["key"]: row for row in rows}
+        return found
+
+    monkeypatch.setattr("dogshape.pipeline.reports.comparison.items.ShiftJournal", journal)
+    paired = ds.compare(f"{here}#19", f"{here}#43").to_dict()["differences"][0]
+    assert paired["paired"]
+    assert paired["expected_shift_time_s"] == pytest.approx(sum(apart) / 16)
+    alone = ds.compare("mq200_paper#19", "mq200_paper#43").to_dict()["differences"][0]
+    assert paired["standard_error_s"] < 0.1 * alone["standard_error_s"]
+    shifts = read_shifts(folder.stored_study(), journal(folder.shifts))
+    assert len(shifts.rows) == 2 * 28 * 16
+
+
+def test_other_physics_are_told(dogshape: Call) -> None:
+    said = dogshape("compare", "mq200_paper", "mq200")
+    assert said.status == 0
+    assert "differ in more than the dog: mechanism: not given against" in said.out
+    assert "null" not in said.out
+
+
+def test_a_study_that_was_not_searched_has_its_margins(dogshape: Call) -> None:
+    dogshape("init", "study", "--out", "mine", "--set", "dog.height_mm=3.2")
+    said = dogshape("compare", "mq200_paper", "mine", "--json")
+    own = said.json["items"][1]
+    assert (own["expected_shift_time_s"], own["height_mm"]) == (None, 3.2)
+    study = load_study("mine")
+    assert own["axial_length_mm"] == pytest.approx(1e3 * study.clutch.dog.axial_length)
+    (difference,) = said.json["differences"]
+    assert difference["expected_shift_time_s"] is None
+    assert "nothing of mine was simulated" in difference["notes"]
+
+
+def test_contact_sets(dogshape: Call) -> None:
+    said = dogshape("compare", "lubricated_steel", "adams2019", "--json")
+    one, two = (CONTACT_SETS[name] for name in ("lubricated_steel", "adams2019"))
+    (difference,) = said.json["differences"]
+    assert difference["static_friction_ratio"] == two.static_friction / one.static_friction
+    assert "0.3 (x 2.5)" in dogshape("compare", "lubricated_steel", "adams2019").out
+
+
+def test_the_page_of_a_comparison(dogshape: Call) -> None:
+    said = dogshape("compare", "mq200_paper#19", "mq200_paper#43", "--html", "side.html")
+    assert said.status == 0
+    page = Path("side.html").read_text()
+    for words in (
+        "mq200_paper#43 less mq200_paper#19",
+        "249 1/min, 469 N",
+        "+2.1 ± 0.6",
+        "independent",
+    ):
+        assert words in page
+    assert "http://" not in page
+    assert len(page) < 50_000  # without the code of figures
+
+
+@pytest.mark.parametrize(
+    ("items", "words"),
+    [
+        (("mq200_paper",), "needs two or more"),
+        (
+            ("mq200_paper", "nowhere"),
+            "'nowhere' is no folder of results, no study and no contact set",
+        ),
+        (("mq200_paper", "adams2019"), "'adams2019' is a contact set and 'mq200_paper' is none"),
+        (
+            ("mq200_paper#19", "mq200_paper#99"),
+            "has no design 99; it has the designs 0 (prototype) to 47",
+        ),
+        (("mq200_paper#19", "mq200_paper#x"), "must end in the number of a design"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(
+    dogshape: Call, items: tuple[str, ...], words: str
+) -> None:
+    said = dogshape("compare", *items)
+    assert said.status == 2
+    assert words in said.sentence
+
+
+def test_from_python() -> None:
+    found = ds.compare("mq200_paper#19", "mq200_paper#43")
+    assert list(found.to_frame().index) == ["mq200_paper#19", "mq200_paper#43"]
+    assert "63.6 ± 0.5 ms" in repr(found)

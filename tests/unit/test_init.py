@@ -1,0 +1,315 @@
+"""``init``: folders to begin with, and tables of a stand in any layout."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Column, matched
+from dogshape.diagnosis.bench.measured_units import split_head, unit_named
+from dogshape.pipeline.cli.app import app
+from dogshape.pipeline.cli.verbs import init as verbs
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.drafts.toml_text import with_values
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import InputError
+from dogshape.sim.units import RPM
+from tests.benches import GOOD
+from tests.conftest import Said
+
+Call = Callable[..., Said]
+
+FOREIGN = """\
+Prüfstand 7;;;;;
+Datum;23.11.2026;;;;
+
+Nr.;Drehzahldifferenz [1/min];F_shift (kN);t_shift ms;Anzahl;i.O.
+1;50;0,469;190,5;10;ja
+2;100;0,469;180;10;ja
+3;149;0,6415;170,25;10;ja
+4;249;0,6415;1000;10;nein
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "factor"),
+    [
+        ("1/min", "speed", 1.0),
+        ("min⁻¹", "speed", 1.0),
+        ("rad/s", "speed", 9.549297),
+        ("1/s", "speed", 60.0),
+        ("kN", "force", 1e3),
+        ("N", "force", 1.0),
+        ("ms", "time", 1e-3),
+        ("µs", "time", 1e-6),
+    ],
+)
+def test_units_lead_to_the_projects_own(text: str, kind: str, factor: float) -> None:
+    unit = unit_named(text)
+    assert unit is not None
+    assert (unit.dimension, unit.factor) == (kind, pytest.approx(factor))
+
+
+@pytest.mark.parametrize(
+    ("head", "name", "unit"),
+    [
+        ("Drehzahldifferenz [1/min]", "Drehzahldifferenz", "1/min"),
+        ("F_shift (kN)", "F_shift", "kN"),
+        ("t_shift ms", "t_shift", "ms"),
+        ("t_mean_ms", "t_mean", "ms"),
+        ("F/kN", "F", "kN"),
+        ("n/min^-1", "n", "min^-1"),
+        ("Schaltkraft in N", "Schaltkraft", "N"),
+        ("n", "n", None),
+        ("shift time (mean)", "shift time mean", None),
+    ],
+)
+def test_a_head_is_name_and_unit(head: str, name: str, unit: str | None) -> None:
+    found = split_head(head)
+    assert (found[0], found[1].text if found[1] else None) == (name, unit)
+
+
+@pytest.mark.parametrize(
+    "heads",
+    [
+        ("dn_rpm", "force_N", "t_mean_ms", "n", "t_std_ms"),
+        ("Δn [rad/s]", "Schaltkraft in N", "Schaltzeit/ms", "Anzahl", "Zeitstempel"),
+        ("speed difference", "Force", "time", "count", "rise_time_ms"),
+        ("n/min^-1", "F/kN", "t/s", "Wiederholungen", "comment"),
+    ],
+)
+def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
+    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
+    taken = {one.quantity.name: one.column.head for one in found}
+    assert not faults
+    wanted = ("mismatch_rpm", "force_N", "shift_time_s", "n_shifts")
+    assert [taken[name] for name in wanted] == list(heads[:4])
+
+
+def test_what_fits_twice_is_asked_about() -> None:
+    heads = ("delta n [1/min]", "F [N]", "Schaltkraft [N]", "t [s]", "Schaltzeit [ms]")
+    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
+    assert faults == []  # a word is stronger than a letter
+    assert {"Schaltkraft [N]", "Schaltzeit [ms]"} <= {one.column.head for one in found}
+    twins = [Column.of(head) for head in ("dn", "F", "Schaltzeit [s]", "Schaltdauer [s]")]
+    _, faults = matched(twins, SHIFTS, {})
+    assert len(faults) == 1
+    assert "'Schaltzeit [s]' or 'Schaltdauer [s]'" in faults[0]
+    _, faults = matched(twins, SHIFTS, {"shift_time_s": "Schaltdauer [s]"})
+    assert faults == []
+
+
+@pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None:
+    Path("m.csv").write_bytes(FOREIGN.encode(coding))
+    said = dogshape("init", "bench", "m.csv", "--json")
+    assert said.status == 0
+    bench = load_bench("m")
+    rows = [
+        (r.point.mismatch / RPM, r.point.profile.force, r.point.profile.rise, r.n, r.time)
+        for r in bench.readings
+    ]
+    assert rows == [
+        (pytest.approx(50.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.1905)),
+        (pytest.approx(100.0), 469.0, pytest.approx(0.1766), 10, pytest.approx(0.18)),
+        (pytest.approx(149.0), 641.5, pytest.approx(0.12614), 10, pytest.approx(0.17025)),
+        (pytest.approx(249.0), 641.5, pytest.approx(0.12614), 10, None),
+    ]
+    assert [r.engaged for r in bench.readings] == [True, True, True, False]
+    digest = hashlib.sha256(Path("m.csv").read_bytes()).hexdigest()[:16]
+    assert digest in bench.source
+    assert Path("m/as_measured/m.csv").read_bytes() == Path("m.csv").read_bytes()
+    assumed = " ".join(said.json["assumed"])
+    for words in ("columns not used: Nr.", "rises in 0.12614 to 0.1766 s", "left out (row 8)"):
+        assert words in assumed
+    units = {row["quantity"]: row["unit"] for row in said.json["columns"]}
+    assert (units["force_N"], units["shift_time_s"]) == ("kN", "ms")
+
+
+def test_units_in_a_row_of_their_own(dogshape: Call) -> None:
+    text = (
+        "speed difference,force,shift time\n[rad/s],[kN],[ms]\n5.2359878,0.469,190\n10,0.469,180\n"
+    )
+    Path("m.csv").write_text(text)
+    assert dogshape("init", "bench", "m.csv").status == 0
+    first = load_bench("m").readings[0]
+    assert first.point.mismatch / RPM == pytest.approx(50.0)
+    assert (first.point.profile.force, first.time) == (469.0, pytest.approx(0.19))
+
+
+def test_every_fault_is_told_at_once(dogshape: Call) -> None:
+    Path("m.csv").write_text(
+        "dn_rpm;F (kN);t_mean_ms;n;ok\n50;0,469;190;10;ja\nfifty;;180;2,5;vielleicht\n"
+        "149;0.6415;170,25;10;nein\n"
+    )
+    said = dogshape("init", "bench", "m.csv")
+    assert said.status == 2
+    for words in (
+        "5 mistakes", "row 3: 'fifty'", "(force_N) is empty in row 3", "row 3: 2.5",
+        "row 3: 'vielleicht'", "with a comma ('0,469', row 2) and with a point ('0.6415', row 4)",
+    ):  # fmt: skip
+        assert words in said.err
+    assert "Traceback" not in said.err
+    assert not Path("m").exists()
+    assert sorted(p.name for p in Path().iterdir()) == ["m.csv"]
+
+
+def test_missing_columns_are_told_with_those_that_are_left(dogshape: Call) -> None:
+    Path("m.csv").write_text("a,b,c\n1,2,3\n4,5,6\n")
+    said = dogshape("init", "bench", "m.csv")
+    assert said.status == 2
+    for name in ("mismatch_rpm", "force_N", "shift_time_s"):
+        assert f"no column looks like {name}" in said.err
+    assert "columns left: 'a', 'b', 'c'" in said.err
+    said = dogshape(
+        "init", "bench", "m.csv", "--column", "mismatch_rpm=a", "--column", "force_N=b:kN",
+        "--column", "shift_time_s=c:hours",
+    )  # fmt: skip
+    assert said.status == 2
+    assert "the unit of shift_time_s is 'hours'" in said.err
+
+
+def test_times_that_cannot_be_true_are_refused_by_row(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn_rpm,force_N,t_ms\n50,469,190\n100,469,2\n149,469,180\n")
+    said = dogshape("init", "bench", "m.csv")
+    assert said.status == 2
+    assert "m.csv, row 3: the shift time is 0.002 s, but it must be a time in s" in said.err
+    assert not Path("m").exists()
+
+
+def test_a_folder_is_not_written_over_without_force(dogshape: Call) -> None:
+    Path("m.csv").write_bytes(FOREIGN.encode())
+    assert dogshape("init", "bench", "m.csv").status == 0
+    Path("m/notes.txt").write_text("mine")
+    Path("m/bench.toml").write_text("mine")
+    said = dogshape("init", "bench", "m.csv")
+    assert said.status == 2
+    assert "holds files already" in said.sentence
+    assert Path("m/bench.toml").read_text() == "mine"
+    assert dogshape("init", "bench", "m.csv", "--force").status == 0
+    assert Path("m/notes.txt").read_text() == "mine"
+    assert load_bench("m").name == "m"
+
+
+def test_traces_of_a_foreign_table_come_along(dogshape: Call) -> None:
+    rows = (GOOD / "shifts.csv").read_text().splitlines()
+    head = rows[0].split(",")
+    own = [dict(zip(head, row.split(","), strict=True)) for row in rows[1:]]
+    one = next(row for row in own if row["trace"])
+    trace = (GOOD / one["trace"]).read_text().splitlines()
+    Path("t1.csv").write_text(
+        "\n".join(["Zeit [s],Weg [m],Kraft [kN],Antriebsdrehzahl [1/min],Abtriebsdrehzahl [1/min]"])
+        + "\n"
+    )
+    names = trace[0].split(",")
+    order = ["t_s", "displacement_mm", "force_N", "sliding_speed_rpm", "output_speed_rpm"]
+    with Path("t1.csv").open("a") as file:
+        for line in trace[1:]:
+            cell = dict(zip(names, line.split(","), strict=True))
+            values = [float(cell[name]) for name in order]
+            values[1] /= 1e3
+            values[2] /= 1e3
+            file.write(",".join(f"{v:.12g}" for v in values) + "\n")
+    Path("m.csv").write_text(
+        "dn_rpm,force_N,rise_s,t_s,Datei\n"
+        f"{one['mismatch_rpm']},{one['force_N']},{one['force_rise_s']},{one['shift_time_s']},t1.csv\n"
+    )
+    said = dogshape("init", "bench", "m.csv", "--from", str(GOOD))
+    assert said.status == 0, said.err
+    found = load_bench("m").readings[0].trace
+    wanted = next(r for r in load_bench(GOOD).readings if r.trace is not None).trace
+    assert found is not None
+    assert wanted is not None
+    assert found.displacement == pytest.approx(wanted.displacement, rel=1e-6, abs=1e-9)
+    assert found.force == pytest.approx(wanted.force, rel=1e-6)
+
+
+def test_a_bench_to_fill_in(dogshape: Call) -> None:
+    said = dogshape("init", "bench")
+    assert said.status == 0
+    assert "fill in shifts.csv" in said.out
+    assert len(load_bench("my_bench").cells) == 28
+
+
+def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> None:
+    said = dogshape(
+        "init", "study", "--out", "mine", "--set", "dog.count=20", "--set", "load.torque_Nm=300.0",
+        "--json",
+    )  # fmt: skip
+    assert said.status == 0
+    text = Path("mine/study.toml").read_text()
+    study = load_study("mine")
+    assert (study.name, study.clutch.dog.count, study.limits.load.torque) == ("mine", 20, 300.0)
+    original = (bundled_root() / "mq200_paper" / "study.toml").read_text()
+    comments = [line.partition("#")[2].strip() for line in original.splitlines()[2:]]
+    assert all(comment in text for comment in comments)
+    plain = dogshape("init", "study", "--out", "plain")
+    assert plain.status == 0
+    assert load_study("plain").physics_hash == load_study("mq200_paper").physics_hash
+
+
+def test_a_study_from_a_bench_has_its_clutch_and_points(dogshape: Call) -> None:
+    Path("m.csv").write_bytes(FOREIGN.encode())
+    dogshape("init", "bench", "m.csv", "--set", "dog.count=18")
+    said = dogshape("init", "study", "--from", "m", "--out", "mine")
+    assert said.status == 0, said.err
+    study = load_study("mine")
+    assert study.clutch.dog.count == 18
+    assert study.mismatches == [50.0, 100.0, 149.0, 249.0]
+    assert study.forces == [469.0, 641.5]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--set", "dog.cuont=20"), "did you mean 'dog.count'?"),
+        (("--set", "dog.height_mm=-3.0"), "dog.height_mm is -3 mm"),
+        (("--from", "nowhere"), "no study and no bench data set of that name"),
+        (("--out", "my clutch"), "letters, digits"),
+    ],
+)
+def test_a_study_that_is_none_is_not_written(
+    dogshape: Call, arguments: tuple[str, ...], words: str
+) -> None:
+    said = dogshape("init", "study", *arguments)
+    assert said.status == 2
+    assert words in said.sentence
+    assert not list(Path().iterdir())
+
+
+def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    answers = "\n18\n\n\n\n3,2\n\n\n\n\n\n\n"
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=answers)
+    assert done.exit_code == 0, done.stderr
+    dog = load_study("mine").clutch.dog
+    assert (dog.count, dog.height) == (18, pytest.approx(3.2e-3))
+    Path("m.csv").write_text("x;y;F_shift (kN)\n50;190;0,469\n100;180;0,469\n")
+    said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y", "y", "n"]
+    done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(said) + "\n")
+    assert done.exit_code == 0, done.stderr
+    bench = load_bench("m")
+    assert (bench.name, bench.mismatch_sense) == ("stand 7", "known")
+    assert bench.source.startswith("me, today; m.csv (SHA-256 ")
+    assert bench.readings[0].time == pytest.approx(0.19)
+    quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])
+    assert quiet.exit_code == 0
+
+
+def test_values_are_replaced_in_place() -> None:
+    text = 'a = 1 # one\n[b]\n# about c\nc = "#"   # said\n[d]\ne = [1, 2]\n'
+    done = with_values(text, {"a": 2, "b.c": "x#y", "d.e": [3.0], "b.f": True, "g.h": 1})
+    assert tomllib.loads(done) == {
+        "a": 2, "b": {"c": "x#y", "f": True}, "d": {"e": [3.0]}, "g": {"h": 1},
+    }  # fmt: skip
+    for comment in ("# one", "# about c", "# said"):
+        assert comment in done
+    with pytest.raises(InputError, match="in place"):
+        with_values("a = [1,\n 2]\n", {"a": [3]})
