@@ -251,7 +251,7 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     assert all(comment in text for comment in comments)
     plain = dogshape("init", "study", "--out", "plain")
     assert plain.status == 0
-    assert load_study("plain").physics_hash == load_study("mq200_paper").physics_hash
+    assert load_study("plain").physics_hash == load_study("mq200").physics_hash
 
 
 def test_a_study_from_a_bench_has_its_clutch_and_points(dogshape: Call) -> None:
