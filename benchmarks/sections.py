@@ -171,7 +171,11 @@ OTHERS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("Verification", "Valid range", "Cost"), TABLES),
     },
     "docs/gap.md": dict.fromkeys(
-        ("", "Its parts, from the top", "What the caller may add"), DEFINITIONS
+        (
+            *("", "Its parts, from the top", "What the caller may add"),
+            *("Before anyone goes to the bench", "New readings", "A study of what was found"),
+        ),
+        DEFINITIONS,
     ),
     "docs/inference.md": dict.fromkeys(
         (

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from dogshape.check import Check
     from dogshape.comparison import Comparison
     from dogshape.decision import Decision
+    from dogshape.drawn import DrawnExpectation, expect_draws
     from dogshape.expectation import Expectation
     from dogshape.exploration import Exploration
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
+    from dogshape.plan import Plan, plan_shifts
     from dogshape.predictions import Predictions
     from dogshape.result import Result
     from dogshape.shift import Shift
@@ -32,6 +34,7 @@ if TYPE_CHECKING:
     from dogshape.strength import Strength
     from dogshape.study import Study
     from dogshape.study_result import StudyResult, load_result
+    from dogshape.update import Update, update_diagnosis
 
 __all__ = [
     "Bench",
@@ -41,12 +44,14 @@ __all__ = [
     "Decision",
     "Diagnosis",
     "DogshapeError",
+    "DrawnExpectation",
     "Effect",
     "Expectation",
     "Exploration",
     "Fitted",
     "InputError",
     "Parameter",
+    "Plan",
     "Predictions",
     "Progress",
     "Result",
@@ -55,10 +60,14 @@ __all__ = [
     "Strength",
     "Study",
     "StudyResult",
+    "Update",
     "compare",
     "diagnose",
+    "expect_draws",
     "fit",
     "load_result",
+    "plan_shifts",
+    "update_diagnosis",
 ]
 
 #: Module of each public name. They are loaded when asked for, since simulation, search and pages
@@ -71,12 +80,14 @@ _HOMES = {
     "Decision": "dogshape.decision",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
+    "DrawnExpectation": "dogshape.drawn",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
     "Exploration": "dogshape.exploration",
     "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",
+    "Plan": "dogshape.plan",
     "Predictions": "dogshape.predictions",
     "Progress": "dogshape.pipeline.progress",
     "Result": "dogshape.result",
@@ -86,9 +97,13 @@ _HOMES = {
     "Study": "dogshape.study",
     "StudyResult": "dogshape.study_result",
     "compare": "dogshape.side_by_side",
+    "Update": "dogshape.update",
     "diagnose": "dogshape.gap",
+    "expect_draws": "dogshape.drawn",
     "fit": "dogshape.fitted",
     "load_result": "dogshape.study_result",
+    "plan_shifts": "dogshape.plan",
+    "update_diagnosis": "dogshape.update",
 }
 
 

@@ -15,8 +15,16 @@ from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.report.examined import examined_record
 from dogshape.diagnosis.report.wording import headline
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
+from dogshape.pipeline.diagnose.calibrated_study import (
+    DRAWS,
+    CalibratedStudy,
+    calibrated_study,
+    require_new_study,
+)
 from dogshape.pipeline.diagnose.consequence import Consequence, studied
 from dogshape.pipeline.diagnose.extras import Extras, so_what
+from dogshape.pipeline.diagnose.gap_update import require_no_updates
+from dogshape.pipeline.diagnose.joined_bench import keep_data
 from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.before_after import before_figure
@@ -103,6 +111,30 @@ class Diagnosis(Result):
         write_page(self.inference, Path(path), self._extras)
         return Path(path)
 
+    def calibrated(
+        self, path: str | Path, base: str | None = None, draws: int = DRAWS
+    ) -> CalibratedStudy:
+        """Write a study that has what was found, and draws from the posterior beside it.
+
+        Parameters
+        ----------
+        path : of the study file, which must not be there yet; its stem is the study's name.
+        base : study that takes the effects; None for one of the bench's own clutch and points.
+        draws : number of draws, in ``NAME-draws.csv``.
+
+        Raises
+        ------
+        InputError
+            The diagnosis names nothing, or nothing that a study can take; with what to do.
+        StorageError
+            The file is there already or cannot be written.
+        """
+        target = Path(path)
+        require_new_study(target)
+        made = calibrated_study(self.inference, target, base, draws)
+        made.write(target)
+        return made
+
     @property
     def _extras(self) -> Extras:
         found = extras_of(self.inference)
@@ -135,7 +167,8 @@ def diagnose(
     ----------
     bench : folder of a data set, name of one that the package brings, or a ``Bench``.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
-    out : folder for ``report.html``, ``gap.json`` and ``cells.csv``; None writes nothing.
+    out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
+        ``update_diagnosis`` joins new readings to; None writes nothing.
     bank : folder of simulations that diagnoses share.
     effects : folder with effects of the user's own.
     study : study, or folder of its results, whose best designs are simulated with the cause.
@@ -150,6 +183,8 @@ def diagnose(
     given = _data_of(bench, correct)
     means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
     folder = None if out is None else Path(out)
+    if folder is not None:
+        require_no_updates(folder)
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
     with writing(folder) if folder is not None else nullcontext():
@@ -157,6 +192,7 @@ def diagnose(
         extras = Extras() if folder is None else extras_of(found.inference)
         if folder is not None:
             publish(found.inference, folder, extras)
+            keep_data(given, folder, means.effects)
         if study is None:
             return found
         progress.say(_before_price(found))

@@ -18,7 +18,7 @@ from dogshape.diagnosis.bench.reading import Cell, Reading, gather
 from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.bench.slips import Finding, examine, impossible, require_no_slip
-from dogshape.diagnosis.bench.stand_file import Calibration, Sensor, Stand, load_stand
+from dogshape.diagnosis.bench.stand_file import Calibration, Sensor, Stand, TestTerms, load_stand
 from dogshape.diagnosis.bench.table import Row, Sheet, bad_cell, load_sheet
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, InputError, number
@@ -35,6 +35,8 @@ class Bench:
     ``relative_angles`` are those of the bench in rad, where it says them. ``corrections`` are
     those that were asked for and made, ``warnings`` what looks odd in the corrected data.
     ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
+    ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
+    tests cost at this stand, and which it cannot do.
     """
 
     name: str
@@ -47,6 +49,8 @@ class Bench:
     corrections: tuple[Correction, ...] = ()
     warnings: tuple[Finding, ...] = ()
     mismatch_sense: Sense = "known"
+    folder: Path | None = None
+    tests: tuple[TestTerms, ...] = ()
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -80,7 +84,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         sheet = corrected(sheet, correction, stand.sensor)
     findings = examine(stand, sheet, asked)
     require_no_slip(str(sheet.path), findings)
-    readings = [_reading(stand, sheet, row, asked) for row in sheet.rows]
+    readings = readings_of(stand, sheet, asked)
     return Bench(
         name=stand.name,
         source=stand.source,
@@ -92,6 +96,8 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         corrections=asked,
         warnings=findings,
         mismatch_sense=stand.mismatch_sense,
+        folder=folder,
+        tests=stand.tests,
     )
 
 
@@ -128,6 +134,11 @@ def _find(where: str | Path) -> Path:
         f"there is no data set at {where}; give a folder with bench.toml and shifts.csv, "
         f"or one of the bundled sets ({names})"
     )
+
+
+def readings_of(stand: Stand, sheet: Sheet, asked: tuple[Correction, ...]) -> list[Reading]:
+    """Return the rows of a table as readings; numbers that cannot be true raise DataError."""
+    return [_reading(stand, sheet, row, asked) for row in sheet.rows]
 
 
 def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]) -> Reading:

@@ -48,6 +48,12 @@ class _Calibration(Section):
     max_force_time_s: float | None = None
 
 
+class _Test(Section):
+    name: str
+    hours: float | None = None
+    possible: bool = True
+
+
 class _BenchFile(Section):
     name: str
     source: str
@@ -62,6 +68,7 @@ class _BenchFile(Section):
     contact: _Contact
     sensor: _Sensor | None = None
     actuator_calibration: list[_Calibration] = Field(default_factory=list)
+    tests: list[_Test] = Field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -96,6 +103,20 @@ class Calibration:
 
 
 @dataclass(frozen=True)
+class TestTerms:
+    """Terms of a bench test at this stand: hours of work, None for the usual, and possible or not.
+
+    ``name`` is that of the test on the menu.
+    """
+
+    __test__ = False  # no test of the test runner's
+
+    name: str
+    hours: float | None = None
+    possible: bool = True
+
+
+@dataclass(frozen=True)
 class Stand:
     """A data set without its shifts; ``relative_angles`` in rad, where it says them.
 
@@ -110,6 +131,7 @@ class Stand:
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[str, ...] = ()
     mismatch_sense: Sense = "known"
+    tests: tuple[TestTerms, ...] = ()
 
 
 def load_stand(path: Path) -> Stand:
@@ -125,6 +147,7 @@ def load_stand(path: Path) -> Stand:
         calibration=tuple(_calibration(one) for one in file.actuator_calibration),
         corrections=tuple(file.corrections),
         mismatch_sense=file.mismatch_sense,
+        tests=tuple(_terms(path, one) for one in file.tests),
     )
 
 
@@ -168,6 +191,15 @@ def _sensor(path: Path, given: _Sensor) -> Sensor:
             remedy = "correct it; the ratio is actuator travel over sleeve travel"
             raise DataError(f"{path}: " + refusal(f"sensor.{name}", value, "", rule, remedy))
     return Sensor(given.displacement_at, given.linkage_ratio, given.linkage_efficiency)
+
+
+def _terms(path: Path, given: _Test) -> TestTerms:
+    hours = given.hours
+    if hours is not None and not 0.0 < hours <= 1e4:
+        rule, remedy = "it must be positive and at most 10000 h", "give the work in hours"
+        where = f"{path}: hours of the test '{given.name}'"
+        raise DataError(refusal(where, hours, "h", rule, remedy))
+    return TestTerms(given.name, hours, given.possible)
 
 
 def _calibration(given: _Calibration) -> Calibration:

@@ -37,7 +37,7 @@ from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import number
+from dogshape.sim.errors import DataError, did_you_mean, number
 from dogshape.sim.setting import Setting
 from dogshape.sim.units import RPM
 
@@ -68,6 +68,8 @@ HOURS = {
     "tilt test of the dogs": 4.0,
 }
 MORE = (10, 40)  #: shifts that may be added at an operating point
+#: Tests that are no effect's own, by what a data set calls them, with their hours to set up.
+GENERIC = {"more shifts": SETUP, "traces": TRACING}
 
 
 @dataclass(frozen=True)
@@ -199,6 +201,31 @@ class Standing:
         return setting_of(self.bench)
 
 
+def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
+    """Raise DataError where a data set's terms are of no test, or leave none to advise."""
+    menu = {*GENERIC, *(effect.test.name for effect in effects.values())}
+    for terms in bench.tests:
+        if terms.name not in menu:
+            hint = did_you_mean(terms.name, menu)
+            raise DataError(f"{bench.name}: '{terms.name}' in [[tests]] is no bench test; {hint}")
+    if not any(possible(bench, name) for name in menu - {"traces"}):
+        raise DataError(
+            f"{bench.name}: [[tests]] leaves no bench test that is possible, but advice needs one; "
+            "leave 'more shifts' or a direct test"
+        )
+
+
+def possible(bench: Bench, name: str) -> bool:
+    """Decide whether a stand can do a test, by its data set."""
+    return all(terms.possible for terms in bench.tests if terms.name == name)
+
+
+def hours_of(bench: Bench, name: str) -> float:
+    """Return the hours of a direct test, or to set up another, at this stand."""
+    own = [t.hours for t in bench.tests if t.name == name and t.hours is not None]
+    return own[-1] if own else GENERIC.get(name, HOURS.get(name, DIRECT))
+
+
 def choose(standing: Standing) -> tuple[NextTest, ...]:
     """Rank the tests, the best first."""
     names = standing.plausible
@@ -212,7 +239,8 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
     tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
     if shares.max() <= NAMED:
         tests.sort(key=lambda t: -t.value)
-    first = _look(standing) if names[int(np.argmax(shares))] == UNKNOWN else []
+    unknown = names[int(np.argmax(shares))] == UNKNOWN and possible(standing.bench, "traces")
+    first = _look(standing) if unknown else []
     return (*first, *tests)
 
 
@@ -241,7 +269,8 @@ def _look(standing: Standing) -> list[NextTest]:
         f"{where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} ms."
     )
     asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
-    return [NextTest(name, how, None, SETUP + TRACING + SHIFT * TRACED, asked)]
+    hours = hours_of(standing.bench, "more shifts") + hours_of(standing.bench, "traces")
+    return [NextTest(name, how, None, hours + SHIFT * TRACED, asked)]
 
 
 def _point(bench: Bench, place: int) -> tuple[float, float]:
@@ -264,13 +293,14 @@ def _direct(standing: Standing) -> list[NextTest]:
             name,
             those[0].test.how,
             None,
-            HOURS.get(name, DIRECT),
+            hours_of(standing.bench, name),
             Asked("direct", tuple(name for effect in those for name in _read(effect))),
             tuple(effect.name for effect in those),
             standing.plausible,
             _parameters(standing, those),
         )
         for name, those in grouped.items()
+        if possible(standing.bench, name)
     ]
 
 
@@ -311,7 +341,10 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
 
 def _more(standing: Standing) -> list[NextTest]:
     """List more shifts at each operating point of the data set as tests."""
-    found = []
+    found: list[NextTest] = []
+    if not possible(standing.bench, "more shifts"):
+        return found
+    setup = hours_of(standing.bench, "more shifts")
     predicted = [mean_prediction(standing, hypothesis) for hypothesis in standing.plausible]
     for place in range(len(standing.bench.cells)):
         where = _where(standing.bench, place)
@@ -325,7 +358,7 @@ def _more(standing: Standing) -> list[NextTest]:
             if np.isfinite(mean).all() and np.isfinite(variance).all():
                 asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
                 outcome = Outcome(mean, variance)
-                hours = SETUP + SHIFT * count
+                hours = setup + SHIFT * count
                 test = NextTest(name, how, None, hours, asked, (), standing.plausible, outcome)
                 found.append(test)
     return found

@@ -14,7 +14,8 @@ from typer.core import TyperGroup
 
 from dogshape.sim.versions import versions
 
-#: Module of each verb, in which a function bears the verb's name; in the order of the help.
+#: Module of each verb, in which a function bears the verb's name, with ``_`` between two words; in
+#: the order of the help.
 VERBS = {
     "init": "dogshape.pipeline.cli.verbs.init",
     "shift": "dogshape.pipeline.cli.verbs.shift_expect",
@@ -30,6 +31,8 @@ VERBS = {
     "fit": "dogshape.pipeline.cli.verbs.study",
     "validate": "dogshape.pipeline.cli.verbs.validate",
     "gap": "dogshape.pipeline.cli.verbs.gap",
+    "gap plan": "dogshape.pipeline.cli.verbs.gap_plan",
+    "gap update": "dogshape.pipeline.cli.verbs.gap_update",
     "blind": "dogshape.pipeline.cli.verbs.blind",
 }
 #: Plain text for people and programs alike.
@@ -47,7 +50,7 @@ class _Commands(UserDict[str, Any]):
     """
 
     def __getitem__(self, name: str) -> Any:
-        found = getattr(import_module(super().__getitem__(name)), name)
+        found = getattr(import_module(super().__getitem__(name)), name.replace(" ", "_"))
         if isinstance(found, typer.Typer):
             return typer.main.get_command(found)
         program = typer.Typer(**PLAIN)
@@ -61,6 +64,11 @@ class _Verbs(TyperGroup):
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = _Commands(VERBS)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command; ``gap plan`` is one of two words, ``gap ./plan`` a data set."""
+        two = " ".join(args[:2])
+        return super().resolve_command(ctx, [two, *args[2:]] if two in VERBS else args)
 
 
 app = typer.Typer(

@@ -88,6 +88,16 @@ def mechanism_record(clutch: Clutch, actuation: Actuation) -> dict[str, float]:
     return found if actuation.factor == 1.0 else {**found, "force_factor": actuation.factor}
 
 
+def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
+    """List the keys of a study that an effect stands for, as ``mechanism.delay_s``.
+
+    Among them are ``mismatch``, ``angles`` and ``rise``, which no key gives. Where the displacement
+    is read is no part of a study.
+    """
+    before, after = _flat(base), _flat(effect.apply(base, values))
+    return {_shown(name) for name in after if after[name] != before[name] and name != "sensor"}
+
+
 def _merged(sources: list[Source]) -> Fields:
     """Return all fields that are set; one that is set twice raises InputError."""
     found: Fields = {}
@@ -216,7 +226,7 @@ def _shown(field: str) -> str:
         name = _contact_key(name)
     if table == "actuation":
         table, name = "mechanism", {"factor": "force_factor"}.get(name, f"{name}_s")
-    return f"{table}.{name}"
+    return f"{table}.{name}" if name else table
 
 
 def _contact_key(name: str) -> str:

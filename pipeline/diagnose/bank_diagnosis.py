@@ -17,6 +17,7 @@ from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, require_times
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.next_test import require_terms
 from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.emulator import BankEmulator
@@ -74,6 +75,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     """
     require_times(bench)
     effects = load(means.effects)
+    require_terms(bench, effects)
     _require_working(effects, bench, means)
     emulator, flights = emulator_of(bench, effects, means)
     found = diagnose(bench, emulator, effects)

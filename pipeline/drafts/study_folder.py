@@ -11,7 +11,7 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import build_study, load_study
 from dogshape.pipeline.drafts.sources import Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
-from dogshape.pipeline.drafts.toml_text import with_values
+from dogshape.pipeline.drafts.values_in_place import with_values
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError

@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
+from dogshape.pipeline.diagnose.calibrated_study import calibrated_study
 from tests.conftest import Said
 
 Call = Callable[..., Said]
 
 
 @pytest.fixture(scope="module")
-def stand(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """The record of the stand; a simulation would fail for lack of workers."""
+def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """The diagnosis of the stand; a simulation would fail for lack of workers."""
     folder = tmp_path_factory.mktemp("bank")
-    record: dict[str, Any] = diagnosed(load_bench("mq200_stand"), Means(bank=folder)).as_dict()
+    diagnosis = diagnosed(load_bench("mq200_stand"), Means(bank=folder))
     assert not list(folder.iterdir())
+    return diagnosis
+
+
+@pytest.fixture(scope="module")
+def stand(found: Diagnosis) -> dict[str, Any]:
+    """The record of the stand."""
+    record: dict[str, Any] = found.as_dict()
     return record
 
 
@@ -66,6 +77,31 @@ def test_what_the_stand_shows_at_rest_does_not_change_the_answer(stand: dict[str
     having = [h for h in given if {"actuation_delay", "drag_torque"} <= set(h["effects"])]
     assert sum(h["probability"] for h in having) > 0.95
     assert "linkage_compliance" in given[0]["effects"]
+
+
+def test_the_stand_becomes_a_study_with_its_dead_time_and_its_drag(
+    found: Diagnosis, tmp_path: Path
+) -> None:
+    """Another study takes the mechanism that was found, and its draws are keys that it takes."""
+    sizes = found.intervals[found.leading]
+    for base in (None, "mq200_paper"):
+        made = calibrated_study(found, tmp_path / "stand.toml", base, draws=20)
+        assert made.study.actuation.delay == pytest.approx(sizes["delay_s"].mean, rel=1e-5)
+        drag = made.study.clutch.mechanism.drag_torque
+        assert drag == pytest.approx(sizes["drag_Nm"].mean, rel=1e-5)
+        assert len(made.study.points) == 28
+        told = "friction 0.3 and 0.16, and the study has 0.12 and 0.1"
+        assert any(told in remark for remark in made.remarks) == (base is not None)
+        made.write(tmp_path / "stand.toml")
+        for row in made.draws:
+            keys = {key: value for key, value in row.items() if key.startswith("effects.")}
+            drawn = load_study(tmp_path / "stand.toml", keys)
+            assert drawn.actuation.delay == pytest.approx(row["effects.actuation_delay"])
+    # The gearbox has a fork of its own: a rival that is another mass is not drawn.
+    gearbox = calibrated_study(found, tmp_path / "gearbox.toml", "mq200", draws=20)
+    assert gearbox.study.mechanism["added_mass_kg"] == 0.3
+    assert any("mass of actuator" in remark and "not drawn" in remark for remark in gearbox.remarks)
+    assert all("moving_mass" not in row["hypothesis"] for row in gearbox.draws)
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from dogshape.diagnosis.bench.measured_units import split_head, unit_named
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.drafts.toml_text import with_values
+from dogshape.pipeline.drafts.values_in_place import with_values
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM

@@ -80,7 +80,7 @@ def test_every_option_has_a_sentence() -> None:
     """Numbers, paths and switches of all verbs: nothing else is asked of an option."""
     asked = set()
     for verb, module in VERBS.items():
-        found = getattr(import_module(module), verb)
+        found = getattr(import_module(module), verb.replace(" ", "_"))
         app = found if isinstance(found, typer.Typer) else typer.Typer(**PLAIN)
         if app is not found:
             app.command()(found)

@@ -38,6 +38,38 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
     return Group(*lines)
 
 
+def calibrated_lines(record: dict[str, Any]) -> list[str]:
+    """List what a calibrated study has, and what it leaves out."""
+    unsure = record["uncertain"]
+    return [
+        "",
+        f"study: {record['study']} ({', '.join(record['effects']) or 'its own keys'}); "
+        f"{record['n_draws']} draws from the posterior: {record['draws']}",
+        *([f"uncertain from shift to shift: {', '.join(unsure)}"] if unsure else []),
+        *(f"note: {remark}" for remark in record["remarks"]),
+    ]
+
+
+def update_table(record: dict[str, Any], found: Diagnosis) -> RenderableType:
+    """Return the change by new readings for the console."""
+    both = [record[when]["probabilities"] for when in ("before", "after")]
+    names = sorted({*both[0], *both[1]}, key=lambda name: -both[1].get(name, 0.0))[:SHOWN]
+    table = columns("cause", "before", "now")
+    for name in names:
+        table.add_row(name, *(chance(one.get(name, 0.0)) for one in both))
+    return Group(
+        record["sentence"],
+        "",
+        table,
+        "",
+        f"before: {record['before']['headline']}",
+        f"now: {record['after']['headline']}",
+        f"next test: {record['next_test']['name']}. {record['next_test']['why']}",
+        f"report: {record['report']}",
+        *examined_lines(found.bench),
+    )
+
+
 def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
     table = columns("cause", "probability", "parameters (90 %)", "fits (p)")
     for one in record["hypotheses"][:SHOWN]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from rich.console import Group, RenderableType
 
@@ -80,3 +81,8 @@ def _lost(result: Expectation) -> str:
     if result.mean_engaged is not None:
         text += f"; without their retries the mean is {in_ms(result.mean_engaged)} ms"
     return text
+
+
+def drawn_text(facts: Mapping[str, str]) -> str:
+    """Write the expected shift time over draws, a line for each fact."""
+    return "\n".join(f"{name}: {value}" for name, value in facts.items())

@@ -6,13 +6,16 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Group
 
 from dogshape.gap import diagnose
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Jobs, Json
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.gap_tables import diagnosis_table
+from dogshape.pipeline.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
+from dogshape.pipeline.diagnose.calibrated_study import DRAWS, require_new_study
+from dogshape.sim.errors import InputError
 
 
 @verb
@@ -31,6 +34,17 @@ def gap(
             help="study, or folder of its results: its best designs are simulated with the cause"
         ),
     ] = None,
+    write: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="write a study with what was found; draws beside it"),
+    ] = None,
+    base: Annotated[
+        str | None,
+        typer.Option(help="with --write: study that takes it; default: the bench's own clutch"),
+    ] = None,
+    draws: Annotated[
+        int, typer.Option(min=1, max=100_000, help="with --write: draws from the posterior")
+    ] = DRAWS,
     correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,
@@ -38,13 +52,32 @@ def gap(
     """Find which unmodelled effect makes a bench differ from the simulation.
 
     The simulations of a clutch and its operating points take about half an hour on two cores,
-    once; those of the published clutch come with the package.
+    once; those of the published clutch come with the package. 'dogshape gap plan' says before which
+    shifts to make, 'dogshape gap update' joins new ones to a diagnosis.
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
+    if base is not None and write is None:
+        raise InputError(f"--base is '{base}', but no study is written; give --write FILE too")
+    if write is not None:
+        require_new_study(write, base)
     found = diagnose(
         bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study, jobs=jobs,
         progress=ProgressBar(),
     )  # fmt: skip
     record = found.to_dict()
-    emit(record, json, lambda: diagnosis_table(found.inference, record))
+    try:
+        made = None if write is None else found.calibrated(write, base, draws)
+    except InputError:
+        # The diagnosis was long work and is an answer by itself.
+        emit(record, json, lambda: diagnosis_table(found.inference, record))
+        raise
+    if write is None or made is None:
+        emit(record, json, lambda: diagnosis_table(found.inference, record))
+        return
+    told = made.as_dict(write)
+    emit(
+        {**record, "calibrated": told},
+        json,
+        lambda: Group(diagnosis_table(found.inference, record), *calibrated_lines(told)),
+    )

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 from rich.console import Group
 
+from dogshape.drawn import expect_draws
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
@@ -26,7 +27,7 @@ from dogshape.pipeline.cli.options import (
     with_engine,
 )
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.shift_tables import expectation_table, shift_table
+from dogshape.pipeline.cli.tables.shift_tables import drawn_text, expectation_table, shift_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.reports.shift.animation import write_trace
@@ -86,6 +87,15 @@ def shift(
     emit(found.to_dict(), json, lambda: Group(table(), *written))
 
 
+def _require_alone(draws: Path, others: tuple[object, ...]) -> None:
+    """Raise InputError where draws are asked for with what they do not go with."""
+    if any(other is not None for other in others):
+        raise InputError(
+            f"--draws is {draws}, which goes with all operating points and --angles, --set, "
+            "--engine and --jobs alone; leave out the others"
+        )
+
+
 @verb
 def expect(
     study: StudyArg,
@@ -107,6 +117,10 @@ def expect(
             "engine alone"
         ),
     ] = None,
+    draws: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="table of keys, a row a draw (gap --write): an interval"),
+    ] = None,
     engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
@@ -117,6 +131,16 @@ def expect(
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
+    if draws is not None:
+        _require_alone(draws, (mismatch_rpm, force_N, force_rise_s, precision, levels, cluster))
+        count = angles_of(angles)
+        if count is not None and not isinstance(count, int):
+            raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
+        spread = expect_draws(
+            study, draws, with_engine(set_, engine), angles=count, jobs=jobs, progress=ProgressBar()
+        )
+        emit(spread.to_dict(), json, lambda: drawn_text(spread.facts))
+        return
     given = load_study(study, with_engine(set_, engine))
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.sim.errors import DogshapeError
 
 Row = dict[str, Any]
@@ -55,21 +56,12 @@ def _differences(given: Row, wanted: Row, prefix: str = "") -> list[str]:
         if isinstance(value, dict) and isinstance(before, dict) and not _lacks(before, value):
             found += _differences(before, value, f"{prefix}{key}.")
         elif value != before and value is not None:
-            found.append(f"{prefix}{key}={_toml(value)}")
+            found.append(f"{prefix}{key}={toml_value(value)}")
     return found
 
 
 def _lacks(given: Row, wanted: Row) -> bool:
     return any(wanted.get(key) is None for key, value in given.items() if value is not None)
-
-
-def _toml(value: Any) -> str:
-    """Return a value as TOML in one line; what is None is left out."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{k}={_toml(v)}" for k, v in value.items() if v is not None) + "}"
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(one) for one in value) + "]"
-    return json.dumps(value)
 
 
 def now() -> str:

@@ -2,26 +2,23 @@
 
 from __future__ import annotations
 
-import json
 import re
 import tomllib
 from collections.abc import Mapping
 from typing import Any
 
+from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.sim.errors import InputError
 
 _TABLE = re.compile(r"^\s*\[([\w.]+)\]\s*(#.*)?$")
 _ANY_TABLE = re.compile(r"^\s*\[")
 
 
-def toml_value(value: Any) -> str:
-    """Write a value as TOML in one line; numbers keep twelve digits."""
-    if isinstance(value, float):
-        text = f"{value:.12g}"
-        return text if any(sign in text for sign in ".en") else f"{text}.0"
+def _rounded(value: Any) -> Any:
+    """Round numbers to twelve digits: their way through SI may cost the last ones."""
     if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(toml_value(one) for one in value) + "]"
-    return json.dumps(value, ensure_ascii=False)
+        return [_rounded(one) for one in value]
+    return float(f"{value:.12g}") if isinstance(value, float) else value
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:
@@ -33,7 +30,7 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     lines = text.splitlines()
     for key, value in values.items():
         table, _, name = key.rpartition(".")
-        lines = _with_value(lines, table, name, toml_value(value))
+        lines = _with_value(lines, table, name, toml_value(_rounded(value)))
     done = "\n".join(lines) + "\n"
     _require(done, values)
     return done
@@ -88,7 +85,7 @@ def _require(text: str, values: Mapping[str, Any]) -> None:
         found: Any = data
         for part in key.split("."):
             found = found.get(part) if isinstance(found, dict) else None
-        wanted = tomllib.loads(f"value = {toml_value(value)}")["value"]
+        wanted = tomllib.loads(f"value = {toml_value(_rounded(value))}")["value"]
         if found != wanted:
             raise InputError(
                 f"{key} cannot be changed in place; write its table as [{key.rpartition('.')[0]}] "

@@ -1,0 +1,174 @@
+"""Plan of bench tests before any is made: which shifts, in which order, and what they can show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench as BenchData
+from dogshape.diagnosis.inference.classes import APART
+from dogshape.diagnosis.inference.shift_plan import ShiftPlan
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means
+from dogshape.pipeline.diagnose.planned_bench import Wanted, planned, points_from, sheet
+from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.store.output_files import require_targets
+from dogshape.result import Result
+from dogshape.sim.errors import StorageError
+from dogshape.sim.files import write_whole
+from dogshape.sim.units import RPM
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+HALF = 0.5  #: share of the strengths from which an effect is said to be seen, or told apart
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Result):
+    """Shifts to make, in their order, and the causes that they can and cannot tell apart.
+
+    Parameters
+    ----------
+    bench : operating points and clutch that it is for.
+    inference : the plan.
+    sheet : where the table to fill in was written; None where nowhere.
+    """
+
+    bench: BenchData
+    inference: ShiftPlan
+    sheet: Path | None = None
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Number of shifts and visits, and what the plan is worth."""
+        plan = self.inference
+        return {
+            "shifts": str(sum(plan.shifts)),
+            "operating points": str(np.count_nonzero(plan.shifts)),
+            "work": f"{plan.hours:.1f} h",
+            "decides a pair rightly": f"{plan.worth:.0%}",
+            "spread over all points": f"{plan.evenly:.0%}",
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that ``dogshape gap plan --json`` prints."""
+        plan, names = self.inference, self._names
+        return {
+            "bench": self.bench.name,
+            "shifts": sum(plan.shifts),
+            "hours": plan.hours,
+            "reference": self._point(plan.reference),
+            "order": [
+                {
+                    "visit": k,
+                    **self._point(place),
+                    "shifts": n,
+                    "reference": place == plan.reference,
+                }
+                for k, (place, n) in enumerate(plan.order, start=1)
+            ],
+            "worth": plan.worth,
+            "told_apart": self.told_apart,
+            "all_points": {
+                "hours": plan.hours_evenly,
+                "worth": plan.evenly,
+                "told_apart": self._share(plan.apart_evenly),
+            },
+            "threshold_nats": APART,
+            "hypotheses": names,
+            "pairs": [
+                {
+                    "truth": names[i],
+                    "rival": names[j],
+                    "log_bayes_factor": float(plan.log_odds[i, j]),
+                    "told_apart": float(plan.apart[i, j]),
+                }
+                for i in range(len(names))
+                for j in range(len(names))
+                if i != j
+            ],
+            "sheet": None if self.sheet is None else str(self.sheet),
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each visit: operating point and shifts."""
+        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
+
+        return pd.DataFrame(self._visits).set_index("visit")
+
+    @property
+    def _visits(self) -> list[dict[str, Any]]:
+        again = self.inference.reference
+        return [
+            {"visit": k, **self._point(place), "shifts": n, "reference": place == again}
+            for k, (place, n) in enumerate(self.inference.order, start=1)
+        ]
+
+    @property
+    def told_apart(self) -> float:
+        """Share of ordered pairs and strengths that the plan tells apart."""
+        return self._share(self.inference.apart)
+
+    def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
+        """Return the share of strengths that are seen, the rivals told apart, and the others."""
+        apart = self.inference.apart[truth]
+        others = [k for k in range(1, len(apart)) if k != truth]
+        told = [k for k in others if apart[k] >= HALF]
+        left = sorted((k for k in others if apart[k] < HALF), key=lambda k: float(apart[k]))
+        return float(apart[0]), told, left
+
+    @property
+    def _names(self) -> list[str]:
+        return [h[0] if h else "none" for h in self.inference.field.hypotheses]
+
+    def _point(self, place: int) -> dict[str, float]:
+        point = self.bench.cells[place].point
+        return {"mismatch_rpm": point.mismatch / RPM, "force_N": point.profile.force}
+
+    @staticmethod
+    def _share(table: np.ndarray) -> float:
+        return float(table[~np.eye(len(table), dtype=bool)].mean())
+
+
+def plan_shifts(
+    where: str | Path,
+    shifts: int,
+    *,
+    points: int | None = None,
+    seed: int = 1,
+    out: str | Path | None = None,
+    bank: str | Path = BANK,
+    effects: str | Path | None = None,
+    jobs: int = 0,
+    progress: Progress = SILENT,
+) -> Plan:
+    """Plan shifts on a bench: where, how many, in which order, and what they can tell apart.
+
+    Parameters
+    ----------
+    where : folder of a data set, study, or name of one that the package brings; its operating
+        points are the candidates, and times that it may have are not looked at.
+    shifts : in all.
+    points : operating points that are used, at most; None for any number.
+    seed : of the order.
+    out : file for the table to fill in at the bench, which must not be there yet.
+    bank, effects, jobs, progress : as in ``diagnose``.
+
+    Raises
+    ------
+    InputError, DataError, StorageError
+        For a data set, a number or a file that cannot be used, with the remedy.
+    """
+    file = None if out is None else Path(out)
+    if file is not None and file.exists():
+        raise StorageError(f"--out is {file}, which is there already; name another file")
+    require_targets({"--out": file})
+    bench = points_from(where)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
+    found = Plan(bench, planned(bench, Wanted(shifts, seed, points), means), file)
+    if file is not None:
+        write_whole(file, sheet(bench, found.inference))
+    return found

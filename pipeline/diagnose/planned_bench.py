@@ -1,0 +1,93 @@
+"""From a data set or a study to a plan of shifts, and the table to fill in at the bench."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.bench.table import COLUMNS
+from dogshape.diagnosis.inference.shift_plan import ShiftPlan, field_of, shift_plan
+from dogshape.diagnosis.likelihood.cell_likelihood import Rules
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.pipeline.config.study_file import bundled_studies, load_study
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
+from dogshape.pipeline.diagnose.bench_study import rounded
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError
+from dogshape.sim.units import RPM
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Plan that is asked for: shifts in all, seed of their order, operating points at most."""
+
+    shifts: int
+    seed: int = 1
+    points: int | None = None
+
+
+def points_from(where: str | Path) -> Bench:
+    """Return the operating points and the clutch of a data set, or of a study.
+
+    Times of a data set are kept and not looked at by a plan.
+
+    Raises
+    ------
+    InputError, DataError
+        There is neither, or it cannot be read.
+    """
+    path = Path(where)
+    if (path / "bench.toml").is_file() or (bundled_root() / "bench" / str(where)).is_dir():
+        return load_bench(where)
+    if path.is_file() or (path / "study.toml").is_file() or str(where) in bundled_studies():
+        return bench_of(str(where))
+    sets = sorted(p.name for p in (bundled_root() / "bench").iterdir() if p.is_dir())
+    raise InputError(
+        f"there is no data set and no study at {where}: give a folder with bench.toml and "
+        f"shifts.csv, a study file, or a bundled name ({', '.join([*sets, *bundled_studies()])})"
+    )
+
+
+def bench_of(where: str) -> Bench:
+    """Return a study as a bench of which no shift is known yet."""
+    study = load_study(where)
+    readings = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
+    cells = gather(readings)
+    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor())
+
+
+def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
+    """Plan shifts at the operating points of a bench; simulates what no bank has of its clutch.
+
+    Raises InputError for a number of shifts or points that makes no plan.
+    """
+    if wanted.points is not None and not 1 <= wanted.points <= len(bench.cells):
+        raise InputError(
+            f"number of operating points is {wanted.points}, but {bench.name} has "
+            f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
+        )
+    effects = load(means.effects)
+    emulator, flights = emulator_of(bench, effects, means)
+    problem = Problem(observe(bench), emulator, Rules(), bench.mismatch_sense)
+    field = field_of(problem, effects, setting_of(bench))
+    flights.save()
+    return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)
+
+
+def sheet(bench: Bench, plan: ShiftPlan) -> str:
+    """Write the plan as a ``shifts.csv`` whose times are still to be filled in, a row a shift."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for place, count in plan.order:
+        point = bench.cells[place].point
+        row = [rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise]
+        writer.writerows([[*row, 1, "", "", ""]] * count)
+    return text.getvalue()

@@ -1,0 +1,230 @@
+"""Calibrated studies: what a diagnosis found as a study file, and draws from the posterior."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dogshape as ds
+from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.pipeline.config.mechanism import PROBE
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.toml_text import toml_text
+from dogshape.pipeline.diagnose.effect_keys import EffectKeys
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.setting import Setting
+from dogshape.sim.units import MM
+from tests.conftest import Said
+from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
+
+Call = Callable[..., Said]
+FEW = ("actuation_delay", "moving_mass", "sleeve_friction", "drag_torque")
+POINTS = points_of()
+WAVE = 0.04 * np.sin(1.3 * np.arange(len(POINTS)))
+
+
+@cache
+def _found(
+    values: tuple[tuple[str, float], ...], names: tuple[str, ...] = FEW, wave: bool = False
+) -> ds.Diagnosis:
+    extra = WAVE if wave else None
+    bench = bench_of(dict(values), np.random.default_rng(1), extra=extra, shifts=20)
+    return ds.Diagnosis(diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in names}, pairs=[]))
+
+
+DELAY = (("delay_s", 0.08),)
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_a_study_has_the_posterior_mean_and_its_draws_the_interval(tmp_path: Path) -> None:
+    found, path = _found(DELAY), tmp_path / "stand.toml"
+    made = found.calibrated(path, draws=2000)
+    interval = found.inference.intervals["actuation_delay",]["delay_s"]
+    study = load_study(path)
+    assert study.name == "stand"
+    assert study.actuation.delay == pytest.approx(interval.mean, rel=1e-5)
+    assert len(study.points) == len(POINTS)
+    rows = _rows(path.with_name("stand-draws.csv"))
+    drawn = np.array([float(row["effects.actuation_delay"]) for row in rows])
+    assert len(drawn) == 2000
+    sd = drawn.std()
+    assert drawn.mean() == pytest.approx(interval.mean, abs=4.0 * sd / np.sqrt(2000))
+    inside = ((drawn >= interval.low) & (drawn <= interval.high)).mean()
+    assert inside == pytest.approx(0.9, abs=4.0 * np.sqrt(0.9 * 0.1 / 2000))
+    assert made.study.config_hash == study.config_hash
+
+
+def test_each_shift_is_later_by_the_dead_time_that_was_found(tmp_path: Path) -> None:
+    """Times count from the command, and nothing else changes by a dead time."""
+    path = tmp_path / "late.toml"
+    _found(DELAY).calibrated(path, base="mq200_paper")
+    late, plain = (
+        ds.Study(name, {"solver.engine": "planar"}).shift(mismatch_rpm=50, force_N=469, angle_deg=5)
+        for name in (path, "mq200_paper")
+    )
+    delay = ds.Study(path).config.actuation.delay
+    assert late.time_s is not None
+    assert plain.time_s is not None
+    assert late.time_s - plain.time_s == pytest.approx(delay, abs=1e-9)
+
+
+def test_a_draw_is_a_set_of_keys_that_the_study_takes(tmp_path: Path) -> None:
+    path = tmp_path / "drawn.toml"
+    found = _found((("friction_N", 80.0),))
+    made = found.calibrated(path, draws=5)
+    for row in made.draws:
+        keys = {k: v for k, v in row.items() if k.startswith(("effects.", "dog."))}
+        study = load_study(path, keys)
+        wanted = row["effects.sleeve_friction"]
+        assert study.clutch.mechanism.friction == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_gap_is_one_of_the_dog_and_the_friction_a_factor(tmp_path: Path) -> None:
+    values = (("dynamic_friction", 0.28), ("static_friction", 0.35))
+    found = _found(values, ("contact_friction", "axial_gap", "drag_torque"))
+    assert found.causes == ("contact_friction",)
+    study = found.calibrated(tmp_path / "rubbing.toml").study
+    mean = found.inference.intervals["contact_friction",]["dynamic_friction"].mean
+    assert study.clutch.contact.dynamic_friction == pytest.approx(mean, rel=1e-5)
+    section = study.file.uncertain
+    assert section is not None
+    assert section.friction_factor is not None
+    low, high = section.friction_factor.low, section.friction_factor.high
+    interval = found.inference.intervals["contact_friction",]["dynamic_friction"]
+    assert (low, high) == pytest.approx((interval.low / mean, interval.high / mean), rel=1e-3)
+    keys = EffectKeys(Setting(CLUTCH, PROBE), frozenset(EFFECTS))
+    wider = keys.settings(EFFECTS["axial_gap"], {"gap_offset_mm": 0.3})
+    assert wider == {"dog.axial_gap_mm": pytest.approx(CLUTCH.dog.axial_gap / MM + 0.3)}
+
+
+def test_an_effect_of_a_users_own_becomes_keys_of_the_mechanism() -> None:
+    cold = ds.Effect(
+        name="cold_oil",
+        meaning="the oil is thicker",
+        parameters=(ds.Parameter("damping_Ns_m", 0.0, 50.0, 5000.0, "log-uniform", "viscosity"),),
+        change=lambda setting, values: setting.with_mechanism(damping=values["damping_Ns_m"]),
+        test=ds.BenchTest("warm", "Repeat it warm."),
+    )
+    keys = EffectKeys(Setting(CLUTCH, PROBE), frozenset(EFFECTS))
+    assert keys.takes(cold)
+    assert keys.settings(cold, {"damping_Ns_m": 321.0}) == {"mechanism.damping_Ns_m": 321.0}
+    for name in ("relative_angle", "reversed_mismatch", "mismatch_speed"):
+        assert not keys.takes(EFFECTS[name])
+
+
+def test_what_a_base_sets_itself_gives_way_and_is_told(tmp_path: Path) -> None:
+    base = tmp_path / "base.toml"
+    text = load_study("mq200_paper").file.model_dump(exclude_none=True)
+    base.write_text(toml_text({**text, "mechanism": {"delay_s": 0.5, "added_mass_kg": 0.3}}, {}))
+    made = _found(DELAY).calibrated(tmp_path / "both.toml", base=str(base))
+    assert made.study.actuation.delay == pytest.approx(0.08, abs=0.01)
+    assert made.study.mechanism["added_mass_kg"] == 0.3
+    assert "mechanism.delay_s of the study gives way to what the bench shows" in made.remarks
+
+
+@pytest.mark.parametrize(
+    ("values", "wave", "words"),
+    [
+        ((), False, "no effect is needed"),
+        ((), True, "no known effect explains the data"),
+    ],
+)
+def test_where_nothing_is_named_nothing_is_written(
+    tmp_path: Path, values: tuple[tuple[str, float], ...], wave: bool, words: str
+) -> None:
+    path = tmp_path / "stand.toml"
+    with pytest.raises(InputError, match=words) as refused:
+        _found(values, wave=wave).calibrated(path)
+    assert "Record" in str(refused.value) or "take the study as it is" in str(refused.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_too_few_data_name_nothing_and_the_next_test_is_the_remedy(tmp_path: Path) -> None:
+    bench = bench_of({"delay_s": 0.01}, np.random.default_rng(1), shifts=2, points=POINTS[:2])
+    names = ("actuation_delay", "sleeve_friction", "moving_mass")
+    inferred = diagnose(bench, Toy(POINTS[:2]), {n: EFFECTS[n] for n in names}, pairs=[])
+    assert inferred.verdict.kind == "ambiguous"
+    with pytest.raises(InputError, match="no effect is part of the cause with more than 95%") as no:
+        ds.Diagnosis(inferred).calibrated(tmp_path / "few.toml")
+    assert inferred.tests[0].how in str(no.value)
+
+
+def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text("mine")
+    with pytest.raises(StorageError, match="which is there already"):
+        _found(DELAY).calibrated(path)
+    assert path.read_text() == "mine"
+
+
+@pytest.fixture
+def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A diagnosis of a toy's dead time, or of no effect for the bench ``none``."""
+
+    def diagnosed(bench: str, **_: Any) -> ds.Diagnosis:
+        return _found(() if bench == "none" else DELAY)
+
+    monkeypatch.setattr("dogshape.pipeline.cli.verbs.gap.diagnose", diagnosed)
+
+
+@pytest.mark.usefixtures("_toy")
+def test_the_verb_writes_a_study_and_prints_the_diagnosis_where_it_cannot(
+    dogshape: Call, tmp_path: Path
+) -> None:
+    said = dogshape("gap", "late", "--write", "late.toml", "--draws", 7, "--json")
+    assert said.status == 0
+    told: Mapping[str, Any] = said.json["calibrated"]
+    assert (told["study"], told["n_draws"]) == ("late.toml", 7)
+    assert load_study(tmp_path / "late.toml").name == "late"
+    assert "7 draws" in dogshape("gap", "late", "--write", "again.toml", "--draws", 7).out
+    refused = dogshape("gap", "none", "--write", "none.toml", "--json")
+    assert (refused.status, refused.json["verdict"]) == (2, "none")
+    assert "names nothing to write" in refused.sentence
+    for arguments, words in (
+        (("--write", "late.toml"), "there already"),
+        (("--write", "late.json"), "name it NAME.toml"),
+        (("--write", "a b.toml"), "name is 'a b'"),
+        (("--write", "nowhere/late.toml"), "there is no folder nowhere"),
+        (("--base", "mq200_paper"), "give --write FILE too"),
+        (("--write", "new.toml", "--base", "mq20"), "there is no study at mq20"),
+    ):
+        said = dogshape("gap", "late", *arguments)
+        assert (said.status, words in said.sentence) == (2, True), said.err
+
+
+DRAWN = ["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "solver.engine=planar"]
+
+
+def test_draws_of_a_dead_time_move_the_mean_by_themselves(dogshape: Call, tmp_path: Path) -> None:
+    """Times are later by each draw's dead time to the digit, so their interval is its own."""
+    _found(DELAY).calibrated(tmp_path / "late.toml", base="mq200_paper", draws=6)
+    rows = _rows(tmp_path / "late-draws.csv")
+    delays = np.array([float(row["effects.actuation_delay"]) for row in rows])
+    spread = ds.expect_draws(tmp_path / "late.toml", tmp_path / "late-draws.csv", DRAWN, angles=3)
+    apart = spread.times - delays
+    assert np.ptp(apart) < 1e-9
+    assert spread.interval_s == pytest.approx(np.quantile(delays, (0.05, 0.95)) + apart[0])
+    sets = [part for text in DRAWN for part in ("--set", text)]
+    asked = ("expect", "late.toml", "--draws", "late-draws.csv", "--angles", 3)
+    said = dogshape(*asked, *sets, "--json")
+    assert said.status == 0, said.err
+    assert said.json["times_s"] == spread.times.tolist()
+    assert "90 %" in dogshape(*asked, *sets).out
+    (tmp_path / "bad.csv").write_text("draw,effects.actuation_dela\n1,0.05\n")
+    for draws, more, words in (
+        ("late-draws.csv", ("--precision", 0.1), "leave out the others"),
+        ("none.csv", (), "there is no none.csv"),
+        ("bad.csv", (), "bad.csv, row 2: 'effects.actuation_dela' is not a known effect"),
+    ):
+        said = dogshape("expect", "late.toml", "--draws", draws, *more)
+        assert (said.status, words in said.sentence) == (2, True), said.err

@@ -1,0 +1,243 @@
+"""New readings that join a diagnosis: the joint answer, the record of both, and refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import dogshape as ds
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.table import COLUMNS
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.pipeline.diagnose.gap_update import sentence
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import DataError, StorageError
+from dogshape.sim.units import RPM
+from tests.benches import GOOD
+from tests.conftest import Said
+from tests.toy import EFFECTS, Toy, bench_of, points_of
+
+Call = Callable[..., Said]
+NAMES = ("actuation_delay", "moving_mass", "sleeve_friction")
+POINTS = points_of((235.2, 641.5))[2:10]
+
+
+@pytest.fixture(autouse=True)
+def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Diagnose by the toy, whatever the operating points."""
+
+    def diagnosed(bench: Bench, _: Any) -> Diagnosis:
+        points = tuple(cell.point for cell in bench.cells)
+        return diagnose(bench, Toy(points), {n: EFFECTS[n] for n in NAMES}, pairs=[])
+
+    monkeypatch.setattr("dogshape.gap.diagnosed", diagnosed)
+    monkeypatch.setattr("dogshape.update.diagnosed", diagnosed)
+
+
+def _table(
+    path: Path, seed: int, shifts: int, points: Any = POINTS, friction: float = 40.0
+) -> Path:
+    """Write mean times of the toy with a dry friction as a table."""
+    truth = {"friction_N": friction}
+    bench = bench_of(truth, np.random.default_rng(seed), shifts=shifts, points=points)
+    rows = [
+        {
+            "mismatch_rpm": f"{r.point.mismatch / RPM:.9g}",
+            "force_N": r.point.profile.force,
+            "force_rise_s": r.point.profile.rise,
+            "n_shifts": r.n,
+            "shift_time_s": f"{r.time:.6f}",
+            "engaged": "true",
+            "trace": "",
+        }
+        for r in bench.readings
+    ]
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    return path
+
+
+@pytest.fixture
+def stand(tmp_path: Path) -> Path:
+    """A data set of few shifts at two points, and the folder of its diagnosis, ``out``."""
+    folder = tmp_path / "bench"
+    folder.mkdir()
+    head = (bundled_root() / "bench" / "mq200_adams" / "bench.toml").read_text()
+    (folder / "bench.toml").write_text(head)
+    _table(folder / "shifts.csv", 1, 4, POINTS[:2])
+    ds.diagnose(folder, out=tmp_path / "out")
+    return tmp_path
+
+
+def _record(folder: Path) -> Any:
+    return json.loads((folder / "gap.json").read_text())
+
+
+def test_an_update_is_the_diagnosis_of_all_readings_at_once(stand: Path) -> None:
+    new = _table(stand / "new.csv", 2, 20)
+    earlier = _record(stand / "out")
+    found = ds.update_diagnosis(stand / "out", new)
+    lines = (stand / "bench" / "shifts.csv").read_text() + new.read_text().partition("\n")[2]
+    whole = stand / "whole"
+    whole.mkdir()
+    (whole / "bench.toml").write_text((stand / "bench" / "bench.toml").read_text())
+    (whole / "shifts.csv").write_text(lines)
+    at_once = ds.diagnose(whole)
+    assert found.diagnosis.probabilities.to_dict() == at_once.probabilities.to_dict()
+    assert found.diagnosis.causes == ("sleeve_friction",)
+    assert _record(stand / "out")["hypotheses"] == at_once.inference.as_dict()["hypotheses"]
+    # Both answers stay.
+    assert json.loads((stand / "out" / "gap-0.json").read_text()) == earlier
+    (update,) = json.loads((stand / "out" / "updates.json").read_text())
+    before = {" + ".join(h["effects"]) or "none": h["probability"] for h in earlier["hypotheses"]}
+    for name, chance in update["before"]["probabilities"].items():
+        assert chance == before[name]
+    assert update["after"]["causes"] == ["sleeve_friction"]
+    assert update["shifts"] == 20 * len(POINTS)
+    assert escape(update["sentence"]) in (stand / "out" / "report.html").read_text()
+
+
+def test_the_reason_is_the_bayes_factor_of_the_new_readings(stand: Path) -> None:
+    """Of two hypotheses with equal priors the odds of probabilities move by it."""
+    earlier = _record(stand / "out")
+    found = ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 2, POINTS[4:5], 9.0))
+    after = found.diagnosis.inference.as_dict()
+
+    def odds(record: Any, one: list[str], other: list[str]) -> float:
+        raw = {tuple(h["effects"]): h["evidence_probability"] for h in record["hypotheses"]}
+        return float(raw[tuple(one)] / raw[tuple(other)])
+
+    names = [h["effects"] for h in earlier["hypotheses"]]
+    now = after["hypotheses"][0]["effects"]
+    first = names[0]
+    rival = first if now != first else next(n for n in names if n not in (now, ["unknown"]))
+    ratio = odds(after, now, rival) / odds(earlier, now, rival)
+    told = found.record["sentence"].split("speak ")[1].split(" : 1")[0]
+    assert float(told) == pytest.approx(max(ratio, 1.0 / ratio), rel=0.06)
+
+
+def test_updates_add_up(stand: Path) -> None:
+    for seed in (2, 3):
+        ds.update_diagnosis(stand / "out", _table(stand / f"new{seed}.csv", seed, 5))
+    updates = json.loads((stand / "out" / "updates.json").read_text())
+    assert [one["update"] for one in updates] == [1, 2]
+    assert updates[1]["before"] == updates[0]["after"]
+    rows = (stand / "out" / "data" / "shifts.csv").read_text().count("\n")
+    assert rows == 1 + 2 + 2 * len(POINTS)
+    assert not (stand / "out" / "joining").exists()
+
+
+def test_where_it_was_stopped_the_same_command_gives_the_same(
+    stand: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Killed before the joined data settle, and between the two names of the folder."""
+    new = _table(stand / "new.csv", 2, 20)
+
+    def killed(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    earlier = _record(stand / "out")
+    with monkeypatch.context() as patch:
+        patch.setattr("dogshape.pipeline.diagnose.joined_bench.Joined.settle", killed)
+        with pytest.raises(KeyboardInterrupt):
+            ds.update_diagnosis(stand / "out", new)
+    (stand / "out" / "data").rename(stand / "out" / "data.before")
+    found = ds.update_diagnosis(stand / "out", new)
+    assert found.record["update"] == 1
+    assert json.loads((stand / "out" / "gap-0.json").read_text()) == earlier
+    assert len(json.loads((stand / "out" / "updates.json").read_text())) == 1
+    rows = (stand / "out" / "data" / "shifts.csv").read_text().count("\n")
+    assert rows == 1 + 2 + len(POINTS)
+
+
+def test_readings_that_cannot_join_change_nothing(stand: Path) -> None:
+    out, new = stand / "out", _table(stand / "new.csv", 2, 5)
+    ds.update_diagnosis(out, new)
+    before = sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir() if p.name != ".lock")
+    with pytest.raises(DataError, match=r"joined this diagnosis already \(update 1\)"):
+        ds.update_diagnosis(out, new)
+    text = new.read_text()
+    for changed, words in (
+        (text.replace("0.251,", "0.25,"), "another rise time is another operating point"),
+        (text.replace("force_N", "force"), "'force' is not a known column"),
+        (text.splitlines()[0] + "\n", "has no rows"),
+        (text + "50,235.2,0.251,1,9.0,true,\n", "row 10"),
+    ):
+        (stand / "bad.csv").write_text(changed)
+        with pytest.raises(DataError, match=words):
+            ds.update_diagnosis(out, stand / "bad.csv")
+    with pytest.raises(DataError, match=r"nowhere.csv cannot be read"):
+        ds.update_diagnosis(out, stand / "nowhere.csv")
+    with pytest.raises(StorageError, match="holds no diagnosis with its data"):
+        ds.update_diagnosis(stand / "bench", new)
+    with pytest.raises(StorageError, match="holds a diagnosis with updates"):
+        ds.diagnose(stand / "bench", out=out)
+    after = sorted((p.name, p.stat().st_mtime_ns) for p in out.iterdir() if p.name != ".lock")
+    assert [a for a in after if a[0] != "joining"] == before
+
+
+def test_traces_go_along(tmp_path: Path) -> None:
+    found = ds.diagnose(GOOD, out=tmp_path / "out")
+    (tmp_path / "traces").mkdir()
+    (tmp_path / "traces" / "0041.csv").write_bytes((GOOD / "traces" / "0041.csv").read_bytes())
+    line = "10,235.2,0.251,1,0.0461,true,traces/0041.csv"
+    (tmp_path / "new.csv").write_text(",".join(COLUMNS) + "\n" + line + "\n")
+    update = ds.update_diagnosis(tmp_path / "out", tmp_path / "new.csv")
+    bench = update.diagnosis.inference.bench
+    count = len(found.inference.bench.readings)
+    traced = [r.trace.path for r in bench.readings if r.trace is not None]
+    assert len(bench.readings) == count + 1
+    assert traced[-1].parts[-3:] == ("traces", "update-1", "0041.csv") or any(
+        "update-1" in path.parts for path in traced
+    )
+    assert (tmp_path / "out" / "data" / "traces" / "update-1" / "traces" / "0041.csv").is_file()
+
+
+def test_the_verb_says_before_now_and_why(stand: Path, dogshape: Call) -> None:
+    new = _table(stand / "new.csv", 2, 20)
+    said = dogshape("gap", "update", stand / "out", new, "--json")
+    assert said.status == 0, said.err
+    assert said.json["after"]["causes"] == ["sleeve_friction"]
+    assert said.json["next_test"]["name"]
+    again = dogshape("gap", "update", stand / "out", new)
+    assert (again.status, "joined this diagnosis already" in again.sentence) == (2, True)
+    text = dogshape("gap", "update", stand / "out", _table(stand / "more.csv", 5, 3)).out
+    assert "before" in text
+    assert "The answer stays" in text
+    assert "Example: dogshape gap update" in dogshape("gap", "update", "--help").out
+
+
+def _state(*chances: tuple[tuple[str, ...], float, float | None]) -> dict[str, Any]:
+    rows = [{"effects": list(h), "probability": p, "log_evidence": log} for h, p, log in chances]
+    return {"hypotheses": rows}
+
+
+def test_the_sentence_tells_odds_in_closed_form_and_where_no_cause_fits() -> None:
+    """Evidences that move by 3 and by 3 - ln 20 make odds of 20 : 1."""
+    delay, mass, unknown = ("actuation_delay",), ("moving_mass",), ("unknown",)
+    before = _state((delay, 0.6, 10.0), (mass, 0.3, 9.0), (unknown, 0.1, None))
+    log = 10.0 + 3.0 - float(np.log(20.0))
+    after = _state((mass, 0.9, 12.0), (delay, 0.1, log), (unknown, 0.0, None))
+    point = {
+        "mismatch_rpm": 50.0, "force_N": 469.0, "shifts": 7, "mean_s": 0.12,
+        "foretold_s": 0.1, "z": 2.04,
+    }  # fmt: skip
+    told = sentence(before, after, [point], EFFECTS)
+    assert "The answer moves from dead time of the actuation (60 % before, 10 % now)" in told
+    assert "the 7 new shifts at 1 operating point speak 20 : 1 for mass of actuator" in told
+    assert told.endswith("foretold 100 ms (+2.0 standard errors).")
+    nothing = _state((unknown, 0.9, None), (delay, 0.1, 3.0))
+    told = sentence(before, nothing, [point], EFFECTS)
+    assert "fit no known cause together with the earlier ones" in told
+    stays = sentence(before, _state((delay, 0.9, 11.0), (mass, 0.1, 9.0)), [point], EFFECTS)
+    assert "stays dead time of the actuation: 60 % before, 90 % now" in stays
+    assert "speak 2.7 : 1 for dead time of the actuation against mass" in stays
