@@ -101,7 +101,7 @@ studies: $(VENV)/ready
 	for name in $(STUDIES); do \
 	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
-	$(call print_tables,contact_sets gearbox_loads question)
+	$(call print_tables,contact_sets gearbox_loads question wear_drift control_worth)
 
 # Samplers compared, with torch, which nothing else wants (an hour and a half).
 samplers: $(VENV)/ready

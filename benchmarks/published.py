@@ -11,6 +11,7 @@ from benchmarks.blind_table import SCORE, score_of
 from benchmarks.entries import Entry
 from benchmarks.kept import bank_shifts, gap, numbers, result, surrogate, trial
 
+CONTROL, STANDARD = "mq200_actuation", "standard_error_s"
 README = "README.md"
 RESULTS = "docs/results.md"
 COMMANDS = "docs/commands.md"
@@ -240,6 +241,21 @@ def _gearbox() -> list[float]:
         for who in ("best", "prototype")
         for key in ("expected_shift_time_s", "standard_error_s")
     ]
+
+
+def _worth(row: str) -> list[float]:
+    """Give time and error, ms, and blow and error, N s, of a design under some control."""
+    return numbers("control_worth", row)
+
+
+def _controlled(own: str, chosen: str) -> list[float]:
+    """Give the times of a shape under both controls with their errors, ms."""
+    return [*_worth(own)[:2], *_worth(chosen)[:2]]
+
+
+def _aged(row: str) -> list[float]:
+    """Give loss (um), chamfer, time and error, share engaged, margin and energy of an age."""
+    return numbers("wear_drift", row)
 
 
 def _best() -> Any:
@@ -690,6 +706,99 @@ ENTRIES: list[Entry] = [
             _prototype("mq200")["axial_length_mm"],
             *_gearbox()[:2],
             result("mq200")["best"]["axial_length_mm"],
+        ],
+    ),
+    Entry(
+        RESULTS,
+        "(#shift-control-searched-with-the-shape) | expected time; axial length "
+        "| {:.1f} ± {:.1f} ms; {:.1f} mm | {:.1f} ± {:.1f} ms; {:.1f} mm |",
+        lambda: [
+            value
+            for who, row in (
+                ("prototype", _prototype(CONTROL)),
+                ("best", result(CONTROL)["best"]),
+            )
+            for value in (
+                *(MS * _study(CONTROL)[who][k] for k in ("expected_shift_time_s", STANDARD)),
+                row["axial_length_mm"],
+            )
+        ],
+    ),
+    Entry(
+        RESULTS,
+        "aims at {:.0f} 1/min instead of {:.0f}, with {:.2f} times the force and {:.2f} times its",
+        lambda: [
+            result(CONTROL)["best"]["mismatch_set_rpm"],
+            _prototype(CONTROL)["mismatch_set_rpm"],
+            *(result(CONTROL)["best"][key] for key in ("force_factor", "rise_factor")),
+        ],
+    ),
+    *(
+        Entry(
+            RESULTS,
+            f"| {name} | {{:.1f}} ± {{:.1f}} ms | {{:.1f}} ± {{:.1f}} ms |",
+            partial(_controlled, *rows),
+        )
+        for name, rows in {
+            "prototype": ("prototype  ", "prototype, chosen control"),
+            "chosen": ("chosen shape, own control", "chosen shape and control"),
+        }.items()
+    ),
+    Entry(
+        RESULTS,
+        "the control alone takes {:.0f} % off the prototype's time, the shape alone {:.0f} %, and "
+        "both together {:.0f} %",
+        lambda: [
+            100.0 * (1.0 - _worth(row)[0] / _worth("prototype  ")[0])
+            for row in (
+                "prototype, chosen control",
+                "chosen shape, own control",
+                "chosen shape and control",
+            )
+        ],
+    ),
+    Entry(
+        RESULTS,
+        "which take {:.1f} and {:.1f} ms from the prototype",
+        lambda: [
+            _worth("prototype  ")[0] - _worth(f"prototype, {key}")[1]
+            for key in ("force_factor", "rise_factor")
+        ],
+    ),
+    Entry(
+        RESULTS,
+        "is also struck less, {:.2f} N s instead of {:.2f} N s",
+        lambda: [_worth(row)[2] for row in ("chosen shape and control", "prototype  ")],
+    ),
+    Entry(
+        RESULTS,
+        "beforehand: {:.0f} of {:.0f} designs passed",
+        lambda: [result(CONTROL)["n_simulated_designs"], len(result(CONTROL)["trials"])],
+    ),
+    Entry(
+        RESULTS,
+        "takes {:.1f} µm from the crest of the chosen design of `mq200_paper` at a wear rate of "
+        "1e-6 mm³/(N m), and {:.0f} µm at 1e-5: it slows from {:.1f} ± {:.1f} to "
+        "{:.1f} ± {:.1f} ms",
+        lambda: [
+            _aged("chosen, rate 1e-6 mm3/(N m), 100 %:")[0],
+            _aged("chosen, rate 1e-5 mm3/(N m), 100 %:")[0],
+            *_aged("chosen, rate 1e-5 mm3/(N m), 0 %:")[2:4],
+            *_aged("chosen, rate 1e-5 mm3/(N m), 100 %:")[2:4],
+        ],
+    ),
+    Entry(
+        RESULTS,
+        "{:.1f}° of its {:.1f}° are left. It then takes {:.1f} ± {:.1f} ms, and its edges bear "
+        "{:.1f} % more than they may in the landing; the prototype takes {:.1f} ± {:.1f} ms, and "
+        "by {:.1f} %",
+        lambda: [
+            _aged("chosen, crest 0.1 mm, 100 %:")[1],
+            _aged("chosen, crest 0.1 mm, 0 %:")[1],
+            *_aged("chosen, crest 0.1 mm, 100 %:")[2:4],
+            -_aged("chosen, crest 0.1 mm, 100 %:")[5],
+            *_aged("prototype, crest 0.1 mm, 100 %:")[2:4],
+            -_aged("prototype, crest 0.1 mm, 100 %:")[5],
         ],
     ),
     # docs/search.md

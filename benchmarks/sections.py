@@ -46,6 +46,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
         "Other bundled studies": (),
+        "Over the life": ((r"If 0\.1 mm is lost", "a row of the table"),),
         "Against the published model": (
             (r"25 cells that have", "cells of the bench tables with a time"),
             (
@@ -226,6 +227,8 @@ OTHERS: dict[str, dict[str, str]] = {
         "Uncertainty": ONCE,
         "Mechanism and effects": DEFINITIONS,
         "Further loads": DEFINITIONS,
+        "Wear over the life": DEFINITIONS,
+        "Shift control as variables": DEFINITIONS,
         "Objectives and limits": ONCE,
         "Shifts of a command that was stopped": DEFINITIONS,
         "Keys of `result.json`": "units and meanings of keys",

@@ -10,7 +10,7 @@ from typing import Any
 
 from optuna.trial import FrozenTrial
 
-from dogshape.pipeline.config.study_file import Setup, require_variables
+from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
@@ -27,11 +27,13 @@ from dogshape.pipeline.search.trials import UNKNOWN
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
     Design,
+    exact_errors,
     exact_values,
     leading,
     objectives_of,
 )
 from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.simulate.point_plans import (
     most_confirmed,
     most_to_confirm,
@@ -44,7 +46,7 @@ from dogshape.pipeline.store.trial_storage import kept
 from dogshape.pipeline.train.found_surrogates import digest_of, joining
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
@@ -117,6 +119,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
             state = run(search, sampler_of, executor, after_round, findings)
             replication, state = _replicate(state, executor, progress)
             confirmation, state = _confirm(state, executor, progress)
+            life = _life(confirmation, state, executor, progress)
     if state.shared:
         state = search.read(state.findings)  # with what the others told meanwhile
         write_json(folder.others, {"rows": state.rows})
@@ -124,13 +127,38 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     if confirmation is not None:
         chosen = confirmation["chosen"]
         result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
-    return {**result, "confirmation": confirmation}, progress.say
+    return {**result, "confirmation": confirmation, "life": life}, progress.say
+
+
+def _life(
+    confirmation: dict[str, Any] | None,
+    state: SearchState,
+    executor: Executor,
+    progress: WorkCounter,
+) -> list[dict[str, Any]] | None:
+    """Simulate the chosen design over its life; None where the study has no wear."""
+    study = state.study
+    wear = wear_of(study.file)
+    if wear is None or confirmation is None:
+        return None
+    trial = next(t for t in state.trials if t.number == confirmation["chosen"])
+    each = len(study.points) * study.file.search.confirm_angles
+    progress.rest((len(STAGES) - 1) * each)
+    progress.say(f"design {trial.number} over its life: half worn and worn")
+    try:
+        return life_of(study, dict(trial.params), wear, executor)
+    except GeometryError as error:
+        progress.say(f"no drift over the life: worn dogs are none: {error}")
+        return None
 
 
 def _learn(
     study: Setup, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
 ) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
+    if study.searches_operation:
+        say("no surrogate: it knows variables of the dog alone")
+        return
     try:
         stored = train(folder, say=say)
     except InputError as error:
@@ -189,6 +217,7 @@ def collect(
         "failed_shifts": failed_shifts(journal),
         "replication": replication,
         "confirmation": None,
+        "life": None,
         "surrogate": None,
         "versions": versions(),
         "config_hash": study.config_hash,
@@ -210,14 +239,18 @@ def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
     told = simulated(trial)
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
     found = {name: state.value(trial, name) if told else (None, None) for name in names}
+    exact = exact_values(study, design)
     return {
         "trial": trial.number,
         "prototype": bool(trial.user_attrs.get("prototype", False)),
         **trial.params,
-        **exact_values(study, design),
+        **exact,
         **_margins(design),
         **{name: value for name, (value, _) in found.items()},
-        "standard_errors": {name: error for name, (_, error) in found.items()},
+        "standard_errors": {
+            **{name: error for name, (_, error) in found.items()},
+            **exact_errors(study, exact),
+        },
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
         "shifts": sum(state.plan(trial)) if told else 0,

@@ -1,4 +1,4 @@
-"""Operating points of a study: a grid, a list, or a draw from distributions.
+"""Operating points of a study: a bundled set, a grid, a list, or a draw from distributions.
 
 A draw is made once: points of a scrambled Sobol sequence with equal weights, so that search,
 mix and surrogate see a list of points whatever they came from. A quantity that is a list while
@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from dogshape.pipeline.config.duty_cycles import duty_cycle
 from dogshape.pipeline.config.schema import DistributionSection, OperatingSection
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
@@ -19,6 +20,7 @@ from dogshape.sim.statistics.distribution import sobol_shares
 from dogshape.sim.units import RPM
 
 AXES = ("mismatch_rpm", "force_N")
+OWN = (*AXES, "mismatch_weight", "force_weight", "samples", "seed")  #: keys of grid and draw
 SAMPLES = 24  #: points that are drawn where the study does not say
 DECIMALS = 3  #: of drawn speeds and forces
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
@@ -27,6 +29,8 @@ Weighted = list[tuple[float, float]]  #: values in edge units with their weights
 
 def points_of(section: OperatingSection, profile: Profiles) -> tuple[OperatingPoint, ...]:
     """Return the operating points; mistakes raise InputError."""
+    if section.set is not None:
+        return _of_set(section, section.set, profile)
     if section.points is not None:
         return _listed(section, profile)
     drawn = _drawn(section)
@@ -60,11 +64,11 @@ def axes_of(
 
 def operating_text(section: OperatingSection, axes: Sequence[Sequence[float]], count: int) -> str:
     """Return in words which operating points a study has, ``count`` of them."""
-    if section.points is not None:
+    if section.points is not None or section.set is not None:
+        kind = "listed" if section.set is None else f"of the set {section.set}"
         (slow, *_, fast), (weak, *_, strong) = (sorted([*values, *values]) for values in axes)
-        return (
-            f"{count} listed, {slow:g} to {fast:g} 1/min with {weak:g} to {strong:g} N, by weight"
-        )
+        ends = f"{slow:g} to {fast:g} 1/min with {weak:g} to {strong:g} N"
+        return f"{count} {kind}, {ends}, by weight"
     parts = []
     for name, unit, values in zip(AXES, ("1/min", "N"), axes, strict=True):
         given = getattr(section, name)
@@ -77,9 +81,17 @@ def operating_text(section: OperatingSection, axes: Sequence[Sequence[float]], c
     return f"{parts[0]}, each with {parts[1]}{drawn}"
 
 
+def _of_set(section: OperatingSection, name: str, profile: Profiles) -> tuple[OperatingPoint, ...]:
+    _refuse(section, (*OWN, "points"), f"cannot stand beside operating.set = '{name}'")
+    cycle = duty_cycle(name)
+    try:
+        return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in cycle.rows)
+    except InputError as error:
+        raise InputError(f"operating.set '{name}': {error}") from error
+
+
 def _listed(section: OperatingSection, profile: Profiles) -> tuple[OperatingPoint, ...]:
-    names = (*AXES, "mismatch_weight", "force_weight", "samples", "seed")
-    _refuse(section, names, "cannot stand beside operating.points")
+    _refuse(section, OWN, "cannot stand beside operating.points")
     points = section.points or []
     places = [(point.mismatch_rpm, point.force_N) for point in points]
     for place in places:

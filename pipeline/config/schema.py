@@ -109,8 +109,9 @@ class PointSection(Section):
 
 
 class OperatingSection(Section):
-    """Operating points: a grid, a list or a draw (``pipeline.config.operating_points``)."""
+    """Operating points: a set, grid, list or draw (``pipeline.config.operating_points``)."""
 
+    set: str | None = Field(default=None, exclude_if=_absent)
     mismatch_rpm: Spread | None = Field(default=None, exclude_if=_absent)
     force_N: Spread | None = Field(default=None, exclude_if=_absent)
     mismatch_weight: Numbers | None = Field(default=None, exclude_if=_absent)
@@ -224,16 +225,34 @@ class ToleranceSection(Section):
     root_radius_mm: float = Tolerances.root_radius / MM
     contact_ratio: float = Tolerances.contact_ratio
     clearance_mm: float = Tolerances.clearance / MM
+    distribution: str = Field(
+        default=Tolerances.distribution,
+        exclude_if=lambda value: value == Tolerances.distribution,
+    )
+
+
+class WearSection(Section):
+    """Wear of the faces over the life (``sim.strength.wear``): one of both keys."""
+
+    rate_mm3_Nm: float | None = _unless_given()
+    crest_loss_mm: float | None = _unless_given()
 
 
 class VariablesSection(Section):
-    """Search ranges ``[low, high]``; a variable that is absent stays as in ``[dog]``."""
+    """Search ranges ``[low, high]``; what is absent stays as in ``[dog]`` and ``[operating]``.
+
+    ``mismatch_set_rpm`` is the mean that the speed control aims at, ``force_factor`` and
+    ``rise_factor`` scale the shift force and its rise time (``pipeline.config.set_point``).
+    """
 
     chamfer_deg: Range | None = None
     traction_deg: Range | None = None
     braking_deg: Range | None = None
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+    mismatch_set_rpm: Range | None = _unless_given()
+    force_factor: Range | None = _unless_given()
+    rise_factor: Range | None = _unless_given()
 
 
 def _few_trials(trials: int) -> int:
@@ -334,6 +353,7 @@ class StudyFile(Section):
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
     tolerance: ToleranceSection = ToleranceSection()
+    wear: WearSection | None = Field(default=None, exclude_if=_absent)
     variables: VariablesSection = VariablesSection()
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()

@@ -20,6 +20,12 @@ from dogshape.pipeline.config.contact import contact_of, own_contact, solver_of
 from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
 from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.pipeline.config.set_point import (
+    OPERATED,
+    operated_points,
+    own_set_point,
+    require_ranges,
+)
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
@@ -44,8 +50,9 @@ from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import Tolerances
+from dogshape.sim.strength.wear import Wear
 from dogshape.sim.texts import listed, read_toml
-from dogshape.sim.units import DEG, MM, RPM, unit_of
+from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 
@@ -71,6 +78,25 @@ class Setup:
     def name(self) -> str:
         """Name of the study."""
         return self.file.name
+
+    @property
+    def shape_keys(self) -> tuple[str, ...]:
+        """The searched keys of the dog; the others say how it is operated."""
+        return tuple(key for key in self.variables if key not in OPERATED)
+
+    @property
+    def searches_operation(self) -> bool:
+        """Whether set-point, force or rise time are searched too."""
+        return len(self.shape_keys) < len(self.variables)
+
+    def operated(self, params: Mapping[str, float]) -> Setup:
+        """Return the study as a design is operated: its own points, and limits that follow."""
+        given = {key: params[key] for key in OPERATED if key in params}
+        if not given:
+            return self
+        points = operated_points(self.points, self.actuation, given)
+        limits = _limits(self.file, self.clutch.mechanism, points)
+        return replace(self, points=points, limits=limits)
 
     @property
     def retraction(self) -> float:
@@ -104,9 +130,11 @@ class Setup:
     def dog_with(self, params: dict[str, float]) -> Dog:
         """Return the study's dog with some keys replaced, given in edge units.
 
+        Keys that say how it is operated are left out.
         Raises InputError or GeometryError where there is no such dog.
         """
-        return replace(self.clutch.dog, **dog_fields(params))
+        shape = {key: value for key, value in params.items() if key not in OPERATED}
+        return replace(self.clutch.dog, **dog_fields(shape))
 
     def torque_peaks(self, clutch: Clutch, trace: Trace, loads: Loads) -> TorquePeaks | None:
         """Compute the driveline's torque peaks in a shift; None without its stiffness."""
@@ -126,7 +154,7 @@ class Setup:
     @property
     def prototype(self) -> dict[str, float]:
         """The searched keys at the study's own dog, edge units."""
-        section = self.file.dog.model_dump()
+        section = {**self.file.dog.model_dump(), **own_set_point(self.points)}
         return {key: section[key] for key in self.variables}
 
     @property
@@ -137,7 +165,7 @@ class Setup:
         """
         unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
         record = {**clutch_record(self.clutch), **self.actuation.record, **unsure}
-        return physics_of(record, list(self.variables), self.actuation.table)
+        return physics_of(record, list(self.shape_keys), self.actuation.table)
 
     @property
     def physics_hash(self) -> str:
@@ -261,7 +289,9 @@ def build_study(file: StudyFile) -> Setup:
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch.mechanism, points)
-    return Setup(file, clutch, limits, points, _variables(file), actuation, unsure)
+    variables = _variables(file)
+    require_ranges(points, actuation, variables)
+    return Setup(file, clutch, limits, points, variables, actuation, unsure)
 
 
 def _require_parts(file: StudyFile) -> None:
@@ -276,7 +306,8 @@ def _require_parts(file: StudyFile) -> None:
         lambda: _load_case(file),
         lambda: _material(file),
         lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
-        lambda: Tolerances(**si_fields(file.tolerance.model_dump())),
+        lambda: _tolerances(file),
+        lambda: wear_of(file),
         lambda: _variables(file),
     )
     faults: list[DogshapeError] = []
@@ -356,7 +387,7 @@ def _limits(file: StudyFile, mechanism: Mechanism, points: Sequence[OperatingPoi
         load=load,
         material=_material(file),
         manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
-        tolerances=Tolerances(**si_fields(file.tolerance.model_dump())),
+        tolerances=_tolerances(file),
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
         strike=_strike(file, points),
     )
@@ -388,6 +419,21 @@ def _strike(file: StudyFile, points: Sequence[OperatingPoint]) -> Strike | None:
         else tuple(speed * RPM for speed in speeds),
         strikes=given.strikes,
     )
+
+
+def wear_of(file: StudyFile) -> Wear | None:
+    """Build what wears the dogs; None for a study that does not say."""
+    given = None if file.wear is None else file.wear.model_dump()
+    keys = ("rate_mm3_Nm", "crest_loss_mm")
+    if given is None:
+        return None
+    rate, lost = (None if given.get(k) is None else to_si(k, given[k]) for k in keys)
+    return Wear(rate, lost)
+
+
+def _tolerances(file: StudyFile) -> Tolerances:
+    sizes = si_fields(file.tolerance.model_dump(exclude={"distribution"}))
+    return Tolerances(**sizes, distribution=file.tolerance.distribution)
 
 
 def _load_case(file: StudyFile) -> LoadCase:
@@ -424,7 +470,7 @@ def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
 def require_variables(study: Setup) -> None:
     """Raise InputError where the study has nothing to search."""
     if not study.variables:
-        names = ", ".join(VARIABLES)
+        names = ", ".join((*VARIABLES, *OPERATED))
         raise InputError(
             f"[variables] is empty, so there is nothing to search; give one of {names}"
         )

@@ -25,7 +25,6 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.geometry import Dog
 
 Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
 
@@ -79,19 +78,20 @@ def resimulated(
 
     Raises InputError where the shifts of a design say nothing of some objective.
     """
-    dogs = [study.dog_with(params) for params in designs.values()]
-    found = dict(zip(designs, _evaluated(study, dogs, executor), strict=True))
+    found = dict(zip(designs, _evaluated(study, [*designs.values()], executor), strict=True))
     _require_known({f"design {trial}": one for trial, one in found.items()})
     return found
 
 
 def _evaluated(
-    study: Setup, dogs: list[Dog], executor: Executor, checked: bool = False
+    study: Setup, designs: list[dict[str, float]], executor: Executor, checked: bool = False
 ) -> list[Simulated]:
+    dogs = [study.dog_with(params) for params in designs]
+    own = [study.operated(params) for params in designs]
     angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
-    found = evaluate(study, dogs, executor, plans, seed, checked=checked)
-    screened = screen(study, dogs, executor, seed)
+    found = evaluate(study, dogs, executor, plans, seed, checked=checked, operated=own)
+    screened = screen(study, dogs, executor, seed, own)
     return [
         one if quick is None else replace(one, measured=quick.measured)
         for one, quick in zip(found, screened, strict=True)
@@ -115,8 +115,7 @@ def _record(
     """
     passed = [trial for trial, one in found.items() if _passes(study, designs[trial], one)]
     chosen = (passed or [*found])[0]
-    dogs = [study.clutch.dog, study.dog_with(designs[chosen])]
-    both = _evaluated(study, dogs, executor, checked=True)
+    both = _evaluated(study, [study.prototype, designs[chosen]], executor, checked=True)
     _require_known({"the prototype": both[0]})
     prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean

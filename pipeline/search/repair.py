@@ -41,7 +41,8 @@ def repair(search: Search, executor: Executor, say: Say) -> Findings:
     study = search.study
     plans = [plan_of(study, trial) for trial in trials]
     dogs = [study.dog_with(dict(trial.params)) for trial in trials]
-    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed)
+    own = [study.operated(dict(trial.params)) for trial in trials]
+    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed, operated=own)
     mended = [
         renewed(study, each, plan, one)
         for trial, plan, one in zip(trials, plans, found, strict=True)
@@ -59,7 +60,8 @@ def _lacking(
     trials, lost = [], 0
     for trial in distinct(finished):
         clutch = study.clutch.with_dog(study.dog_with(dict(trial.params)))
-        blocks = blocks_of(study, clutch, plan_of(study, trial), study.file.expectation.seed)
+        own, seed = study.operated(dict(trial.params)), study.file.expectation.seed
+        blocks = blocks_of(own, clutch, plan_of(study, trial), seed)
         keys = {key for block in blocks for key in block.keys}
         missing = keys - journal.rows.keys()
         lost += len(missing)

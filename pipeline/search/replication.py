@@ -231,7 +231,9 @@ def _evaluated(
     study = state.study
     dogs = [study.dog_with(dict(trial.params)) for trial, _ in plans]
     seed, base = study.file.expectation.seed, study.file.expectation.angles
-    return evaluate(study, dogs, executor, [plan for _, plan in plans], seed, base=base)
+    own = [study.operated(dict(trial.params)) for trial, _ in plans]
+    each = [plan for _, plan in plans]
+    return evaluate(study, dogs, executor, each, seed, base=base, operated=own)
 
 
 def _simulate(

@@ -151,7 +151,8 @@ class SearchState:
             for trial in self.simulated:
                 clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
                 plan, seed, base = self.plan(trial), settings.seed, settings.angles
-                blocks = blocks_of(self.study, clutch, plan, seed, base)
+                own = self.study.operated(dict(trial.params))
+                blocks = blocks_of(own, clutch, plan, seed, base)
                 keys.update(key for block in blocks for key in block.keys)
         return len(keys)
 

@@ -52,12 +52,15 @@ def finish(
     designs = [design_of(study, dict(trial.params)) for trial in trials]
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     seed = study.file.expectation.seed
-    screens = dict(zip(worth, screen(study, [*worth.values()], executor, seed), strict=True))
+    own = {k: study.operated(designs[k].params) for k in worth}
+    screened = screen(study, [*worth.values()], executor, seed, [*own.values()])
+    screens = dict(zip(worth, screened, strict=True))
     measured = {k: None if one is None else one.measured for k, one in screens.items()}
     judged = {k: design_of(study, designs[k].params, one) for k, one in measured.items()}
     worth = {k: dog for k, dog in worth.items() if judged[k].feasible}
     plans = [plan_of(study, trials[k]) for k in worth]
-    evaluated = evaluate(study, [*worth.values()], executor, plans, seed)
+    operated = [own[k] for k in worth]
+    evaluated = evaluate(study, [*worth.values()], executor, plans, seed, operated=operated)
     results = {
         k: replace(result, measured=measured[k] or result.measured)
         for k, result in zip(worth, evaluated, strict=True)

@@ -23,6 +23,7 @@ from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, stre
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.notch import outside_fit
+from dogshape.sim.strength.production import kept_share, standard_error
 from dogshape.sim.units import MM
 from dogshape.surrogate.covariance import Array
 
@@ -30,6 +31,7 @@ IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dog
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 WORST = "smallest_margin_worst"
+PROBABLE = "feasible_probability"
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 
 
@@ -90,6 +92,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
 
     ``measured`` is what was simulated of it, None before that.
     """
+    study = study.operated(params)
     try:
         dog = study.dog_with(params)
     except GeometryError as error:
@@ -112,7 +115,7 @@ def _limit_checks(
         else:
             value = None if measured is None else measured.limited.get(quantity.name)
         if value is not None:
-            found.append(Check(quantity.rule, value, limit))
+            found.append(Check(quantity.rule(value), value, limit))
     return tuple(found)
 
 
@@ -135,7 +138,7 @@ def notes_of(study: Setup) -> list[str]:
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     """Decide whether a design passes every check that needs no simulation, cheap ones first."""
     try:
-        fit = keeps_limits(study.dog_with(params), study.limits)
+        fit = keeps_limits(study.dog_with(params), study.operated(params).limits)
     except GeometryError:
         return False
     return fit and (not study.file.search.limits or design_of(study, params).feasible)
@@ -154,7 +157,8 @@ class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
     ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
-    where a simulation has to (``pipeline.simulate.estimates``).
+    where a simulation has to (``pipeline.simulate.estimates``). ``error`` is the standard error of
+    such a value where it is a sample's.
     """
 
     name: str
@@ -163,6 +167,7 @@ class Objective:
     exact: Callable[[Setup, Design, Dog], float] | None = None
     maximise: bool = False
     by_checks: bool = False
+    error: Callable[[float], float] | None = None
 
     @property
     def simulated(self) -> bool:
@@ -174,17 +179,23 @@ class Objective:
         """Factor that turns the value into a loss: every comparison of designs minimises losses."""
         return -1.0 if self.maximise else 1.0
 
-    @property
-    def rule(self) -> Rule:
-        """Question of the check that a limit on this quantity is."""
+    def rule(self, value: float) -> Rule:
+        """Return the question of the check that a limit on this quantity is, of which ``value``."""
         key = f"search.limits.{self.name}"
         how = "estimate from the design's shifts" if self.simulated else "from shape and checks"
+        if self.error is not None:
+            how += f", with a standard error of {self.error(value):.2g}"
         said = "the study's own limit"
         return Rule(self.name, "goal", self.label, how, said, self.unit, key, not self.maximise)
 
 
 def _separating_force(study: Setup, _: Design, dog: Dog) -> float:
     return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
+
+
+def _feasible_probability(study: Setup, _: Design, dog: Dog) -> float:
+    unsure = study.uncertainty
+    return kept_share(dog, study.limits, None if unsure is None else unsure.of("friction_factor"))
 
 
 def _margin_at_worst(study: Setup, design: Design, dog: Dog) -> float:
@@ -215,6 +226,15 @@ OBJECTIVES = {
             _margin_at_worst,
             maximise=True,
             by_checks=True,
+        ),
+        Objective(
+            PROBABLE,
+            "share of manufactured clutches that keep all checks",
+            "",
+            _feasible_probability,
+            maximise=True,
+            by_checks=True,
+            error=standard_error,
         ),
         Objective(
             "axial_length_mm",
@@ -288,7 +308,14 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
     dog = design.dog
     if dog is None:
         return {}
-    return {o.name: o.exact(study, design, dog) for o in objectives_of(study) if o.exact}
+    own = study.operated(design.params)
+    return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
+
+
+def exact_errors(study: Setup, values: Mapping[str, Any]) -> dict[str, float]:
+    """Return the standard errors of objectives that need no simulation but are a sample's."""
+    every = objectives_of(study)
+    return {o.name: o.error(values[o.name]) for o in every if o.error and o.name in values}
 
 
 def values_of(

@@ -57,19 +57,22 @@ def evaluate(
     *,
     base: int | None = None,
     checked: bool = False,
+    operated: Sequence[Setup] | None = None,
 ) -> list[Simulated]:
     """Simulate the shifts of several designs side by side and evaluate them.
 
     ``plans`` say what is simulated of each, with ``base`` as for
     ``sim.statistics.expectation.even_phases``. ``checked`` adds the numerical error, from an eighth
-    of the shifts repeated. Raises GeometryError for a dog that cannot be made, before anything is
+    of the shifts repeated. ``operated`` is the study as each design is operated, itself if not
+    given. Raises GeometryError for a dog that cannot be made, before anything is
     simulated.
     """
+    each = operated or [study] * len(dogs)
     for dog in dogs:
         require_makeable(dog, study.limits.manufacturing)
     blocks = [
-        blocks_of(study, study.clutch.with_dog(dog), plan, seed, base)
-        for dog, plan in zip(dogs, plans, strict=True)
+        blocks_of(own, study.clutch.with_dog(dog), plan, seed, base)
+        for own, dog, plan in zip(each, dogs, plans, strict=True)
     ]
     other = reference_of(study) if REFERRED in estimated(study) else None
     referred = [
@@ -82,18 +85,23 @@ def evaluate(
     of_designs = [[next(taken) for _ in group] for group in blocks]
     of_reference = [[next(taken) for _ in group] for group in referred]
     results = []
-    for dog, group, mine, others in zip(dogs, blocks, of_designs, of_reference, strict=True):
-        points = [b.point for b in group]
-        result = expectation_of(study, points, mine)
-        beside = expectation_of(study, points, others) if others else None
+    for k, (dog, group, mine, others) in enumerate(
+        zip(dogs, blocks, of_designs, of_reference, strict=True)
+    ):
+        result = expectation_of(study, [b.point for b in group], mine)
+        beside = expectation_of(study, [b.point for b in referred[k]], others) if others else None
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        results.append(_simulated(study, dog, result, mine, beside))
+        results.append(_simulated(each[k], dog, result, mine, beside))
     return results
 
 
 def screen(
-    study: Setup, dogs: Sequence[Dog], executor: Executor, seed: int
+    study: Setup,
+    dogs: Sequence[Dog],
+    executor: Executor,
+    seed: int,
+    operated: Sequence[Setup] | None = None,
 ) -> list[Simulated | None]:
     """Simulate by the compiled engine what checks are judged by; None where the study does not.
 
@@ -106,8 +114,9 @@ def screen(
         return [None] * len(dogs)
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
+    own = None if operated is None else [replace(one, clutch=quick.clutch) for one in operated]
     with executor.apart() as running:
-        return [*evaluate(quick, dogs, running, plans, seed)]
+        return [*evaluate(quick, dogs, running, plans, seed, operated=own)]
 
 
 def reference_of(study: Setup) -> Dog:
@@ -128,16 +137,16 @@ def _simulated(
     reference: Expectation | None,
 ) -> Simulated:
     shifts = [row for mine in rows for row in mine]
-    demand = _demand(study, dog, expectation, rows)
+    demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     found = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
     estimates = estimates_of(found)
     measured = Measured(demand, {n: estimates[n].value for n in simulated_limits(study)})
-    learned, ended = rows_of(tuple(study.variables), shifts), sum(map(unfinished, shifts))
+    learned, ended = rows_of(study.shape_keys, shifts), sum(map(unfinished, shifts))
     return Simulated(expectation, measured, learned, estimates, ended)
 
 
-def _demand(
+def demand_over(
     study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
 ) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""

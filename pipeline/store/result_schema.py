@@ -93,8 +93,22 @@ class DesignRow(Section):
     smallest_margin_worst: float | None = key(
         "smallest margin with tolerances at their worst, where it is an objective", "1", None
     )
+    feasible_probability: float | None = key(
+        "share of manufactured clutches that keep all checks, where it is an objective",
+        SHARE,
+        None,
+    )
+    mismatch_set_rpm: float | None = key(
+        "mean mismatch that the speed control aims at, where it is searched", "1/min", None
+    )
+    force_factor: float | None = key(
+        "shift force over that of the study, where it is searched", "1", None
+    )
+    rise_factor: float | None = key(
+        "rise time of the force over that of the study, where it is searched", "1", None
+    )
     standard_errors: dict[str, float | None] = key(
-        "standard error of each simulated objective, in its unit"
+        "standard error of each objective that is an estimate, in its unit"
     )
     standard_error_s: float | None = key("standard error of the expected shift time", "s")
     points: int = key("operating points that were simulated")
@@ -200,6 +214,21 @@ class Confirmation(Section):
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
 
 
+class LifeStage(Section):
+    """The chosen design at a share of its life."""
+
+    life: float = key("share of the life", SHARE)
+    crest_loss_mm: float = key("height that the crest has lost", "mm")
+    chamfer_deg: float = key("what is left of the chamfer", "deg")
+    expected_shift_time_s: float = key("mean shift time over the operating points", "s")
+    standard_error_s: float | None = key("its standard error", "s")
+    engaged: float = key("share of the shifts that engaged", SHARE)
+    energy_J: float = key("mean energy that the contact takes in a shift", "J")
+    smallest_margin: float = key("smallest margin, manufacture left out", "1")
+    weakest_check: str = key("check with the smallest margin")
+    margins: dict[str, float] = key("margin of each check", "1")
+
+
 class ReplicatedDesign(Section):
     """A design before and after replication; null where it was not feasible."""
 
@@ -271,6 +300,9 @@ class StudyRecord(Section):
     failed_shifts: dict[str, int] = key("shifts that failed in the solver, by reason")
     replication: Replication | None = key("replication; null without one")
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
+    life: list[LifeStage] | None = key(
+        "drift of the chosen design over its life; null for a study without `[wear]`", "", None
+    )
     surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")

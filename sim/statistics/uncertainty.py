@@ -98,6 +98,10 @@ class Uncertainty:
         """The distributions in words, by their keys."""
         return tuple((_name(one), one.text) for one in self.distributions)
 
+    def of(self, name: str) -> Distribution | None:
+        """Return the distribution of a factor; None for one that is certain."""
+        return next((one for one in self.distributions if _name(one) == name), None)
+
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
         found = [one.bounds for one in self.distributions if _name(one) == name]

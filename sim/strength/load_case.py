@@ -187,7 +187,10 @@ class LoadCase:
         if torque == 0.0:
             return self.load_sharing
         equal = torque / (dog.mean_radius * dog.count)
-        return self._share(load_share, dog, equal, 0.5 * self.run_out)
+        return self._share(self._load_share, dog, equal, 0.5 * self.run_out)
+
+    def _load_share(self, count: int, scatter: float, wave: float) -> float:
+        return load_share(count, scatter, wave)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""

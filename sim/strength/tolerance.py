@@ -17,15 +17,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import DogshapeError, require_between
+from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
 from dogshape.sim.shift.flank import FLANKS, flank_contact
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
+
+DISTRIBUTIONS = ("normal", "uniform")
 
 
 @dataclass(frozen=True)
@@ -34,7 +37,9 @@ class Tolerances:
 
     ``contact_ratio`` is the least share of the height that has to touch with all of them
     at their worst and the rings short of full depth by the seated tolerance; ``clearance``
-    is the least gap between the crests in neutral, m.
+    is the least gap between the crests in neutral, m. ``distribution`` is that of manufactured
+    dimensions (``sim.strength.production``): normal with the tolerance as three standard
+    deviations, or uniform.
     """
 
     chamfer: float = 0.25 * DEG
@@ -47,8 +52,15 @@ class Tolerances:
     root_radius: float = 0.05 * MM
     contact_ratio: float = 0.5
     clearance: float = 0.3 * MM
+    distribution: str = "normal"
 
     def __post_init__(self) -> None:
+        if self.distribution not in DISTRIBUTIONS:
+            hint = did_you_mean(self.distribution, DISTRIBUTIONS)
+            raise InputError(
+                f"tolerance.distribution is '{self.distribution}', which is none of manufactured "
+                f"dimensions; {hint}"
+            )
         for name in ("chamfer", "traction", "braking"):
             value = getattr(self, name) / DEG
             require_between(f"tolerance.{name}_deg", value, 0.0, 5.0, "give an angle in degrees")
@@ -62,9 +74,14 @@ class Tolerances:
     @property
     def dimensions(self) -> dict[str, float]:
         """Dimensions with their tolerance, those without one left out."""
-        limits = ("contact_ratio", "clearance")
-        names = [f.name for f in fields(self) if f.name not in limits]
+        others = ("contact_ratio", "clearance", "distribution")
+        names = [f.name for f in fields(self) if f.name not in others]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
+
+    def without_sizes(self) -> Tolerances:
+        """Return the limits alone, with every dimension exact."""
+        exact: dict[str, Any] = dict.fromkeys(self.dimensions, 0.0)
+        return replace(self, **exact)
 
 
 @dataclass(frozen=True)

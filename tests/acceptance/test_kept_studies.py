@@ -26,9 +26,10 @@ def test_kept_result_is_of_the_study_as_it_is(name: str) -> None:
     assert result["physics_hash"] == study.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
-    points = {(round(p.mismatch / RPM, 6), p.profile.force) for p in study.points}
+    operated = study.operated({key: _chosen(result)[key] for key in study.variables})
+    points = {(round(p.mismatch / RPM, 6), round(p.profile.force, 6)) for p in operated.points}
     confirmed = result["confirmation"]["best"]["points"]
-    assert {(p["mismatch_rpm"], p["force_N"]) for p in confirmed} == points
+    assert {(round(p["mismatch_rpm"], 6), round(p["force_N"], 6)) for p in confirmed} == points
 
 
 @pytest.mark.parametrize("name", bundled_studies())
@@ -60,7 +61,8 @@ def _chosen(result: dict[str, Any]) -> dict[str, Any]:
 def _mean_at(study: Setup, row: dict[str, Any], place: int) -> float:
     plan = [0] * len(study.points)
     plan[place] = study.file.search.confirm_angles
-    dog = study.dog_with({key: row[key] for key in study.variables})
+    params = {key: row[key] for key in study.variables}
+    dog, own = study.dog_with(params), study.operated(params)
     seed = study.file.expectation.seed + NEW_ANGLES
-    (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed)
+    (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed, operated=[own])
     return found.expectation.points[0].mean

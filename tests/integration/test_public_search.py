@@ -12,7 +12,7 @@ import pytest
 
 import dogshape as ds
 from benchmarks.result_keys import BEGIN, PAGE, with_keys
-from dogshape.pipeline.config.study_file import VARIABLES
+from dogshape.pipeline.config.study_file import VARIABLES, bundled_studies
 from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.pipeline.store.result_schema import DesignRow, StudyRecord, require_result
 from tests.conftest import SMALL, Said
@@ -127,7 +127,7 @@ def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> 
         ds.load_result(found.folder / "none")
 
 
-@pytest.mark.parametrize("name", ["mq200_paper", "mq200_robust", "mq200_three", "mq200"])
+@pytest.mark.parametrize("name", bundled_studies())
 def test_kept_results_keep_to_the_schema(name: str) -> None:
     path = ROOT / "studies" / name / "result.json"
     require_result(json.loads(path.read_text()), name)

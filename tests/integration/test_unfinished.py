@@ -159,7 +159,9 @@ def _asked(study: Setup, monkeypatch: pytest.MonkeyPatch) -> tuple[Search, list[
     search = Search(study, optuna.create_study(directions=["minimize"] * 2), guide=Points(study))
     ids, plans = next_round(search, sampler_factory(study)), list[Plan]()
 
-    def evaluated(study: Setup, dogs: Any, _: Any, asked: Sequence[Plan], __: int) -> Any:
+    def evaluated(
+        study: Setup, dogs: Any, _: Any, asked: Sequence[Plan], __: int, **___: Any
+    ) -> Any:
         plans.extend(asked)
         time = Estimate(0.1, 0.001)
         landed = HARD if is_whole(asked[0]) else Measured(Demand())  # harder at points left out

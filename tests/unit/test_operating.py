@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
+import dogshape as ds
+from dogshape.pipeline.config.duty_cycles import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -145,6 +148,14 @@ def test_weights_count_by_their_ratio_alone() -> None:
         (
             [f"operating.mismatch_rpm={NORMAL}", "operating.force_weight=[1, 1, 1, 1]"],
             "operating.force_weight goes with a grid of lists",
+        ),
+        (["operating={set='ampt'}"], "operating.set is 'ampt', which is not a set of points; did"),
+        (["operating.set='amt'"], "operating.mismatch_rpm cannot stand beside operating.set"),
+        ([f"operating={{set='amt', points={TWO}}}"], "operating.points cannot stand beside"),
+        (["operating={set='amt', seed=1}"], "operating.seed cannot stand beside operating.set"),
+        (
+            ["operating={set='amt'}", "actuation={force_N=[200, 500], rise_s=[0.2, 0.1]}"],
+            "operating.set 'amt': shift force is 611 N",
         ),
         ([f"operating.points={TWO}"], "operating.mismatch_rpm cannot stand beside"),
         (["operating={force_N=[300]}"], "'operating.mismatch_rpm' is missing"),
@@ -297,3 +308,45 @@ def test_every_bundled_study_can_be_read_and_searched() -> None:
         study = load_study(name)
         assert study.name == name
         assert any(objective.simulated for objective in objectives_of(study))
+
+
+@pytest.mark.parametrize("name", [*duty_cycles()])
+def test_a_set_names_its_points(name: str) -> None:
+    """Every bundled set serves the bundled studies and says what it rests on."""
+    cycle, study = duty_cycles()[name], _listed(f"set='{name}'")
+    assert _points(study) == [pytest.approx(row) for row in cycle.rows]
+    assert len({row[:2] for row in cycle.rows}) == len(cycle.rows)
+    assert cycle.about
+    assert cycle.source
+    assert study.operating_text.startswith(f"{len(cycle.rows)} of the set {name}, ")
+
+
+def test_the_set_of_the_paper_is_the_grid_of_the_bundled_study() -> None:
+    grid, named = load_study("mq200_paper"), _listed("set='paper'")
+    assert named.points == grid.points
+    assert named.physics_hash == grid.physics_hash
+    assert named.file.model_dump()["operating"] == {"set": "paper"}
+
+
+def test_sets_have_the_signs_and_shares_that_they_say() -> None:
+    amt, axle = (np.array(duty_cycles()[name].rows) for name in ("amt", "ev_speed_control"))
+    weight = amt[:, 2] / amt[:, 2].sum()
+    # Six shifts up on five down; one of ten downshifts overshoots.
+    assert weight[amt[:, 0] > 0].sum() == pytest.approx((6 + 0.5) / 11)
+    assert [weight[amt[:, 1] == force].sum() for force in (611, 458, 320)] == pytest.approx(
+        [4 / 6, 1 / 6, 1 / 6]
+    )
+    middles = [15.0 * ndtri((k + 0.5) / 8) for k in range(8)]
+    assert sorted(set(axle[:, 0])) == pytest.approx(middles, abs=0.06)
+    assert (axle[:, 0] @ axle[:, 2]) == pytest.approx(0.0)
+
+
+def test_verbs_take_a_set() -> None:
+    study = ds.Study(
+        "mq200_paper",
+        {"operating": {"set": "ev_speed_control"}, "solver.engine": "planar"},
+    )
+    rows = np.array(duty_cycles()["ev_speed_control"].rows)
+    frame = study.expect(angles=3, jobs=1).to_frame()
+    assert frame["mismatch_rpm"].tolist() == pytest.approx(rows[:, 0].tolist())
+    assert len(study.strength(jobs=1).to_frame()) > 20

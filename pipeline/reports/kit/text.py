@@ -15,6 +15,9 @@ LABELS = {
     "count": "number of dogs N",
     "mismatch_rpm": "mismatch",
     "force_N": "shift force",
+    "mismatch_set_rpm": "set-point of the mismatch",
+    "force_factor": "factor on the shift force",
+    "rise_factor": "factor on its rise time",
 }
 
 

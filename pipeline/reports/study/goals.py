@@ -18,6 +18,7 @@ SHOWN = {
     MARGIN: "%",
     "smallest_margin_worst": "%",
     "first_try_share": "%",
+    "feasible_probability": "%",
 }
 FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}  #: from the stored value to the shown one
 #: Definition of each simulated objective, after its label; ``{over}`` are all shifts of the mix.

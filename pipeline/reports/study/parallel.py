@@ -10,7 +10,6 @@ from textwrap import wrap
 
 import plotly.graph_objects as go
 
-from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, LINES, MARKS, Row, styled
 from dogshape.pipeline.reports.kit.text import axis, minus
 from dogshape.pipeline.reports.study.designs import describe, design_name, of_kinds
@@ -55,7 +54,7 @@ def parallel_figure(result: Row, variables: list[str]) -> go.Figure:
                 mode="lines+markers" if mark["size"] > 1 else "lines",
             )  # fmt: skip
     for place, (name, (low, high)) in enumerate(ends.items()):
-        title = axis(name).replace(" deg", " °") if name in VARIABLES else titles[name]
+        title = axis(name).replace(" deg", " °") if name in variables else titles[name]
         _upright(figure, place, "<br>".join(wrap(title, 12, break_long_words=False)), (low, high))
     named = [row for kind in ("chosen", "prototype", "front") for row in kinds[kind]]
     named.sort(key=lambda row: shares(row)[-1])

@@ -84,7 +84,7 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     from dogshape.sim.engines import engage  # noqa: PLC0415
 
     study, row = shifts.study, one.shift
-    design = {name: row[name] for name in study.variables}
+    design = {name: row[name] for name in study.shape_keys}
     clutch = study.clutch.with_dog(study.dog_with(design))
     point = OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row))
     variant = drawn_variant(row)

@@ -131,7 +131,8 @@ def distribution(shifts: Shifts, design: dict[str, float]) -> Distribution | Non
     rows = shifts.confirmed(design)
     if not rows:
         return None
-    times, weights = np.array([time_of(row) for row in rows]), weights_of(shifts.study, rows)
+    weights = weights_of(shifts.study.operated(design), rows)
+    times = np.array([time_of(row) for row in rows])
     order = np.argsort(times, kind="stable")
     return Distribution(times[order], np.cumsum(weights[order]))
 

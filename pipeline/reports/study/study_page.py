@@ -91,6 +91,7 @@ def _write(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Pa
 
 def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Row:
     """Collect the content of the report's template; what is not known is empty."""
+    result = at_own_places(study, result)
     variables, best = list(study.variables), result["best"]
     fitted, confirmation = result["surrogate"], result["confirmation"]
     goals, weights = goals_of(result), {point.weight for point in study.points}
@@ -105,7 +106,7 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
     quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
     # For their limits alone.
     still = landing_checks(study.clutch.dog, Landing(), study.limits)
-    own = [Check(quantity.rule, limit, limit) for quantity, limit in limits_of(study)]
+    own = [Check(quantity.rule(limit), limit, limit) for quantity, limit in limits_of(study)]
     trials = result["trials"]
     decided = _decided(folder)
     choices = other_choices.alternatives(study, result, shifts, decided.get("design"))
@@ -195,6 +196,21 @@ def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
         "parallel": parallel_figure(result, variables),
         "convergence": convergence_figure(result, course(result, shifts)),
     }
+
+
+def at_own_places(study: Setup, result: Row) -> Row:
+    """Name the points of a design that is operated in its own way as those of the prototype.
+
+    The n-th point of either is the same one of the study, moved by set-point and force.
+    """
+    confirmation = result["confirmation"]
+    if not study.searches_operation or confirmation is None:
+        return result
+    keys = ("mismatch_rpm", "force_N")
+    named = [{key: p[key] for key in keys} for p in confirmation["prototype"]["points"]]
+    best = confirmation["best"]
+    points = [{**p, **own} for p, own in zip(best["points"], named, strict=True)]
+    return {**result, "confirmation": {**confirmation, "best": {**best, "points": points}}}
 
 
 def weighted(study: Setup, confirmation: Row) -> Row:

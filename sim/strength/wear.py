@@ -1,0 +1,90 @@
+r"""Wear of the faces over the life, and the shape of a worn dog.
+
+*How much.* Archard (*J. Appl. Phys.* 24, 1953): a sliding contact loses the volume :math:`k F s`,
+*k* the specific wear rate. Each shift rubs with :math:`F s \le E/\mu`, *E* the energy that the
+contact takes in the simulation, all of it counted as friction on faces (an upper bound: flanks and
+the contact's damping take some). Over *n* shifts, shared by two like rings of *N* dogs of the
+radial width *b*, a dog loses per width :math:`V' = k n E/(2 \mu N b)`.
+
+*Where.* Two faces that overlap by *L* touch from either crest to *L* behind it. The relative angle
+is anything, so overlaps are even up to the largest, and how often a place is touched falls linearly
+from the crest to the end of the face. The loss has that profile: :math:`\Delta` at the crest, none
+at the braking edge, :math:`V' = \Delta f/2` on a face of width *f*. So the crest sinks and the
+chamfer flattens.
+
+*Shape.* Both crests stand lower by :math:`\Delta`. Travel and median plane stay: a pair with the
+axial gap :math:`g + 2\Delta`, the height :math:`h - 2\Delta` that overlaps, and the depth
+:math:`d - \Delta` of the face at its braking edge, which stays where it was. Once the chamfer is
+gone the whole face sinks. Not in it: rounding of the edge itself, for which the simulated dog has
+no radius, chips, and the floor of the slot, which stands deeper by :math:`\Delta` than that of the
+shorter dog.
+
+Specific wear rates, mm3/(N m): :math:`K/(3 H)` with *K* of 2e-6 (well lubricated) to 2e-4 (hardly)
+for like metals and 7 GPa of hardness is 1e-7 to 1e-5 (Rabinowicz, *Friction and Wear of Materials*,
+1995; an order of magnitude, not a figure of dog clutches).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.units import MM
+
+
+@dataclass(frozen=True)
+class Wear:
+    """Cause of the wear of faces: a rate or a measured loss, the other None.
+
+    Parameters
+    ----------
+    rate : specific wear rate, m3/(N m).
+    crest_loss : height that the crest lost at the end of the life, as measured, m.
+    """
+
+    rate: float | None = None
+    crest_loss: float | None = None
+
+    def __post_init__(self) -> None:
+        if (self.rate is None) == (self.crest_loss is None):
+            raise InputError(
+                "[wear] needs one of wear.rate_mm3_Nm (Archard) and wear.crest_loss_mm (measured); "
+                "give one and not both"
+            )
+        if self.rate is not None:
+            rate, remedy = self.rate / 1e-9, "1e-7 is well lubricated, 1e-5 hardly"
+            require_between("wear.rate_mm3_Nm", rate, 0.0, 1e-2, remedy)
+        if self.crest_loss is not None:
+            lost, remedy = self.crest_loss / MM, "give the height in mm"
+            require_between("wear.crest_loss_mm", lost, 0.0, 2.0, remedy)
+
+    def loss(self, dog: Dog, energy: float, friction: float, shifts: float) -> float:
+        """Compute the height that ``shifts`` take from the crest of a dog, m.
+
+        ``energy`` in J is that of a shift in the mean, ``friction`` the dynamic coefficient.
+        """
+        if self.rate is None or energy <= 0.0:
+            return 0.0
+        if friction <= 0.0:
+            raise InputError(
+                "wear.rate_mm3_Nm follows the work of friction, but contact.dynamic_friction is 0; "
+                "give wear.crest_loss_mm"
+            )
+        work = shifts * energy / friction
+        volume = self.rate * work / (2.0 * dog.count * dog.radial_width)
+        return 2.0 * volume / dog.face_width
+
+
+def worn(dog: Dog, loss: float) -> Dog:
+    """Return the dog of a pair whose crests have lost the height ``loss``, m.
+
+    Raises GeometryError where nothing of the dog is left.
+    """
+    lower = replace(
+        dog, height=dog.height - 2.0 * loss, axial_gap=dog.axial_gap + 2.0 * loss, chamfer=0.0
+    )
+    drop = max(0.0, dog.edge_drop - loss)
+    lean = drop * math.tan(dog.braking)
+    return replace(lower, chamfer=math.atan(drop / (lower.tip_width + lean)))

@@ -1,0 +1,61 @@
+"""A search over shape and shift control together, from trials to report."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.config.set_point import OPERATED
+
+SETTINGS = {
+    "operating": {
+        "mismatch_rpm": {"distribution": "normal", "mean": 50.0, "sd": 10.0},
+        "force_N": [315.5],
+        "samples": 3,
+    },
+    "expectation.angles": 4,
+    "solver.engine": "planar",
+    "variables": {
+        "chamfer_deg": [7.5, 12.0],
+        "mismatch_set_rpm": [-100.0, 100.0],
+        "force_factor": [0.8, 2.0],
+        "rise_factor": [0.7, 1.5],
+    },
+    "wear": {"crest_loss_mm": 0.1},
+    "search.sampler": "tpe",
+    "search.trials": 10,
+    "search.startup": 6,
+    "search.confirm_designs": 1,
+    "search.confirm_angles": 4,
+}
+
+
+def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
+    out = tmp_path / "r"
+    found = ds.Study("mq200_paper", SETTINGS).search(out, jobs=1)
+    best, record = found.best, found.record
+    assert best is not None
+    assert {row["prototype"] for row in record["trials"]} == {True, False}
+    assert all({*OPERATED} <= row.keys() for row in record["trials"])
+    assert record["surrogate"] is None
+    confirmed = ds.load_result(out).confirmation
+    assert confirmed is not None
+    points = confirmed["best"]["points"]
+    mean = sum(p["mismatch_rpm"] for p in points) / len(points)
+    assert mean == pytest.approx(best["mismatch_set_rpm"], abs=1e-5)
+    forces = [p["force_N"] for p in points]
+    assert forces == pytest.approx([315.5 * best["force_factor"]] * 3)
+    life = ds.load_result(out).record["life"]
+    assert [row["crest_loss_mm"] for row in life] == [0.0, 0.05, 0.1]
+    assert life[0]["expected_shift_time_s"] == confirmed["best"]["expected_shift_time_s"]
+    page = (out / "report.html").read_text()
+    assert "set-point of the mismatch" in page
+    assert "drift over its life?" in page
+    # What was simulated is found again: the same command has nothing left to do.
+    shifts = (out / "shifts.jsonl").read_text()
+    again = ds.Study("mq200_paper", SETTINGS).search(out, jobs=1, resume=True)
+    assert (out / "shifts.jsonl").read_text() == shifts
+    assert json.dumps(again.record["best"]) == json.dumps(best)

@@ -1,0 +1,136 @@
+"""Wear of the faces: shape of a worn pair, Archard's law, and the profile that it leaves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import load_study, wear_of
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.life import STAGES, life_checks, life_of
+from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.shift.geometry import section
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.wear import Wear, worn
+from dogshape.sim.units import MM
+
+DOG = load_study("mq200_paper").clutch.dog
+QUICK = ["solver.engine=planar", "search.confirm_angles=4", "operating.mismatch_rpm=[50]"]
+
+
+@pytest.mark.parametrize("loss", [0.01 * MM, 0.1 * MM, 0.2 * MM])
+def test_a_worn_pair_has_lower_crests_and_nothing_else(loss: float) -> None:
+    """Travel, flanks and braking edge stay where they were; the crest sinks along its flank."""
+    pair = worn(DOG, loss)
+    assert pair.travel == pytest.approx(DOG.travel)
+    assert pair.axial_gap == pytest.approx(DOG.axial_gap + 2.0 * loss)
+    (_, edge, crest, _), (_, old_edge, old_crest, _) = section(pair), section(DOG)
+    assert edge == pytest.approx(old_edge)
+    assert crest[1] == pytest.approx(old_crest[1] - loss)
+    assert crest[0] == pytest.approx(old_crest[0] + loss * math.tan(DOG.traction))
+    assert 0.0 < pair.chamfer < DOG.chamfer
+
+
+def test_a_face_without_chamfer_sinks_as_a_whole() -> None:
+    pair = worn(DOG, 1.5 * DOG.edge_drop)
+    assert pair.chamfer == 0.0
+    assert pair.height == pytest.approx(DOG.height - 3.0 * DOG.edge_drop)
+    with pytest.raises((GeometryError, InputError)):
+        worn(DOG, 0.51 * DOG.height)
+
+
+def test_archard_takes_what_friction_works() -> None:
+    """Volume of the wedges that all dogs of both rings lose: rate times work of friction."""
+    rate, energy, friction, shifts = 1e-15, 2.0, 0.08, 1e5
+    loss = Wear(rate=rate).loss(DOG, energy, friction, shifts)
+    wedges = 2 * DOG.count * DOG.radial_width * 0.5 * loss * DOG.face_width
+    assert wedges == pytest.approx(rate * shifts * energy / friction)
+    assert 1e-6 < loss < 1e-4
+
+
+def test_even_overlaps_touch_the_face_linearly() -> None:
+    """Faces that overlap by anything alike: a place is touched in proportion to what is beyond."""
+    overlaps = np.random.default_rng(3).random(40_000)
+    for place in (0.0, 0.25, 0.5, 0.9):
+        assert np.mean(overlaps > place) == pytest.approx(1.0 - place, abs=0.01)
+
+
+def test_the_area_between_both_faces_is_the_wedge() -> None:
+    """Old face less new face, by the points of both sections, to first order of the loss."""
+    loss = 0.02 * MM
+    (_, edge, crest, _), (_, _, sunk, _) = section(DOG), section(worn(DOG, loss))
+    area = 0.5 * abs(
+        (crest[0] - edge[0]) * (sunk[1] - edge[1]) - (sunk[0] - edge[0]) * (crest[1] - edge[1])
+    )
+    assert area == pytest.approx(0.5 * loss * DOG.face_width, rel=0.04)
+
+
+def test_a_life_is_that_of_three_dogs() -> None:
+    """Each stage is the worn dog simulated as a dog of its own."""
+    study = load_study("mq200_paper", [*QUICK, "wear.crest_loss_mm=0.2"])
+    wear = wear_of(study.file)
+    assert wear is not None
+    rows = life_of(study, study.prototype, wear, scratch_executor())
+    assert [row["life"] for row in rows] == [*STAGES]
+    assert [row["crest_loss_mm"] for row in rows] == pytest.approx([0.0, 0.1, 0.2])
+    pair = worn(DOG, 0.2 * MM)
+    keys = {
+        "dog.height_mm": pair.height / MM,
+        "dog.axial_gap_mm": pair.axial_gap / MM,
+        "dog.chamfer_deg": math.degrees(pair.chamfer),
+    }
+    sets = [*QUICK, *(f"{key}={value!r}" for key, value in keys.items())]
+    other = load_study("mq200_paper", [*sets, "wear.crest_loss_mm=0.0"])
+    (first, *_) = life_of(other, other.prototype, Wear(crest_loss=0.0), scratch_executor())
+    assert rows[-1]["expected_shift_time_s"] == pytest.approx(first["expected_shift_time_s"])
+    assert rows[-1]["margins"]["chamfer_release"] < 0.0 < rows[0]["margins"]["chamfer_release"]
+    assert rows[-1]["margins"]["contact_ratio"] < rows[0]["margins"]["contact_ratio"]
+
+
+def test_wear_by_a_rate_follows_the_energy() -> None:
+    study = load_study("mq200_paper", [*QUICK, "wear.rate_mm3_Nm=1e-6"])
+    wear = wear_of(study.file)
+    assert wear is not None
+    assert wear.rate == pytest.approx(1e-15)
+    new, half, _ = life_of(study, study.prototype, wear, scratch_executor())
+    friction, shifts = study.clutch.contact.dynamic_friction, 0.5 * study.limits.load.shifts
+    assert half["crest_loss_mm"] == pytest.approx(
+        wear.loss(DOG, new["energy_J"], friction, shifts) / MM
+    )
+
+
+def test_checks_of_the_root_keep_the_worse_of_worn_and_new() -> None:
+    study = load_study("mq200_paper")
+    kept = {c.name: c for c in life_checks(study, DOG, worn(DOG, 0.3 * MM))}
+    new = {c.name: c for c in strength_checks(DOG, study.limits)}
+    assert not any(c.rule.group == "make" for c in kept.values())
+    for name, check in kept.items():
+        if check.rule.group == "load":
+            assert check.margin <= new[name].margin
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ("wear={rate_mm3_Nm=1e-6, crest_loss_mm=0.1}", "give one and not both"),
+        ("wear={}", "give one and not both"),
+        ("wear.rate_mm3_Nm=1.0", "wear.rate_mm3_Nm is 1 mm3/(N m), but it must lie"),
+        ("wear.crest_loss_mm=-1", "wear.crest_loss_mm is -1 mm"),
+        ("wear.crest_los_mm=1", "did you mean 'wear.crest_loss_mm'"),
+    ],
+)
+def test_wear_that_is_none_is_refused(more: str, sentence: str) -> None:
+    with pytest.raises(InputError) as refused:
+        load_study("mq200_paper", [more])
+    assert sentence in str(refused.value)
+
+
+def test_a_study_without_wear_keeps_its_hashes() -> None:
+    study = load_study("mq200_paper")
+    assert "wear" not in study.file.model_dump()
+    assert wear_of(study.file) is None
+    with pytest.raises(InputError, match="dynamic_friction is 0"):
+        Wear(rate=1e-15).loss(replace(DOG), 1.0, 0.0, 1.0)
