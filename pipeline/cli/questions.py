@@ -17,14 +17,20 @@ def may_ask(yes: bool) -> bool:
 
 
 def ask_text(question: str, default: str) -> str:
-    """Ask for words."""
-    found: str = typer.prompt(question, default=default, err=True)
+    """Ask for words; the end of the input stops the program as Ctrl-C does."""
+    try:
+        found: str = typer.prompt(question, default=default, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     return found.strip()
 
 
 def ask_yes(question: str, *, default: bool) -> bool:
-    """Ask for yes or no."""
-    return typer.confirm(question, default=default, err=True)
+    """Ask for yes or no; the end of the input stops the program as Ctrl-C does."""
+    try:
+        return typer.confirm(question, default=default, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
 
 
 def ask_number(question: str, default: Any) -> Any:

@@ -21,7 +21,7 @@ from tests.integration.studies import Finished
 Call = Callable[..., Said]
 VERBS = (
     "shift", "expect", "strength", "study", "report", "fit", "check", "explore", "validate",
-    "export",
+    "export", "gap", "choose", "compare",
 )  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 SETS = [part for text in SMALL for part in ("--set", text)]

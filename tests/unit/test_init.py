@@ -105,6 +105,13 @@ def test_what_fits_twice_is_asked_about() -> None:
     assert faults == []
 
 
+@pytest.mark.parametrize("what", ["study", "bench"])
+def test_help_has_an_example(dogshape: Call, what: str) -> None:
+    said = dogshape("init", what, "--help")
+    assert said.status == 0
+    assert f"Example: dogshape init {what}" in said.out
+
+
 @pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None:
     Path("m.csv").write_bytes(FOREIGN.encode(coding))
@@ -301,6 +308,16 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert bench.readings[0].time == pytest.approx(0.19)
     quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])
     assert quiet.exit_code == 0
+
+
+def test_questions_that_are_stopped_write_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input="mq200_paper\n")
+    assert (done.exit_code, "stopped" in done.stderr) == (130, True)
+    assert not list(tmp_path.iterdir())
 
 
 def test_values_are_replaced_in_place() -> None:

@@ -165,8 +165,6 @@ def _own(study: Setup) -> Standing:
     """Give the standing of a study's own dog, of which nothing was simulated."""
     design, dog = design_of(study, {}), study.clutch.dog
     margins = {check.name: check.margin for check in design.checks}
-    row: Row = {
-        "trial": 0, "prototype": True, **study.prototype,
-        "axial_length_mm": dog.axial_length / MM,
-    }  # fmt: skip
-    return Standing(row, None, (), margins, locking_friction(dog, study.limits.load))
+    row: Row = {"trial": 0, "prototype": True, **study.prototype}
+    friction = locking_friction(dog, study.limits.load)
+    return Standing(row, None, (), margins, friction, dog.axial_length / MM)

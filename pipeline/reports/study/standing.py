@@ -21,7 +21,7 @@ from dogshape.pipeline.reports.study.single_shifts import Shifts, place
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.strength.locking import locking_friction
-from dogshape.sim.units import RPM
+from dogshape.sim.units import MM, RPM
 
 SHOWN = 3  #: least margins that are named
 
@@ -37,6 +37,7 @@ class Standing:
     points : operating points of the confirmation; empty where it was not confirmed.
     margins : margins of all checks by name, those at the new angles where there are any.
     friction : static friction above which a surface locks, and the check of that surface.
+    length_mm : axial length, mm.
     checks : records of the checks at the new angles, empty where it was not confirmed.
     """
 
@@ -45,6 +46,7 @@ class Standing:
     points: tuple[Row, ...]
     margins: Mapping[str, float]
     friction: tuple[float, str]
+    length_mm: float
     checks: tuple[Row, ...] = ()
 
     @property
@@ -67,11 +69,6 @@ class Standing:
         """Whether no margin is below zero."""
         return all(margin >= 0.0 for margin in self.margins.values())
 
-    @property
-    def length_mm(self) -> float:
-        """Axial length, mm."""
-        return float(self.row["axial_length_mm"])
-
 
 def standing_of(study: Setup, result: Row, row: Row) -> Standing:
     """Collect what is known of a design of a result."""
@@ -89,9 +86,10 @@ def standing_of(study: Setup, result: Row, row: Row) -> Standing:
         margins |= {c["name"]: c["margin"] for c in found["checks"] if c["margin"] is not None}
         time = float(found[SIMULATED]), float(found["standard_error_s"] or 0.0)
     params = {name: row[name] for name in study.variables}
-    friction = locking_friction(study.dog_with(params), study.limits.load)
+    dog = study.dog_with(params)
+    friction, length = locking_friction(dog, study.limits.load), dog.axial_length / MM
     known = (tuple(found["points"]), tuple(found["checks"])) if found else ((), ())
-    return Standing(row, time, known[0], margins, friction, known[1])
+    return Standing(row, time, known[0], margins, friction, length, known[1])
 
 
 def standings(study: Setup, result: Row) -> dict[int, Standing]:
