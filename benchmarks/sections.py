@@ -171,13 +171,16 @@ OTHERS: dict[str, dict[str, str]] = {
         **dict.fromkeys(("", "Kinds of test", "How figures are proven"), DEFINITIONS),
         **dict.fromkeys(("Verification", "Valid range", "Cost"), TABLES),
     },
-    "docs/gap.md": dict.fromkeys(
-        (
-            *("", "Its parts, from the top", "What the caller may add"),
-            *("Before anyone goes to the bench", "New readings", "A study of what was found"),
+    "docs/gap.md": {
+        **dict.fromkeys(
+            (
+                *("", "Its parts, from the top", "What the caller may add"),
+                *("Before anyone goes to the bench", "New readings", "A study of what was found"),
+            ),
+            DEFINITIONS,
         ),
-        DEFINITIONS,
-    ),
+        "The stand, end to end": "printed by the commands of the section",
+    },
     "docs/inference.md": dict.fromkeys(
         (
             "",

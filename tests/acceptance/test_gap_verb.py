@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.pipeline.config.study_file import load_study
@@ -102,6 +103,20 @@ def test_the_stand_becomes_a_study_with_its_dead_time_and_its_drag(
     assert gearbox.study.mechanism["added_mass_kg"] == 0.3
     assert any("mass of actuator" in remark and "not drawn" in remark for remark in gearbox.remarks)
     assert all("moving_mass" not in row["hypothesis"] for row in gearbox.draws)
+
+
+def test_a_plan_for_the_stand_says_what_no_shift_can_show(tmp_path: Path) -> None:
+    """From the bundled bank: a dead time is seen at any strength, an axial gap at none."""
+    plan = ds.plan_shifts("mq200_stand", 60, points=6, bank=tmp_path)
+    names = [h[0] if h else "none" for h in plan.inference.field.hypotheses]
+    seen = {name: plan.unlike(k)[0] for k, name in enumerate(names) if name != "none"}
+    assert seen["actuation_delay"] == seen["reversed_mismatch"] == 1.0
+    assert seen["axial_gap"] == seen["spline_friction"] == 0.0
+    record = plan.to_dict()
+    assert sum(visit["shifts"] for visit in record["order"]) == 60
+    assert record["worth"] > record["all_points"]["worth"] - 0.01
+    assert record["hours"] < 0.5 * record["all_points"]["hours"]
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

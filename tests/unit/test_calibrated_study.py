@@ -202,6 +202,19 @@ def test_the_verb_writes_a_study_and_prints_the_diagnosis_where_it_cannot(
         assert (said.status, words in said.sentence) == (2, True), said.err
 
 
+@pytest.mark.usefixtures("_toy")
+def test_a_disk_that_fills_up_loses_no_diagnosis(
+    dogshape: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device", "late.toml")
+
+    monkeypatch.setattr("dogshape.pipeline.diagnose.calibrated_study.write_whole", full)
+    said = dogshape("gap", "late", "--write", "late.toml", "--json")
+    assert (said.status, said.json["causes"]) == (2, ["actuation_delay"])
+    assert "No space left on device (late.toml)" in said.sentence
+
+
 DRAWN = ["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "solver.engine=planar"]
 
 

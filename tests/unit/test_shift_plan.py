@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from dogshape.diagnosis.bench.bench_data import setting_of
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.inference.shift_plan import (
     LOT,
     VISITS,
@@ -24,10 +26,11 @@ from dogshape.diagnosis.inference.shift_plan import (
 )
 from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.likelihood.scores import Problem, score
+from dogshape.diagnosis.prediction.hypotheses import spaces_for
 from dogshape.sim.shift.clutch import OperatingPoint
 from tests.conftest import Said
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 
 Call = Callable[..., Said]
 POINTS = points_of((235.2, 641.5))
@@ -196,3 +199,32 @@ def test_help_of_two_words_has_an_example_and_a_folder_of_that_name_is_reached(
     assert "Example: dogshape gap plan" in dogshape("gap", "plan", "--help").out
     assert "Example: dogshape gap mq200_stand" in dogshape("gap", "--help").out
     assert "there is no data set at ./plan" in dogshape("gap", "./plan").sentence
+
+
+def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_data() -> None:
+    """A second method: data drawn with all their errors, scored by the likelihood itself."""
+    points, n, count = POINTS[4:6], 10, 300
+    field = _field(("actuation_delay",), points)
+    shifts = np.full(2, float(n))
+    truth = 1 + int(np.argmin(abs(field.distances(shifts)[1:, 0] - 8.0)))
+    distance = field.distances(shifts)[truth, 0]
+    delay = 0.25 * (truth - 0.5) / 24
+    base = field.baseline
+    widths = np.sqrt(base.core_sd[0] ** 2 / n + base.error[0] ** 2)
+    generator = np.random.default_rng(1)
+    spaces = spaces_for([(), ("actuation_delay",)], EFFECTS, setting_of(bench_of({}, generator)))
+    odds = []
+    for _ in range(count):
+        means = base.core[0] + delay + widths * generator.standard_normal(2)
+        readings = [
+            Reading(k, point, n, float(mean), True)
+            for k, (point, mean) in enumerate(zip(points, means, strict=True), start=2)
+        ]
+        bench = Bench("drawn", "", CLUTCH, gather(readings), None, Sensor())
+        problem = Problem(observe(bench), Toy(points), PLAIN)
+        none = score(problem, spaces[0], np.zeros((1, 0)))
+        late = score(problem, spaces[1], np.array([[delay / 0.25]]))
+        odds.append(float(late.whole[0] - none.whole[0]))
+    error = np.std(odds) / np.sqrt(count)
+    assert np.mean(odds) == pytest.approx(0.5 * distance, abs=4.0 * error)
+    assert 4.0 * error < 0.25 * distance

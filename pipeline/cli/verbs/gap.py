@@ -15,7 +15,7 @@ from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 from dogshape.pipeline.diagnose.calibrated_study import DRAWS, require_new_study
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import DogshapeError, InputError
 
 
 @verb
@@ -68,7 +68,7 @@ def gap(
     record = found.to_dict()
     try:
         made = None if write is None else found.calibrated(write, base, draws)
-    except InputError:
+    except (DogshapeError, OSError):
         # The diagnosis was long work and is an answer by itself.
         emit(record, json, lambda: diagnosis_table(found.inference, record))
         raise
