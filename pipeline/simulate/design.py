@@ -23,7 +23,7 @@ from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, stre
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.notch import outside_fit
-from dogshape.sim.strength.production import kept_share, standard_error
+from dogshape.sim.strength.production import kept_share, standard_error, surely_below
 from dogshape.sim.units import MM
 from dogshape.surrogate.covariance import Array
 
@@ -141,7 +141,19 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
         fit = keeps_limits(study.dog_with(params), study.operated(params).limits)
     except GeometryError:
         return False
-    return fit and (not study.file.search.limits or design_of(study, params).feasible)
+    if not fit or not study.file.search.limits:
+        return fit
+    return not _improbable(study, params) and design_of(study, params).feasible
+
+
+def _improbable(study: Setup, params: dict[str, float]) -> bool:
+    """Decide by few draws whether a design must fail the limit on manufactured clutches."""
+    least = (study.file.search.limits or {}).get(PROBABLE)
+    if least is None:
+        return False
+    own, unsure = study.operated(params), study.uncertainty
+    friction = None if unsure is None else unsure.of("friction_factor")
+    return surely_below(study.dog_with(params), own.limits, friction, least)
 
 
 def _bare(study: Setup, params: dict[str, float]) -> Design:

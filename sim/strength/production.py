@@ -16,8 +16,10 @@ is not zero where all or none do.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import fields, replace
 from functools import lru_cache
+from itertools import islice
 
 import numpy as np
 
@@ -30,6 +32,7 @@ from dogshape.sim.strength.sharing import neighbour_share
 from dogshape.sim.strength.tolerance import Tolerances, moved
 
 DRAWS = 500
+FIRST = 100  #: of the draws, that a search looks at before the rest
 SEED = 20261124
 SIGMAS = 3.0  #: standard deviations of a dimension in its tolerance
 #: all dimensions: each keeps its column of the draws, whatever has no tolerance
@@ -58,6 +61,19 @@ def kept_share(dog: Dog, limits: Limits, friction: Distribution | None = None) -
     return float(np.mean(kept_draws(dog, limits, friction)))
 
 
+def surely_below(dog: Dog, limits: Limits, friction: Distribution | None, least: float) -> bool:
+    """Decide whether so many of the first draws fail that the share must be below ``least``.
+
+    It ends with the last failure that may be, so that a search refuses poor designs at once.
+    """
+    allowed, failed = (1.0 - least) * DRAWS, 0
+    for kept in islice(_draws(dog, limits, friction), FIRST):
+        failed += not kept
+        if failed > allowed:
+            return True
+    return False
+
+
 def standard_error(share: float) -> float:
     """Compute the standard error of a share of the draws."""
     middle = (share * DRAWS + 0.5) / (DRAWS + 1.0)
@@ -66,6 +82,10 @@ def standard_error(share: float) -> float:
 
 def kept_draws(dog: Dog, limits: Limits, friction: Distribution | None = None) -> list[bool]:
     """Return of each drawn clutch whether it keeps every closed-form check."""
+    return [*_draws(dog, limits, friction)]
+
+
+def _draws(dog: Dog, limits: Limits, friction: Distribution | None) -> Iterator[bool]:
     shares = _shares()
     sizes = limits.tolerances.dimensions
     deviations = {
@@ -76,10 +96,9 @@ def kept_draws(dog: Dog, limits: Limits, friction: Distribution | None = None) -
     factors = np.ones(DRAWS) if friction is None else friction.at(shares[:, -1])
     exact = limits.tolerances.without_sizes()
     bare = replace(limits, tolerances=exact, load=_near(limits.load))
-    return [
-        _keeps(dog, bare, {name: float(column[k]) for name, column in deviations.items()}, factor)
-        for k, factor in enumerate(factors.tolist())
-    ]
+    for k, factor in enumerate(factors.tolist()):
+        off = {name: float(column[k]) for name, column in deviations.items()}
+        yield _keeps(dog, bare, off, factor)
 
 
 def _keeps(dog: Dog, limits: Limits, deviations: dict[str, float], factor: float) -> bool:

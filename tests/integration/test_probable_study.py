@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 import dogshape as ds
 from dogshape.sim.strength.production import kept_share, standard_error
 
@@ -22,6 +24,7 @@ SETTINGS = {
 }
 
 
+@pytest.mark.slow  # test_production.py has the limit without a search
 def test_a_search_keeps_a_share_of_manufactured_clutches(tmp_path: Path) -> None:
     study = ds.Study("mq200_paper", SETTINGS)
     found = study.search(tmp_path / "r", jobs=1, report=False)

@@ -14,7 +14,13 @@ from dogshape.pipeline.simulate.design import design_of, exact_losses, objective
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.distribution import Distribution
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
-from dogshape.sim.strength.production import DRAWS, kept_draws, kept_share, standard_error
+from dogshape.sim.strength.production import (
+    DRAWS,
+    kept_draws,
+    kept_share,
+    standard_error,
+    surely_below,
+)
 from dogshape.sim.strength.sharing import load_share, neighbour_share
 from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.units import DEG, MM
@@ -90,6 +96,18 @@ def test_no_tolerance_no_doubt() -> None:
     assert kept_share(study.clutch.dog, sure) == 1.0
     heavy = replace(sure, load=replace(sure.load, torque=2000.0))
     assert kept_share(study.clutch.dog, heavy) == 0.0
+
+
+def test_a_quick_refusal_is_right() -> None:
+    """What few draws refuse has a share below the limit; a sure design is never refused."""
+    limits = _limits(replace(NONE, axial_gap=0.3 * MM, clearance=0.5 * MM))
+    refused = []
+    for gap in np.linspace(0.3, 0.9, 13).tolist():
+        dog = replace(load_study("mq200_paper").clutch.dog, axial_gap=gap * MM)
+        refused.append(surely_below(dog, limits, None, 0.99))
+        assert not refused[-1] or kept_share(dog, limits) < 0.99
+    assert refused[0]
+    assert not refused[-1]
 
 
 def test_the_standard_error_covers() -> None:
