@@ -75,10 +75,10 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
         if failure or why == kernel.ENGAGED:
             break
         if why == kernel.PAUSED:
-            if stands_still(clutch, point, now, last, state[:6]):
+            if stands_still(clutch, point, now, last, state):
                 blocked = True
                 break
-            last = state[:6].copy()
+            last = state.copy()
     whole = np.concatenate([part for _, part in parts])[:, :size]
     return Run(np.concatenate([part for part, _ in parts]), whole, blocked, failure, spent)
 

@@ -66,12 +66,18 @@ def stands_still(
     Parameters
     ----------
     time : of ``now``, s.
-    before, now : states (6,) or (8,), one ``STILL_WINDOW`` apart; None where there is none.
+    before, now : states as ``sim.shift.conclusion.Run`` has them, one ``STILL_WINDOW`` apart; None
+        where there is none.
     """
     profile = point.profile
     if before is None or profile.at(time - STILL_WINDOW) < 0.5 * profile.force:
         return False
     states = np.array([before, now])
+    if clutch.mechanism.has_shafts:
+        # What hangs on a ring may still turn, in its play or on its shaft, and set the ring going.
+        behind = np.abs(states[:, [9, 11]] - states[:, [5, 3]]).max()
+        if clutch.dog.mean_radius * behind > STILL:
+            return False
     return stays_held(clutch, states, STILL_WINDOW, clutch.timeout - time)
 
 
@@ -80,7 +86,7 @@ def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool
 
     Parameters
     ----------
-    states : output angle, displacement, sliding angle and their rates, (n, 6), over
+    states : output angle, displacement, sliding angle and their rates first, (n, 6 or more), over
         the last ``span`` s.
     left : time to the time-out, s.
     """

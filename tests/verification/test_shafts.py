@@ -13,9 +13,12 @@ from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.strength.strike import Strike, two_mass_torque
 from dogshape.sim.units import DEG, RPM
 
 RING, WHEEL = 5e-4, 1e-2  #: kg m2
@@ -23,6 +26,7 @@ INPUT, OUTPUT = 15e3, 8e3  #: N m/rad
 GIVING = Mechanism(
     ring_inertia=RING, input_stiffness=INPUT, wheel_inertia=WHEEL, output_stiffness=OUTPUT
 )
+STRIKE = 100.0 * RPM
 PLAY = replace(GIVING, backlash=0.2 * DEG)
 
 
@@ -144,6 +148,65 @@ def test_shaft_torque_stays_below_what_the_whole_mismatch_makes() -> None:
         whole = mismatch * RPM * math.sqrt(INPUT * 0.01 * 0.6048 / 0.6148)
         assert trace.input_torque is not None
         assert 0.02 * whole < np.abs(trace.input_torque).max() < whole
+
+
+def _first_strike(mechanism: Mechanism) -> float:
+    """Peak torque of the first strike of upright flanks without friction and loss, N m."""
+    clutch = load_study("mq200_paper").clutch
+    dog = replace(clutch.dog, traction=0.0, chamfer=0.0)
+    contact = replace(clutch.contact, dissipation=0.0, static_friction=0.0, dynamic_friction=0.0)
+    own = replace(clutch, dog=dog, contact=contact, mechanism=mechanism, timeout=0.05)
+    point = OperatingPoint(STRIKE, ForceProfile(469.0, 0.1766))
+    found = engage(own.with_engine("planar").refined(), point, 23.0 * DEG)
+    torque = np.abs(found.trace.tangential_force) * dog.mean_radius
+    struck = torque > 1.0
+    begin = int(np.argmax(struck))
+    end = begin + int(np.argmin(struck[begin:]))
+    assert 2e-3 < found.trace.displacement[begin] < 4e-3  # flank on flank
+    return float(torque[begin:end].max())
+
+
+@pytest.mark.parametrize("side", ["ring", "wheel"])
+def test_a_strike_is_that_of_the_closed_form(side: str) -> None:
+    """Soft shaft: what stands at the flanks alone; stiff: all of its side; between: a bound.
+
+    The stiffness of the dogs follows from the strike of rigid sides. It is no constant, since
+    flanks touch over more of their length the deeper they are pressed: 3 to 4 %.
+    """
+    whole = {"ring": 0.01, "wheel": 0.6048}
+    part = {"ring": 1e-3, "wheel": 2e-3}[side]
+    sides = [part if side == name else whole[name] for name in ("ring", "wheel")]
+    rigid = _first_strike(Mechanism())
+    stiffness = (rigid / STRIKE) ** 2 * 0.6148 / (0.01 * 0.6048)
+    alone = two_mass_torque(STRIKE, stiffness, *sides)
+
+    def both(shaft: float) -> tuple[float, float]:
+        keys = {"ring": "input_stiffness", "wheel": "output_stiffness"}
+        mechanism = Mechanism(**{f"{side}_inertia": part, keys[side]: shaft})
+        near, far = (shaft if side == name else None for name in ("ring", "wheel"))
+        strike = Strike(sides[0], 0.01, near or 1e9, sides[1], 0.6048, far)
+        return _first_strike(mechanism), strike.torque(STRIKE, stiffness)
+
+    assert both(100.0)[0] == pytest.approx(alone, rel=0.04)
+    assert alone < 0.5 * rigid
+    stiff, closed = both(1e7)
+    assert stiff == pytest.approx(closed, rel=0.01)
+    for shaft in (1e4, 1e5, 1e6):
+        found, closed = both(shaft)
+        assert 0.95 * alone < found < 1.02 * closed
+
+
+def test_dogs_that_wait_for_the_rest_to_cross_its_play_are_not_blocked_yet() -> None:
+    """Friction holds faces on faces, but the rest still turns towards the end of its play."""
+    study = load_study("mq200_paper")
+    clutch = _clutch(replace(PLAY, backlash=20.0 * DEG, drag_torque=0.01))
+    flat = clutch.with_dog(replace(clutch.dog, chamfer=1.0 * DEG))
+    point = OperatingPoint(10.0 * RPM, study.actuation.profile(641.5))
+    held = engage(flat, point, 0.0)
+    assert held.outcome is Outcome.BLOCKED
+    assert held.trace.time[-1] > 10.0 * DEG / (10.0 * RPM)
+    assert held.trace.input_torque is not None
+    assert np.abs(held.trace.input_torque).max() > 0.1
 
 
 def test_keys_of_shafts() -> None:
