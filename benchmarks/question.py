@@ -53,7 +53,7 @@ def designs_of(study: Setup) -> dict[str, dict[str, float]]:
     old = {row["trial"]: row for row in kept("mq200_paper")["trials"]}
     rows = {"prototype": study.prototype}
     rows |= {f"mq200_paper, {trial}": old[trial] for trial in OLD}
-    rows["gearbox, chosen"] = kept(NAME)["best"]
+    rows["mq200, chosen"] = kept(NAME)["best"]
     return {name: {key: row[key] for key in study.variables} for name, row in rows.items()}
 
 

@@ -39,7 +39,7 @@ SHAFTS = {
 #: Values of docs/studies.md.
 SETTINGS: dict[str, dict[str, float]] = {
     "as the paper has it": {},
-    "the same at other angles": {"expectation.seed": 2.0},
+    "the same at other angles": {"expectation.seed": 2},
     "friction in the toothing 0.1": {"mechanism.spline_friction": 0.1},
     "fork of 0.3 kg, drag of 0.1 N m": {
         "mechanism.added_mass_kg": 0.3,
