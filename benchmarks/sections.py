@@ -42,6 +42,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         ),
         "Under other contact": (
             (r"vouches for 0\.12", "a key of the study file"),
+            (r"25 designs over", "size of the table"),
             (r"one of its 168 shifts", "lost ones of the table, 28 points at six angles"),
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
