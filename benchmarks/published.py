@@ -518,9 +518,9 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         RESULTS,
-        "Friction in the toothing has {:.2f} and {:.1f} % of the pairs, shafts that give way {:.2f} "
-        "and {:.1f} %, faces that throw back {:.2f} and {:.1f} %, a fork's mass with drag {:.2f} and "
-        "{:.1f} %.",
+        "Friction in the toothing has {:.2f} and {:.1f} % of the pairs, shafts that give way "
+        "{:.2f} and {:.1f} %, faces that throw back {:.2f} and {:.1f} %, a fork's mass with drag "
+        "{:.2f} and {:.1f} %.",
         lambda: [
             v for name in (TOOTHING, SHAFTS, DRY, FORK) for v in numbers("ranking", name)[1:3]
         ],
