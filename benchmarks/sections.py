@@ -47,6 +47,9 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
         "Other bundled studies": (),
+        "Shift control searched with the shape": (
+            (r"to 15 1/min|reach 1\.4 N s", "keys of its study file"),
+        ),
         "Over the life": ((r"If 0\.1 mm is lost", "a row of the table"),),
         "Against the published model": (
             (r"25 cells that have", "cells of the bench tables with a time"),

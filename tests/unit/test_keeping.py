@@ -225,5 +225,5 @@ def test_the_diagnosis_is_written_before_its_price(
     assert quick.done == 7 * 28 * 6, "a dead time needs no shift of its own"
     assert "So what?" in (out / "report.html").read_text(encoding="utf-8")
     assert sorted(path.name for path in out.iterdir()) == [
-        ".lock", "cells.csv", "gap.json", "report.html",
+        ".lock", "cells.csv", "data", "gap.json", "report.html",
     ]  # fmt: skip
