@@ -5,8 +5,12 @@ Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
 
 from __future__ import annotations
 
+import ast
+import textwrap
 from collections import UserDict
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -58,12 +62,36 @@ class _Commands(UserDict[str, Any]):
         return typer.main.get_command(program)
 
 
+def _summary(verb: str, limit: int) -> str:
+    """Read the first sentence about a verb from the source of its module."""
+    place = find_spec(VERBS[verb])
+    assert place is not None
+    assert place.origin is not None
+    name, said = verb.replace(" ", "_"), ""
+    for one in ast.parse(Path(place.origin).read_text(encoding="utf-8")).body:
+        if isinstance(one, ast.FunctionDef) and one.name == name:
+            said = ast.get_docstring(one) or ""
+        if isinstance(one, ast.Assign) and isinstance(one.value, ast.Call):  # a group of verbs
+            named = [isinstance(to, ast.Name) and to.id == name for to in one.targets]
+            helps = [word.value for word in one.value.keywords if word.arg == "help"]
+            if any(named) and helps:
+                said = str(ast.literal_eval(helps[0]))
+    first = " ".join(said.partition("\n\n")[0].split()).partition(". ")[0]
+    return textwrap.shorten(f"{first.removesuffix('.')}.", limit, placeholder="...")
+
+
 class _Verbs(TyperGroup):
     """The program's verbs."""
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
         self.commands = _Commands(VERBS)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the verbs with what each does, read from its source: loading all takes seconds."""
+        limit = formatter.width - 6 - max(map(len, VERBS))
+        with formatter.section("Commands"):
+            formatter.write_dl([(verb, _summary(verb, limit)) for verb in VERBS])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; ``gap plan`` is one of two words, ``gap ./plan`` a data set."""
