@@ -100,7 +100,7 @@ def neighbour_share(count: int, scatter: float) -> float:
     return one + (other - one) * (scatter - low) / (high - low)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
 def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     """Compute the share of ``count`` dogs that lands, as far as the peak force goes.
 
