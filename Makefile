@@ -65,7 +65,7 @@ blind: $(VENV)/complete
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
   valid_range keeping sense ranking
-SURROGATE := learning_curve active_learning asking
+SURROGATE := learning_curve active_learning asking two_fidelities
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
 # the old table.
@@ -84,7 +84,7 @@ evidence: $(VENV)/complete
 # The surrogate that the package brings, and the tables about it (an hour): what it learns from
 # is simulated into results/mq200_paper-space, where a run that was stopped goes on.
 surrogate: $(VENV)/ready
-	$(BIN)/dogshape fit mq200_paper --choose
+	$(BIN)/dogshape fit mq200_paper --levels 1 --choose
 	cp results/mq200_paper-space/surrogate.json studies/mq200_paper/surrogate.json
 	$(call print_tables,$(SURROGATE))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +12,11 @@ from dogshape.pipeline.config.study_file import Setup, load_study, require_varia
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.found_surrogates import space_out
+from dogshape.pipeline.train.found_surrogates import known_surrogate, space_out
 from dogshape.pipeline.train.inquiry import Inquiry
 from dogshape.pipeline.train.training import ask_more, fill, train
 from dogshape.result import Result, ms
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, refusal
 from dogshape.study import Study
 from dogshape.surrogate.store import Stored
 
@@ -32,11 +33,13 @@ class Fitted(Result):
     config : the study whose designs it was fitted to.
     stored : surrogate, validation, and the scores of the forms that were compared.
     path : file that holds it.
+    seconds : what simulating, fitting and judging took in this call, on the clock.
     """
 
     config: Setup
     stored: Stored
     path: Path
+    seconds: float
 
     @property
     def facts(self) -> dict[str, str]:
@@ -47,13 +50,29 @@ class Fitted(Result):
             "root-mean-square error": ms(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
             "designs": str(len(data.designs)),
-            "shifts": str(data.shifts),
+            "shifts": ", ".join(f"{n} of {name}" for name, n in self.engines.items()),
         }
 
+    @property
+    def engines(self) -> dict[str, int]:
+        """Shifts behind the fit by engine, those of references left out."""
+        data = self.stored.surrogate.data
+        own = {"drake": 0, "planar": 0}
+        if data.levels:
+            return {name: data.levels[name] for name in own}
+        return {**own, self.config.clutch.solver.engine: data.shifts}
+
     def to_dict(self) -> dict[str, Any]:
-        """Give the validation, the form, the scores of the forms compared, and the file."""
+        """Give the validation, the form, the scores of the forms compared, and the file.
+
+        ``levels`` has the correction of rows in two levels.
+        """
         return {
             **self.stored.validation.as_dict(),
+            "shifts_drake": self.engines["drake"],
+            "shifts_planar": self.engines["planar"],
+            "seconds": self.seconds,
+            "levels": self.stored.surrogate.data.levels,
             "designs": len(self.stored.surrogate.data.designs),
             "form": self.stored.surrogate.form,
             "comparison": list(self.stored.comparison),
@@ -73,6 +92,7 @@ def fit(
     choose: bool = False,
     question: str | None = None,
     shifts: int = 1024,
+    levels: int | None = None,
     jobs: int = 0,
     cluster: str | None = None,
     progress: Progress = SILENT,
@@ -88,12 +108,18 @@ def fit(
     choose : whether to compare forms of the model and take the best, minutes.
     question : ``best``, ``front`` or ``design``, about which more is simulated first.
     shifts : how many more shifts a question takes.
+    levels : of a study, 2 for rows of the compiled engine that pairs with Drake correct
+        (``pipeline.train.two_level_rows``), 1 for rows of the study's engine; None for what its
+        folder was begun with, else for 2 where the engine is Drake, no question is asked and the
+        package brings no surrogate.
 
     Raises
     ------
     InputError
-        For settings of a study that was run, an unknown question, too few designs.
+        For settings of a study that was run, an unknown question, too few designs or pairs,
+        levels that the study cannot have.
     """
+    begun = time.perf_counter()
     target = None if out is None else Path(out)
     require_targets({"--out": target})
     asked = None if question is None else Inquiry(question, shifts)
@@ -104,12 +130,52 @@ def fit(
         config = where.config if isinstance(where, Study) else load_study(where, settings)
         folder = StudyFolder(space_out(config))
         require_variables(config)
-        fill(config, folder, jobs, cluster, progress)
+        count = _levels(config, folder, levels, asked)
+        fill(config, folder, jobs, cluster, progress, levels=count)
     elif settings:
         raise InputError(
             "--set cannot change a study that was run; leave it out, or name the study"
         )
+    elif levels is not None:
+        raise InputError(
+            "--levels cannot change a study that was run; leave it out, or name the study"
+        )
     if asked is not None:
+        _require_one_level(folder)
         ask_more(folder, asked, jobs, cluster, progress)
     stored = train(folder, target, choose=choose, say=progress.say)
-    return Fitted(folder.stored_study(), stored, target or folder.surrogate)
+    seconds = time.perf_counter() - begun
+    return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)
+
+
+def _levels(config: Setup, folder: StudyFolder, levels: int | None, asked: Inquiry | None) -> int:
+    """Return the number of levels; InputError for one that the study or its folder cannot have."""
+    drake = config.clutch.solver.engine == "drake"
+    before = 2 if folder.compiled.exists() else 1 if folder.shifts.exists() else None
+    if levels is None:
+        new = drake and asked is None and known_surrogate(config) is None
+        return before or (2 if new else 1)
+    if levels == 2 and asked is not None:
+        raise InputError("--question adds rows of one level; leave it out, or give --levels 1")
+    if levels not in (1, 2):
+        raise InputError(refusal("--levels", levels, "", "it must be 1 or 2", "give one of them"))
+    if levels == 2 and not drake:
+        raise InputError(
+            "--levels is 2, but a study of the compiled engine has one level; leave out --levels, "
+            "or give --engine drake"
+        )
+    if before not in (None, levels):
+        raise InputError(
+            f"--levels is {levels}, but {folder.root} was begun with {before}; leave out --levels "
+            "to go on, or remove the folder"
+        )
+    return levels
+
+
+def _require_one_level(folder: StudyFolder) -> None:
+    """Raise InputError for a folder whose rows no question can add to."""
+    if folder.compiled.exists():
+        raise InputError(
+            f"the rows of {folder.root} are of two levels, to which --question adds none; leave it "
+            "out, or remove the folder and fit the study with --levels 1"
+        )

@@ -52,6 +52,7 @@ def save(path: Path, stored: Stored) -> None:
         "form": surrogate.form,
         "physics": data.physics,
         "engine": data.engine,
+        **({"levels": data.levels} if data.levels else {}),
         "variables": list(data.variables),
         "low": data.low.tolist(),
         "high": data.high.tolist(),
@@ -101,6 +102,7 @@ def _surrogate(content: dict[str, Any]) -> Surrogate:
         rows=np.array(content["rows"], dtype=float),
         physics=content["physics"],
         engine=content["engine"],
+        levels=content.get("levels", {}),
     )
     form = ALTERNATIVES[content["form"]]
     designs = design_coordinates(data, data.x[:1], form.ridge).shape[1]

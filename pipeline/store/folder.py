@@ -8,6 +8,9 @@
 ``points.csv``       its data as a table: simulated operating points
 ``others.json``      of a search that several machines share, what all of them simulated
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
+``compiled.jsonl``   of a fit in two levels, shifts of the compiled engine
+``pairs.jsonl``      those of Drake at some of the same angles
+``compiled-references.jsonl`` shifts of the compiled engine of the designs apart
 ``best.json``        which of them are of the best tenth
 ``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
@@ -44,6 +47,9 @@ class StudyFolder:
         self.result = root / "result.json"
         self.others = root / "others.json"
         self.references = root / "references.jsonl"
+        self.compiled = root / "compiled.jsonl"
+        self.pairs = root / "pairs.jsonl"
+        self.compiled_references = root / "compiled-references.jsonl"
         self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"

@@ -113,16 +113,29 @@ def _between(values: Sequence[float], share: float) -> float:
     return min(max(round(drawn, 2), low), high)
 
 
-def filling_blocks(study: Setup, design: dict[str, float], index: int, seed: int) -> list[Block]:
-    """Return the shifts of the design at ``index``, a block for each of its operating points."""
-    points, angles = study.file.surrogate.points, study.file.surrogate.angles
+def filling_blocks(
+    study: Setup,
+    design: dict[str, float],
+    index: int,
+    seed: int,
+    *,
+    angles: int | None = None,
+    base: int | None = None,
+) -> list[Block]:
+    """Return the shifts of the design at ``index``, a block for each of its operating points.
+
+    ``angles`` instead of the study's, with ``base`` as for
+    ``sim.statistics.expectation.even_phases``.
+    """
+    points = study.file.surrogate.points
     clutch = study.clutch.with_dog(study.dog_with(design))
     return [
         even_block(
             clutch,
             filling_point(study, seed, row),
-            angles,
+            angles or study.file.surrogate.angles,
             (seed, row),
+            base,
             uncertainty=study.uncertainty,
         )
         for row in range(index * points, (index + 1) * points)

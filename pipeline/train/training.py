@@ -1,8 +1,9 @@
 """The surrogate of a study: simulation of its data, fit, validation and file.
 
 A folder of a search holds the search's own shifts. A folder that ``dogshape fit`` fills holds
-designs that fill their space, in ``shifts.jsonl``, and references apart, in
-``references.jsonl``. Rows that the package brings for the same physics join either way.
+designs that fill their space, in ``shifts.jsonl``, and references apart, in ``references.jsonl``;
+in two levels the rows are in ``compiled.jsonl`` and ``pairs.jsonl``. Rows that the package brings
+for the same physics join those of one level.
 """
 
 from __future__ import annotations
@@ -28,6 +29,13 @@ from dogshape.pipeline.train.reference_designs import (
     simulate_references,
 )
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix, with_rows
+from dogshape.pipeline.train.two_level_rows import (
+    pair_blocks,
+    row_blocks,
+    simulate_two_level_references,
+    two_level_data,
+    two_level_references,
+)
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
 from dogshape.surrogate.dataset import COLUMNS, Dataset, among
@@ -50,8 +58,16 @@ def fill(
     jobs: int,
     cluster: str | None = None,
     progress: Progress = SILENT,
+    *,
+    levels: int = 1,
 ) -> None:
-    """Simulate designs that fill their space, and references; go on where a call was stopped."""
+    """Simulate designs that fill their space, and references; go on where a call was stopped.
+
+    In two ``levels`` most shifts are of the compiled engine (``pipeline.train.two_level_rows``).
+    """
+    if levels == 2:
+        _fill_in_two_levels(study, folder, jobs, cluster, progress)
+        return
     settings = study.file.surrogate
     connect(cluster)
     with folder.writing():
@@ -75,6 +91,32 @@ def fill(
                 journal.say_unfinished(progress.say)
 
 
+def _fill_in_two_levels(
+    study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, progress: Progress
+) -> None:
+    settings = study.file.surrogate
+    connect(cluster)
+    with folder.writing():
+        folder.open(study, resume=True)
+        designs = first_designs(study, settings.designs)
+        cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
+        total = sum(len(block.angles) for block in [*cheap, *dear])
+        keeping = "the same command goes on"
+        with WorkCounter(progress, total) as counter, counter.kept_in(folder.root, keeping):
+            files = folder.compiled, folder.pairs, folder.compiled_references, folder.references
+            journals = [ShiftJournal(path) for path in files]
+            rows, pairs, many, few = (
+                Executor(journal, jobs, counter.advance, cluster) for journal in journals
+            )
+            rows.run(cheap)
+            pairs.run(dear)
+            apart = [d for d in reference_designs(study, settings.references) if d not in designs]
+            both = [*apart, *_best(study, folder, progress.say)]
+            simulate_two_level_references(study, both, (many, few), counter.extend)
+            for journal in journals:
+                journal.say_unfinished(progress.say)
+
+
 def ask_more(
     folder: StudyFolder,
     inquiry: Inquiry,
@@ -95,7 +137,7 @@ def _best(study: Setup, folder: StudyFolder, say: Say) -> list[dict[str, float]]
     """Return designs of the best tenth, by a quick fit; chosen once and kept."""
     if not folder.best.exists():
         say("choosing references among the best designs")
-        model = fit(dataset_of(study, ShiftJournal(folder.shifts).rows.values()), effort=QUICK)
+        model = fit(_data_of(study, folder), effort=QUICK)
         write_json(folder.best, {"designs": best_designs(study, model)})
     remedy = "remove it and fit again"
     kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
@@ -120,7 +162,8 @@ def train(
     form = scores[0].form if scores else USUAL if known is None else known.form
     # The package brings far more rows than a search adds: its parameters stand.
     keeps = known is not None and not choose
-    rows = FILLED if folder.references.exists() else WHOLE.rows
+    one = folder.references.exists() and not data.levels
+    rows = FILLED if one else WHOLE.rows
     effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
     surrogate = fit(data, form, known, effort)
     before = brought.validation if brought is not None and keeps else None
@@ -133,6 +176,8 @@ def train(
 
 
 def _data_of(study: Setup, folder: StudyFolder) -> Dataset:
+    if folder.compiled.exists():
+        return two_level_data(study, folder)
     own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
     if not folder.others.exists():
         return own
@@ -170,8 +215,11 @@ def _judged(
 
 def references_of(study: Setup, folder: StudyFolder) -> tuple[Reference, Reference]:
     """Return the references of a filled folder that fill the space, and those of the best."""
-    data = dataset_of(study, ShiftJournal(folder.references).rows.values())
-    whole = reference_of(data, study_mix(study))
+    if folder.compiled_references.exists():
+        whole = two_level_references(study, folder)
+    else:
+        data = dataset_of(study, ShiftJournal(folder.references).rows.values())
+        whole = reference_of(data, study_mix(study))
     kept = read_json(folder.best, "fit again").get("designs", []) if folder.best.exists() else []
     best = whole.of(study.rows(kept))
     return whole.of(whole.x[~among(whole.x, best.x)]), best

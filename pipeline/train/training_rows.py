@@ -28,6 +28,11 @@ def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
 
     Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
     """
+    return with_rows(study, rows_of(tuple(study.variables), shifts_of(study, shifts)))
+
+
+def shifts_of(study: Setup, shifts: Iterable[Record]) -> list[Record]:
+    """Select the shifts that are of the study's physics and of these programs."""
     programs, physics, table = engine(), study.physics_hash, study.actuation.table
     keys = {*clutch_record(study.clutch), "engine", *OPTIONAL, *UNCERTAIN}
 
@@ -40,8 +45,7 @@ def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
         profiles = (ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds)
         return content_key(given) == physics and all(table.gives(one) for one in profiles)
 
-    own = [shift for shift in shifts if is_of(shift)]
-    return with_rows(study, rows_of(tuple(study.variables), own))
+    return [shift for shift in shifts if is_of(shift)]
 
 
 def with_rows(study: Setup, rows: Array) -> Dataset:

@@ -1,0 +1,174 @@
+"""Rows of two levels: many shifts of the compiled engine, corrected by some of Drake's.
+
+Rows have the designs and operating points of one level and ``FEW`` times the angles, all in the
+compiled engine. ``PAIRS`` of them, one a design, have ``FEW`` of the same angles in Drake too,
+which says what the compiled engine's means are off by (``surrogate.discrepancy``).
+
+References are corrected one by one and not by that fit, or its errors would be in what judges it.
+Each has one shift of Drake at each operating point, at another of its angles from design to
+design. The mean is that of the compiled engine and the difference of the pair, which is unbiased;
+how much single differences scatter is common to all references of like mismatch.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.filling import filling_blocks
+from dogshape.pipeline.train.reference_designs import APART, simulate_references
+from dogshape.pipeline.train.training_rows import dataset_of, shifts_of, study_mix
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.shift_records import Record, result_of
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import DIGITS, WHERE, Dataset
+from dogshape.surrogate.discrepancy import Pair, discrepancy_of
+from dogshape.surrogate.references import Reference, reference_of
+
+PAIRS = 80  #: rows that Drake has, too
+FEW = 4  #: angles of such a row in Drake; the compiled engine has so many times a row's angles
+NEAR = 6  #: decimals of a relative angle in degrees by which two engines have the same
+
+Place = tuple[tuple[float, ...], tuple[float, ...]]  #: design and operating point
+Times = dict[Place, dict[float, float]]  #: of shifts that engage, s, by relative angle in degrees
+
+
+def compiled(study: Setup) -> Setup:
+    """Return the same study in the compiled engine."""
+    return replace(study, clutch=study.clutch.with_engine("planar"))
+
+
+def row_blocks(study: Setup, designs: Sequence[dict[str, float]]) -> list[Block]:
+    """Return the shifts of all rows in the compiled engine."""
+    seed, angles = study.file.surrogate.seed, study.file.surrogate.angles
+    return [
+        block
+        for index, design in enumerate(designs)
+        for block in filling_blocks(
+            compiled(study), design, index, seed, angles=FEW * angles, base=FEW
+        )
+    ]
+
+
+def pair_blocks(study: Setup, designs: Sequence[dict[str, float]]) -> list[Block]:
+    """Return the shifts of some rows in Drake: of each of the first designs one operating point."""
+    seed, points = study.file.surrogate.seed, study.file.surrogate.points
+    return [
+        filling_blocks(study, design, index, seed, angles=FEW, base=FEW)[index % points]
+        for index, design in enumerate(designs[:PAIRS])
+    ]
+
+
+def simulate_two_level_references(
+    study: Setup,
+    designs: Sequence[dict[str, float]],
+    executors: tuple[Executor, Executor],
+    ahead: Callable[[int], None],
+) -> None:
+    """Simulate references in the compiled engine, and one of the angles of each point in Drake.
+
+    ``executors`` are of the compiled engine and of Drake.
+    """
+    simulate_references(compiled(study), designs, executors[0], ahead)
+    settings = study.file.surrogate
+    count, seed = settings.reference_angles, settings.seed + APART
+    blocks = []
+    for index, design in enumerate(designs):
+        clutch = study.clutch.with_dog(study.dog_with(design))
+        for place, point in enumerate(study.points):
+            draw = (seed, place)
+            whole = even_block(clutch, point, count, draw, count, uncertainty=study.uncertainty)
+            blocks.append(whole.only([(index + place) % count]))
+    ahead(len(blocks))
+    executors[1].run(blocks)
+
+
+def two_level_data(study: Setup, folder: StudyFolder) -> Dataset:
+    """Return the rows of a folder in two levels, as Drake's; InputError for too few pairs."""
+    cheap = ShiftJournal(folder.compiled).rows.values()
+    dear = ShiftJournal(folder.pairs).rows.values()
+    data = dataset_of(compiled(study), cheap)
+    found = discrepancy_of(_pairs(times_of(compiled(study), cheap), times_of(study, dear)))
+    corrected = found.corrected(data)
+    levels: dict[str, Any] = {
+        "planar": data.shifts,
+        "drake": len(dear),
+        "discrepancy": found.as_dict(),
+    }
+    return replace(corrected, physics=study.physics, levels=levels)
+
+
+def two_level_references(study: Setup, folder: StudyFolder) -> Reference:
+    """Return the references of a folder in two levels."""
+    cheap = ShiftJournal(folder.compiled_references).rows.values()
+    dear = ShiftJournal(folder.references).rows.values()
+    mix = study_mix(study)
+    found = reference_of(dataset_of(compiled(study), cheap), mix)
+    apart = _differences(
+        found.x, _points(study), times_of(compiled(study), cheap), times_of(study, dear)
+    )
+    speeds = np.round(np.abs(mix.points[:, 0]), NEAR)
+    spread = np.zeros(len(speeds))
+    for speed in np.unique(speeds):
+        spread[speeds == speed] = np.sqrt((apart[:, speeds == speed] ** 2).mean())
+    means, errors = found.means + apart, np.hypot(found.errors, spread)
+    return replace(
+        found,
+        means=means,
+        errors=errors,
+        time=means @ mix.weights,
+        error=np.sqrt(errors**2 @ mix.weights**2),
+    )
+
+
+def times_of(study: Setup, shifts: Iterable[Record]) -> Times:
+    """Collect the times of a journal's shifts that are of the study and engage."""
+    found: Times = defaultdict(dict)
+    for shift in shifts_of(study, shifts):
+        time = result_of(shift).shift_time
+        if time is not None:
+            design = tuple(round(float(shift[name]), DIGITS) for name in study.variables)
+            where = tuple(round(shift[name], DIGITS) for name in WHERE)
+            found[design, where][round(shift["relative_angle_deg"], NEAR)] = time
+    return found
+
+
+def _pairs(cheap: Times, dear: Times) -> list[Pair]:
+    """Pair the rows of both engines, where three of their angles engage in both."""
+    pairs = []
+    for (design, where), times in dear.items():
+        beside = cheap.get((design, where), {})
+        both = [angle for angle in times if angle in beside]
+        if len(both) > 2:
+            ours, theirs = (np.array([one[angle] for angle in both]) for one in (beside, times))
+            pairs.append(Pair(where[0], ours, theirs))
+    return pairs
+
+
+def _points(study: Setup) -> list[tuple[float, ...]]:
+    """Return mismatch, force and rise of each operating point, as records have them."""
+    record = [even_block(study.clutch, point, 1, (0, 0)).inputs[0] for point in study.points]
+    return [tuple(round(given[name], DIGITS) for name in WHERE) for given in record]
+
+
+def _differences(x: Array, points: Sequence[tuple[float, ...]], cheap: Times, dear: Times) -> Array:
+    """Return Drake's time less the compiled engine's, of designs (k, d) at points, (k, m), s.
+
+    Zero where a shift engages in one of them alone.
+    """
+    apart = np.zeros((len(x), len(points)))
+    for k, row in enumerate(x.tolist()):
+        for j, where in enumerate(points):
+            place = tuple(row), where
+            beside = cheap.get(place, {})
+            found = [t - beside[a] for a, t in dear.get(place, {}).items() if a in beside]
+            apart[k, j] = np.mean(found) if found else 0.0
+    return apart

@@ -1,0 +1,113 @@
+"""A surrogate of a clutch that the package has not seen, fitted in two levels."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dogshape as ds
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.found_surrogates import stored_surrogate
+from dogshape.surrogate.query import require_same_physics
+from tests.conftest import Said
+from tests.integration.studies import SETTINGS, Finished, made_once
+
+FEW = SETTINGS | {
+    "surrogate.designs": 12,
+    "surrogate.points": 2,
+    "surrogate.angles": 3,
+    "surrogate.references": 3,
+    "surrogate.best_references": 0,
+    "surrogate.reference_angles": 6,
+    "surrogate.reference_error": 0.2,
+}
+SPACE = Path("results/mq200_paper-space")
+
+
+@pytest.fixture(scope="module")
+def begun(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """A folder in which such a fit has ended."""
+
+    def make(folder: Path) -> None:
+        with pytest.MonkeyPatch.context() as patch:
+            folder.mkdir(parents=True)
+            patch.chdir(folder)
+            fitted = ds.fit(ds.Study("mq200_paper", FEW), jobs=1)
+            Path("said.json").write_text(json.dumps(fitted.to_dict()))
+
+    return made_once(tmp_path_factory, "two-levels", make)
+
+
+@pytest.fixture
+def fitted(begun: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What the fit said; the test stands in a copy of its folder."""
+    monkeypatch.chdir(begun.copy(tmp_path / "own"))
+    found: dict[str, Any] = json.loads(Path("said.json").read_text())
+    return found
+
+
+def test_the_rows_say_that_they_are_of_two_levels(fitted: dict[str, Any]) -> None:
+    assert fitted["shifts_planar"] == 12 * 2 * 4 * 3
+    assert fitted["shifts_drake"] == 12 * 4
+    assert fitted["seconds"] > 0.0
+    study = ds.Study("mq200_paper", FEW).config
+    stored, path = stored_surrogate(study, None)
+    assert path == SPACE / "surrogate.json"
+    data = stored.surrogate.data
+    require_same_physics(data, study.physics)
+    assert data.physics["scheme"] == study.physics["scheme"]
+    assert "engine" not in data.physics  # Drake's, which alone is not named
+    assert data.levels == fitted["levels"]
+    found = data.levels["discrepancy"]
+    assert found["pairs"] == 12
+    # Of the design contact set both engines agree to a few ten-thousandths (engines.txt).
+    assert abs(found["constant"]) < 4.0 * found["constant_error"] + 1e-3
+    assert 0.0 < found["constant_error"] < 2e-3
+
+
+def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) -> None:
+    own = [part for key, value in SETTINGS.items() for part in ("--set", f"{key}={value}")]
+    said = dogshape("check", "mq200_paper", *own, "--json")
+    assert said.json["low_s"] < said.json["expected_shift_time_s"] < said.json["high_s"]
+
+
+def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:
+    whole = {name: (SPACE / name).read_bytes() for name in ("compiled.jsonl", "pairs.jsonl")}
+    for name, content in whole.items():
+        lines = content.splitlines(keepends=True)
+        (SPACE / name).write_bytes(b"".join(lines[: len(lines) // 2]))
+    again = ds.fit(ds.Study("mq200_paper", FEW), jobs=1).to_dict()
+    del again["seconds"], fitted["seconds"]
+    assert json.loads(json.dumps(again)) == fitted
+    for name, content in whole.items():
+        kept = (SPACE / name).read_bytes()
+        assert len(kept.splitlines()) == len(content.splitlines())
+
+
+def test_references_have_a_shift_of_drake_at_each_point(fitted: dict[str, Any]) -> None:
+    rows = ShiftJournal(SPACE / "references.jsonl").rows.values()
+    assert len(rows) == 3 * 2
+    assert all("engine" not in row for row in rows)
+    assert fitted["n"] == 3
+    assert fitted["source"] == "references"
+
+
+def test_levels_that_cannot_be_are_refused(fitted: dict[str, Any]) -> None:
+    study = ds.Study("mq200_paper", FEW)
+    with pytest.raises(ds.InputError, match="was begun with 2; leave out --levels"):
+        ds.fit(study, levels=1)
+    with pytest.raises(ds.InputError, match=r"--levels is 3.*1 or 2"):
+        ds.fit(study, levels=3)
+    with pytest.raises(ds.InputError, match="--levels cannot change a study that was run"):
+        ds.fit(SPACE, levels=2)
+    with pytest.raises(ds.InputError, match="to which --question adds none"):
+        ds.fit(SPACE, question="best")
+    with pytest.raises(ds.InputError, match="--question adds rows of one level"):
+        ds.fit(study, levels=2, question="best")
+    compiled = ds.Study("mq200_paper", FEW | {"solver.engine": "planar", "name": "other"})
+    with pytest.raises(ds.InputError, match="a study of the compiled engine has one level"):
+        ds.fit(compiled, levels=2)
