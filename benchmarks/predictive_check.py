@@ -45,11 +45,11 @@ def few(bench: Bench) -> Bench:
 def drawn(bench: Bench, problem: Problem, seed: int, *, declared: bool, single: bool) -> Bench:
     """Return a data set without any effect, with or without the declared errors."""
     generator = np.random.default_rng(seed)
-    predicted, common = problem.predictions(NONE, NOTHING), problem.common
+    predicted = problem.predictions(NONE, NOTHING)
     points = [cell.point for cell in bench.cells]
     offsets = np.zeros(len(points))
     if declared:
-        together = common @ generator.standard_normal(common.shape[1])
+        together = problem.discrepancy.draw(generator)
         offsets = together + predicted.error[:, 0] * generator.standard_normal(len(points))
     readings: list[Reading] = []
     for cell, point in enumerate(points):

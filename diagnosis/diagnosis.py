@@ -17,6 +17,7 @@ from dogshape.diagnosis.inference.classes import (
     invisible,
     structured,
 )
+from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.next_test import (
     MeanPrediction,
@@ -69,6 +70,7 @@ class Diagnosis:
     mean_prediction : mean times that the leading hypothesis predicts.
     noise : Monte Carlo standard error of the leading probability.
     senses : the answers given either sense of rotation, none where it is known.
+    equivalence : the gap beside its margin; None where the baseline has no times.
     """
 
     bench: Bench
@@ -91,6 +93,7 @@ class Diagnosis:
     mean_prediction: MeanPrediction
     noise: float
     senses: tuple[SenseAnswer, ...] = ()
+    equivalence: Equivalence | None = None
 
     def as_dict(self) -> Record:
         """Write the record of the contract, with more."""
@@ -117,6 +120,8 @@ class Diagnosis:
                 "rival_heldout_rmse_s": from_rival.held_out if from_rival else None,
                 "rival_shrink": from_rival.shrink if from_rival else None,
             },
+            "margin_s": self.equivalence.margin_rms if self.equivalence else None,
+            "discrepancy": self.equivalence.as_dict() if self.equivalence else None,
             "where": [
                 {
                     "mismatch_rpm": one.cell.point.mismatch / RPM,
@@ -199,6 +204,7 @@ class Diagnosis:
             self.chance,
             sees_nothing(self.hidden),
             self.senses,
+            self.equivalence,
         )
 
     @property
@@ -251,7 +257,10 @@ def diagnose(
     )
     gaps = _gaps(standing, ranking)
     hidden = invisible(list(scored.values()), metric)
-    verdict = decide(posterior, parts, ranking.fits)
+    same = equivalence(problem, scored, ranking.raw, posterior.get(UNKNOWN, 0.0), bench.margin)
+    measured = [fact.effect for fact in facts_of(bench)]
+    within = same.probability if same else 0.0
+    verdict = decide(posterior, parts, ranking.fits, within, measured)
     if verdict.kind == "none" and sees_nothing(hidden):
         verdict = replace(verdict, kind="ambiguous")
     return Diagnosis(
@@ -275,6 +284,7 @@ def diagnose(
         mean_prediction=mean_prediction(standing, ranking.leading),
         noise=noise(next(iter(posterior)), ranking.raw, ranking.fold, scored),
         senses=sense_answers(problem, ranking),
+        equivalence=same,
     )
 
 

@@ -76,8 +76,8 @@ def drawn(
 ) -> Bench:
     """Return a data set of a hypothesis with values (1, p)."""
     problem = problem_of(toy, bench_of({}, generator, points=toy.points, shifts=2))
-    said, common = problem.predictions(hypothesis, values), problem.common
-    together = common @ generator.standard_normal(common.shape[1])
+    said = problem.predictions(hypothesis, values)
+    together = problem.discrepancy.draw(generator)
     own = said.error[:, 0] * generator.standard_normal(len(toy.points))
     offsets = together + own + change.offset
     readings: list[Reading] = []

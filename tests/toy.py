@@ -35,7 +35,7 @@ STRENGTHS: Mapping[str, Sequence[Mapping[str, float]]] = {
     "actuation_lag": [{"lag_s": v} for v in (0.03, 0.08, 0.2)],
     "force_scale": [{"force_factor": v} for v in (0.65, 0.8, 1.35)],
     "sleeve_friction": [{"friction_N": v} for v in (40.0, 80.0, 150.0)],
-    "moving_mass": [{"added_mass_kg": v} for v in (0.5, 1.5, 5.0)],
+    "moving_mass": [{"added_mass_kg": v} for v in (0.8, 1.5, 5.0)],
     "mismatch_speed": [{"offset_rpm": v} for v in (-3.0, -2.0, 3.0)],
     "axial_gap": [{"gap_offset_mm": v} for v in (-0.4, 0.3, 0.5)],
     "chamfer_angle": [{"chamfer_offset_deg": v} for v in (-1.8, 1.2, 2.0)],

@@ -11,7 +11,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
 from dogshape.diagnosis.likelihood.scores import summary_of
 from dogshape.diagnosis.likelihood.signature import VISIBLE
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, pairs_of
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, log_odds, pairs_of
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.shift.clutch import OperatingPoint
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
@@ -82,7 +82,8 @@ def random_case(seed: int, *, single: bool = False, forces: Sequence[float] = EN
     elif kind != "none":
         alone: Sequence[Hypothesis] = [(name,) for name in sorted(STRENGTHS)]
         known = alone if kind == "single" else pairs_of(list(STRENGTHS))
-        truth = known[generator.integers(len(known))]
+        odds = np.exp([log_odds(h) for h in known])
+        truth = known[generator.choice(len(known), p=odds / odds.sum())]
         values = _values(truth, generator)
     bench = bench_of(values, generator, single=single, extra=extra, points=points)
     effects = {name: EFFECTS[name] for name in NAMES}

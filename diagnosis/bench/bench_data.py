@@ -18,7 +18,15 @@ from dogshape.diagnosis.bench.reading import Cell, Reading, gather
 from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.bench.slips import Finding, examine, impossible, require_no_slip
-from dogshape.diagnosis.bench.stand_file import Calibration, Sensor, Stand, TestTerms, load_stand
+from dogshape.diagnosis.bench.stand_file import (
+    USUAL_MARGIN,
+    Calibration,
+    Margin,
+    Sensor,
+    Stand,
+    TestTerms,
+    load_stand,
+)
 from dogshape.diagnosis.bench.table import Row, Sheet, bad_cell, load_sheet
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, InputError, number
@@ -36,7 +44,7 @@ class Bench:
     those that were asked for and made, ``warnings`` what looks odd in the corrected data.
     ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
     ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
-    tests cost at this stand, and which it cannot do.
+    tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done.
     """
 
     name: str
@@ -51,6 +59,7 @@ class Bench:
     mismatch_sense: Sense = "known"
     folder: Path | None = None
     tests: tuple[TestTerms, ...] = ()
+    margin: Margin = USUAL_MARGIN
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -98,6 +107,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         mismatch_sense=stand.mismatch_sense,
         folder=folder,
         tests=stand.tests,
+        margin=stand.margin,
     )
 
 

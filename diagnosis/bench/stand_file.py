@@ -62,6 +62,8 @@ class _BenchFile(Section):
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
     corrections: list[str] = Field(default_factory=list)
     mismatch_sense: Sense = "known"
+    margin_percent: float | None = None
+    margin_ms: float | None = None
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
@@ -117,6 +119,23 @@ class TestTerms:
 
 
 @dataclass(frozen=True)
+class Margin:
+    """Gap of a mean shift time below which nothing needs doing.
+
+    Parameters
+    ----------
+    share : of the simulated mean time.
+    least : s, where that share is less.
+    """
+
+    share: float = 0.05
+    least: float = 2e-3
+
+
+USUAL_MARGIN = Margin()
+
+
+@dataclass(frozen=True)
 class Stand:
     """A data set without its shifts; ``relative_angles`` in rad, where it says them.
 
@@ -132,6 +151,7 @@ class Stand:
     corrections: tuple[str, ...] = ()
     mismatch_sense: Sense = "known"
     tests: tuple[TestTerms, ...] = ()
+    margin: Margin = USUAL_MARGIN
 
 
 def load_stand(path: Path) -> Stand:
@@ -148,6 +168,7 @@ def load_stand(path: Path) -> Stand:
         corrections=tuple(file.corrections),
         mismatch_sense=file.mismatch_sense,
         tests=tuple(_terms(path, one) for one in file.tests),
+        margin=_margin(path, file),
     )
 
 
@@ -191,6 +212,21 @@ def _sensor(path: Path, given: _Sensor) -> Sensor:
             remedy = "correct it; the ratio is actuator travel over sleeve travel"
             raise DataError(f"{path}: " + refusal(f"sensor.{name}", value, "", rule, remedy))
     return Sensor(given.displacement_at, given.linkage_ratio, given.linkage_efficiency)
+
+
+def _margin(path: Path, file: _BenchFile) -> Margin:
+    usual = USUAL_MARGIN
+    share = usual.share if file.margin_percent is None else 0.01 * file.margin_percent
+    least = usual.least if file.margin_ms is None else 1e-3 * file.margin_ms
+    for name, value, high, unit in (
+        ("margin_percent", 100.0 * share, 100.0, "%"),
+        ("margin_ms", 1e3 * least, 1e3, "ms"),
+    ):
+        if not 0.0 <= value <= high:
+            rule = f"it must lie between 0 and {high:g} {unit}"
+            remedy = "give the gap of a mean shift time below which nothing needs doing"
+            raise DataError(f"{path}: " + refusal(name, value, unit, rule, remedy))
+    return Margin(share, least)
 
 
 def _terms(path: Path, given: _Test) -> TestTerms:

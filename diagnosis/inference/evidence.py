@@ -28,11 +28,12 @@ ROUNDS = 9
 POINTS = {1: 600, 2: 2600}
 FIRST_DRAWS = 128  #: values of the first round of importance sampling, even over the prior
 DRAWS = 192  #: values in a round of importance sampling
-SAMPLINGS = 7
+SAMPLINGS = 16
 ENOUGH = 150.0  #: effective draws with which the sampling ends
 #: How far below the best log evidence the best value of a hypothesis lies where more rounds are
 #: not worth while, round by round: the first values may all miss a narrow peak.
-HOPELESS = (100.0, 50.0, 25.0, 12.0)
+HOPELESS = (100.0, 40.0, 15.0, 7.0)
+SOME, BEHIND = 20.0, 4.0  #: effective draws that do for a hypothesis so many nats behind the best
 DOF = 5.0  #: of the Student-t
 PRIOR_SHARE = 0.15  #: of the draws that come from the prior
 OUTSIDE = 48  #: values at the ends of the prior
@@ -55,7 +56,7 @@ class Sum:
 def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
     """Return a hypothesis with its evidence.
 
-    ``best`` is the largest log evidence of others: what lies far below it is left early.
+    ``best`` is the log evidence that it would need to lead: what lies far below is left early.
     """
 
     def at(shares: Array) -> Rows:
@@ -167,6 +168,8 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
         likely = rows.whole
         log = -_log_mixture(rows.shares, proposals, counts)
         if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
+            break
+        if log_sum(log + likely, axis=0) < best - BEHIND and _effective(log + likely) > SOME:
             break
         proposal = _fitted(rows.shares, log, likely)
         new = proposal.draw(DRAWS, generator)

@@ -22,9 +22,8 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
     spread_score,
     time_score,
 )
-from dogshape.diagnosis.likelihood.common_error import Slopes, explained, shared_errors
+from dogshape.diagnosis.likelihood.discrepancy import Marginals, Slopes, marginals
 from dogshape.diagnosis.likelihood.flight_likelihood import flight_scores
-from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.terms import Array
 
@@ -66,14 +65,17 @@ def p_value(problem: Problem, found: Scored) -> float:
     ]
     if not len(scores) and not any(len(one.seen) for one in counts):
         return 1.0
-    taken = explained(*_in_common(seen, predicted, timely, problem.common))
-    squares = (scores**2).sum(axis=0) - taken
-    left: Array = np.reshape(squares, (-1, 1))
+    off = _discrepancy(problem, predicted, timely)
+    rest: Array = np.zeros((len(values), 1))
     for one in counts:
         mine: Array = (one.seen**2).sum(axis=0)
-        left = left + mine.reshape(-1, 1) - one.squares(generator)
-    tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
-    return float(np.average(tails.mean(axis=1), weights=weights))
+        rest = rest + mine.reshape(-1, 1) - one.squares(generator)
+    chance = np.zeros(len(values))
+    for taken, weight in zip(off.squares.T, off.weights.T, strict=True):
+        left = (scores**2).sum(axis=0)[:, None] - taken[:, None] + rest
+        tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
+        chance += weight * tails.mean(axis=1)
+    return float(np.average(chance, weights=weights))
 
 
 @dataclass(frozen=True)
@@ -113,13 +115,13 @@ def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:
     return _Counted(np.take_along_axis(every, place, axis=2)[..., 0], every, chances)
 
 
-def _in_common(
-    seen: Observed, predicted: CellPredictions, scores: Array, common: Array
-) -> tuple[Slopes, Array]:
-    """Arrange scores of cells with times (cells, m) as slopes, beside common errors."""
+def _discrepancy(problem: Problem, predicted: CellPredictions, scores: Array) -> Marginals:
+    """Compute what the discrepancy explains of the scores of cells with times, (cells, m)."""
+    seen = problem.seen
     having = seen.shifts > 0
     squares = predicted.sd[having] ** 2 / seen.shifts[having, None] + predicted.error[having] ** 2
     # What says nothing of a cell's times errs there with nothing in common.
     precision = np.nan_to_num(1.0 / squares.T)
     slopes = Slopes(scores.T * np.sqrt(precision), precision)
-    return slopes, shared_errors(common[having], np.nan_to_num(predicted.common[having].T))
+    joint = np.broadcast_to(np.nan_to_num(predicted.common[having].T), slopes.first.shape)
+    return marginals(slopes, problem.discrepancy.of(having), joint)

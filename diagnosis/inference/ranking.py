@@ -1,8 +1,8 @@
 """Hypotheses ranked by a data set: evidence, visibility, and the predictive check.
 
-None, each effect and the plausible pairs are scored. If none of them can have made the data and a
-pair leads, that pair and its nearest rivals are tried with each further effect. If the sense of
-rotation is unknown, each sense is treated by itself.
+None, each effect and all pairs are scored. If a pair leads that cannot have made the data, or only
+with a large discrepancy, that pair and its nearest rivals are tried with each further effect. If
+the sense of rotation is unknown, each sense is treated by itself.
 """
 
 from __future__ import annotations
@@ -25,12 +25,14 @@ from dogshape.diagnosis.inference.posterior import (
 )
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE, p_value
 from dogshape.diagnosis.inference.unknown import Unknown, unknown
+from dogshape.diagnosis.likelihood.discrepancy import marginals
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric, metric_of
 from dogshape.diagnosis.prediction.hypotheses import (
     NONE,
     UNKNOWN,
     Space,
+    log_odds,
     spaces_for,
     spaces_of,
     with_third,
@@ -95,7 +97,7 @@ def rank(
     if not near or problem.flights:
         return first
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
-    best = max(one.log_evidence for one in scored.values())
+    best = max(one.log_evidence + log_odds(h) for h, one in scored.items())
     return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free, first)
 
 
@@ -106,8 +108,23 @@ def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
     """
     open_to = problem.sense == "unknown" and any(REVERSED in h for h in first.raw)
     views = [within_sense(problem, first, s) for s in (False, True)] if open_to else [first]
-    those = [view for view in views if view.fails and len(forward(view.leading)) == 2]
+    those = [view for view in views if len(forward(view.leading)) == 2 and _open(problem, view)]
     return [pair for view in those for pair in _near(view)]
+
+
+def _open(problem: Problem, ranking: Ranking) -> bool:
+    """Test that the leading hypothesis leaves more than a usual discrepancy, or fails."""
+    return ranking.fails or left_over(ranking.scored[ranking.leading]) > problem.rules.discrepancy
+
+
+def left_over(one: Scored) -> float:
+    """Compute the posterior mean of the discrepancy's amplitude, as share of a mean time."""
+    rows = one.rows
+    if rows.discrepancy.absent:
+        return 0.0
+    members = marginals(rows.slopes, rows.discrepancy, rows.joint).weights
+    sizes = np.tile(rows.discrepancy.amplitudes, len(rows.discrepancy.roots))
+    return float(one.weights() @ (members @ sizes))
 
 
 def sense_chances(raw: Probabilities) -> dict[bool, float]:
@@ -171,11 +188,15 @@ def _alike(one: Scored, other: Scored) -> bool:
 def _scored(
     problem: Problem, spaces: Sequence[Space], best: float = -np.inf
 ) -> dict[Hypothesis, Scored]:
-    """Return evidences in turn, so that what is hopeless beside the best is left early."""
+    """Return evidences in turn, so that what is hopeless beside the best is left early.
+
+    ``best`` is the largest log evidence, with the prior over that of none.
+    """
     found: dict[Hypothesis, Scored] = {}
     for space in spaces:
-        found[space.hypothesis] = evidence(problem, space, best)
-        best = max(best, found[space.hypothesis].log_evidence)
+        prior = log_odds(space.hypothesis)
+        found[space.hypothesis] = evidence(problem, space, best - prior)
+        best = max(best, found[space.hypothesis].log_evidence + prior)
     return found
 
 

@@ -8,7 +8,7 @@ the squared distance (noncentrality) of two values is
 
 :math:`\delta` the differences of the means, *V* their variances (scatter over *n*, emulator, 1 % of
 any simulation) and *A* the error that operating points have in common
-(``diagnosis.likelihood.common_error``). A rival imitates a truth by its best value, so *D* is the
+(``diagnosis.likelihood.discrepancy``). A rival imitates a truth by its best value, so *D* is the
 least over these, less what errors of emulation alone make. *D*/2 is about the expected log Bayes
 factor, and :math:`\Phi(\sqrt D / 2)` the probability that the likelihood ratio of just these two
 points to the truth. Its mean over all ordered pairs of hypotheses and all strengths that the
@@ -79,7 +79,7 @@ class Field:
     @property
     def cells(self) -> int:
         """Number of operating points."""
-        return self.common.shape[0]
+        return len(self.common)
 
     def distances(self, shifts: Array) -> Array:
         """Compute squared distances of truths from hypotheses, (truths, hypotheses).
@@ -125,8 +125,7 @@ class Field:
         """Return the matrix that whitens means, and the precision of each."""
         base = self.baseline
         variance = base.core_sd[0, used] ** 2 / shifts[used] + base.error[0, used] ** 2
-        errors = self.common[used]
-        whole = np.diag(variance) + errors @ errors.T
+        whole = np.diag(variance) + self.common[np.ix_(used, used)]
         root = np.linalg.inv(np.linalg.cholesky(whole))
         return root, (root**2).sum(axis=0)
 
@@ -154,7 +153,7 @@ def field_of(problem: Problem, effects: Mapping[str, Effect], setting: Setting) 
         _joined(truths, baseline),
         _joined(rivals, baseline),
         baseline,
-        problem.common,
+        problem.discrepancy.covariance,
     )
 
 

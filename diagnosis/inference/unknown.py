@@ -148,7 +148,7 @@ def unknown(problem: Problem, bench: Bench) -> Unknown:
     models = []
     for (stretch, shape), weight in STRETCHES.items():
         offsets = _offsets(seen, _stretched(predicted, stretch, shape))
-        models += _grid(places, means, offsets, np.log(weight), problem.common)
+        models += _grid(places, means, offsets, np.log(weight), problem.discrepancy.covariance)
     plain, failed = (_free_share(seen, predicted, extra) for extra in (0.0, 1.0))
     flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
     return Unknown(tuple(models), means, plain, failed, flight)
@@ -169,7 +169,7 @@ def _grid(
     for scale, length, weight in itertools.product(SCALES, LENGTHS, (1.0, relative)):
         shape = SMOOTH * np.exp(-0.5 * square / length**2) + (1.0 - SMOOTH) * np.eye(len(places))
         sizes = scale * weight * np.ones(len(places))
-        kernel = np.outer(sizes, sizes) * shape + common @ common.T
+        kernel = np.outer(sizes, sizes) * shape + common
         found.append(Model(kernel, offsets, log_prior - float(np.log(number))))
     return found
 

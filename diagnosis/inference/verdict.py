@@ -3,8 +3,9 @@
 - *effect*: one hypothesis of one or two effects has more than 0.8 and passes the predictive check.
   Each of its effects is part of the cause with more than 0.95, under any hypothesis. An unknown
   sense of rotation (``diagnosis.bench.sense``) has to be as sure;
-- *none*: visible effects have less than 0.2 together, and no effect passes the predictive check;
-  each effect has a bound;
+- *none*: bench and simulation are equivalent with more than 0.8
+  (``diagnosis.inference.equivalence``), whatever small effect is likeliest. That no effect is seen
+  in data that would not show one of that size is no *none*;
 - *unknown*: a gap of no known effect has more than 0.8, with the probability of plausible
   hypotheses that fail the predictive check (``diagnosis.inference.posterior.judged``);
 - *ambiguous* otherwise, also if a class has more than 0.8 but no member has: data of this kind
@@ -13,7 +14,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +25,9 @@ from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
 from dogshape.diagnosis.terms import Hypothesis
 
+#: Effects that are properties of the simulation's contact rather than of the stand. What other
+#: engines differ by looks like them, so that only a direct test names them.
+MODEL_FORM = frozenset({"contact_stiffness", "contact_dissipation"})
 NAMED = 0.8  #: probability from which a hypothesis is named
 MOST = 2  #: effects that are named at once; of more, each that is part of the cause in any case
 PART = 0.95  #: probability from which an effect is part of the cause, whatever else is
@@ -52,20 +56,32 @@ class Verdict:
 
 
 def decide(
-    posterior: Probabilities, confusion: Confusion, fits: Mapping[Hypothesis, float]
+    posterior: Probabilities,
+    confusion: Confusion,
+    fits: Mapping[Hypothesis, float],
+    within: float = 0.0,
+    measured: Collection[str] = (),
 ) -> Verdict:
     """Decide on a verdict from probabilities, classes and predictive p-values.
 
-    ``fits`` has the plausible hypotheses, unknown left out.
+    ``fits`` has the plausible hypotheses, unknown left out, ``within`` the probability that bench
+    and simulation are equivalent, ``measured`` effects that a direct test of the stand has shown.
     """
     ordered = sorted(posterior, key=lambda h: -posterior[h])
     top = ordered[0]
     group = confusion.class_of(top)
     kind = _kind(posterior, top, fits)
+    form = MODEL_FORM - set(measured)
+    if kind == "effect" and form & set(top):
+        kind = "ambiguous"
+    equivalent = kind != "unknown" and within > NAMED
+    if equivalent or kind == "none":
+        kind = "none" if equivalent else "ambiguous"
     causes: tuple[str, ...] = top if kind == "effect" else ()
     if kind == "ambiguous":
-        causes = tuple(name for name, p in inclusion(posterior).items() if p > PART)
-    return Verdict(kind, causes, _credible(posterior), group, sum(posterior[h] for h in group))
+        causes = tuple(n for n, p in inclusion(posterior).items() if p > PART and n not in form)
+    chance = sum(posterior[h] for h in group)
+    return Verdict(kind, causes, _credible(posterior), group, chance)
 
 
 def _kind(posterior: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:

@@ -8,22 +8,21 @@ A mean of *n* shifts, *j* of which are outliers (``diagnosis.prediction.outliers
 
 :math:`\mu, \sigma` are mean and spread of simulated shifts without outliers. The error *e* of the
 emulated mean is common to all shifts of a cell and does not average out over *n*. In few cells
-(:math:`\epsilon`) the emulator misses by much more, *m*, where times jump between two of an
-effect's levels; levels that are left out show how often
-(``diagnosis.prediction.level_curves``). Of single shifts without outliers mean and standard
-deviation *s* count,
+(:math:`\epsilon`) the mean is off by much more, *m*: times jump between two simulated levels, or an
+entry of the table is wrong. That is so under every hypothesis alike. Of single shifts without
+outliers mean and standard deviation *s* count,
 
 .. math:: \ln s \sim N(\ln\sigma + \tfrac12(\psi(\tfrac\nu2) - \ln\tfrac\nu2),
           \tfrac14\psi'(\tfrac\nu2) + \kappa^2),
 
 with :math:`\nu` degrees of freedom, those with which :math:`s^2` has its variance at the simulated
 kurtosis: a few shifts far off, which a sample may miss, hardly constrain *s*. The error of the
-simulated spread :math:`\kappa` is large where a jump was missed; finer shapes are those of few
+simulated spread :math:`\kappa` is large of an odd cell; finer shapes are those of few
 simulated angles. Given *s*, the spread in the density of their mean is the one of both together.
 Their number of outliers is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
-Errors that cells share (``diagnosis.likelihood.common_error``) need slope and curvature of all
+What cells err in common (``diagnosis.likelihood.discrepancy``) need slope and curvature of all
 this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Unknown
 shifts are left out, or counted as failed on request.
 """
@@ -37,7 +36,7 @@ import numpy as np
 from scipy.special import betaln, digamma, gammaln, log_ndtr, ndtri, polygamma
 from scipy.stats import binom
 
-from dogshape.diagnosis.likelihood.common_error import Slopes
+from dogshape.diagnosis.likelihood.discrepancy import Slopes
 from dogshape.diagnosis.likelihood.observations import LEAST, Observed
 from dogshape.diagnosis.prediction.outliers import added
 from dogshape.diagnosis.prediction.prediction import Prediction
@@ -48,7 +47,7 @@ ANYTHING = 0.002  #: share of outliers that may take any time until the time-out
 LEAST_OUTLIERS = 0.003  #: least share of outliers
 OUTLIERS_KNOWN = 24.0  #: shifts that the simulated share of outliers counts as
 OUTLIER_SPREAD = 0.5  #: error of the logarithm of a spread with outliers in it
-MISSHAPEN = 1.0  #: error of the logarithm of a spread where a jump was missed
+MISSHAPEN = 1.0  #: error of the logarithm of a spread of an odd cell
 LEAST_FREEDOM = 0.5  #: degrees of freedom
 HIDDEN = 3  #: outliers that can hide among single shifts
 RARE = 1e-6  #: probability of more outliers than a mean's density counts
@@ -64,17 +63,23 @@ class Rules:
     ----------
     model_error, least_error : error of any simulation of a mean shift time, beside the
         emulator's own: mesh, contact law, rigid bodies; as share of the simulated mean, and in s.
-    common_error : error that all forces of a mismatch have in common, as share of the mean time
-        without any effect (``diagnosis.likelihood.common_error``).
+    discrepancy : scale of the half-normal prior of the model's discrepancy, as share of the mean
+        time without any effect (``diagnosis.likelihood.discrepancy``): what MuJoCo and Drake
+        differ by, root mean square (``docs/evidence/blind_engines.txt``).
     spread_share, spread_error : error of the simulated spread of single shifts, as share of it and
         as share of the simulated mean.
+    odd_share, odd_size : share of cells whose mean is off by much more, under every hypothesis
+        alike, and by how much, as share of the simulated mean. In a table that was checked an entry
+        in some hundred is wrong; where times jump between two levels the emulator misses by half.
     """
 
     model_error: float = 0.01
     least_error: float = 0.5e-3
-    common_error: float = 0.04
+    discrepancy: float = 0.05
     spread_share: float = 0.2
     spread_error: float = 0.025
+    odd_share: float = 0.005
+    odd_size: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -87,6 +92,7 @@ class CellPredictions(Prediction):
     model : part of ``error`` that any simulation has, s.
     shape : error of the logarithm of ``sd``.
     kurtosis : of ``times``.
+    missed, jump : share of cells that are odd, and by how much their mean is off, s.
     """
 
     mean: Array
@@ -94,6 +100,8 @@ class CellPredictions(Prediction):
     model: Array
     shape: Array
     kurtosis: Array
+    missed: Array
+    jump: Array
 
     @classmethod
     def of(cls, cells: list[Prediction], rules: Rules) -> Self:
@@ -111,7 +119,11 @@ class CellPredictions(Prediction):
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
         deviation = times - mean[..., None]
         kurtosis = (deviation**4).mean(axis=2) / np.maximum((deviation**2).mean(axis=2), 1e-12) ** 2
-        return cls(**every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis)
+        odd = np.full_like(mean, rules.odd_share), rules.odd_size * simulated
+        return cls(
+            **every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis,
+            missed=odd[0], jump=odd[1],
+        )  # fmt: skip
 
     def moved(self, offsets: Array) -> CellPredictions:
         """Move the prediction of one value (cells, 1) by offsets, s, (cells, m)."""
@@ -203,7 +215,7 @@ def _spread_parts(
     r"""Score the logarithm of the spread, with variances, (cells, m, parts) each.
 
     Parts are those of the density of the mean: *j* outliers among *n* that are not found as such
-    add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and a jump that was missed any amount.
+    add :math:`\tau^2 j(n-j)/(n(n-1))` to the variance, and an odd cell any amount.
     """
     bias, own = sampled
     n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _outlier_numbers(seen, predicted)
@@ -283,7 +295,7 @@ def _waits(
 ) -> tuple[Array, Array, Array]:
     """Compute the parts of a mean's density: log share, score, width, (cells, m, parts).
 
-    They are 0, 1, ... outliers within it, and last a jump that the emulator missed.
+    They are 0, 1, ... outliers within it, and last an odd cell.
     """
     n, share = np.maximum(1.0, seen.n)[:, None], predicted.outlier_share[..., None]
     hidden = np.maximum(0.0, seen.n)[:, None, None]

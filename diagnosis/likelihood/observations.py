@@ -30,7 +30,7 @@ class Observed:
         and its degrees of freedom; 0 for both where there are fewer than two.
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
-    mismatch : rad/s.
+    mismatch, force : rad/s and N.
     timeout : s.
     flights : marks of the traces, one for each force profile that has any.
     """
@@ -46,6 +46,7 @@ class Observed:
     unknown: Array
     wait: Array
     mismatch: Array
+    force: Array
     timeout: float
     flights: tuple[SeenFlight, ...] = ()
 
@@ -111,6 +112,7 @@ def observe(bench: Bench) -> Observed:
         unknown=unknown,
         wait=np.array(waits),
         mismatch=np.array([cell.point.mismatch for cell in bench.cells]),
+        force=np.array([cell.point.profile.force for cell in bench.cells]),
         timeout=bench.clutch.timeout,
         flights=flights_of(bench),
     )

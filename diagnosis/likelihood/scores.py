@@ -23,11 +23,11 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
     log_sum,
     timed,
 )
-from dogshape.diagnosis.likelihood.common_error import (
+from dogshape.diagnosis.likelihood.discrepancy import (
+    Discrepancy,
     Slopes,
-    common_errors,
-    log_common,
-    shared_errors,
+    discrepancy_prior,
+    marginals,
 )
 from dogshape.diagnosis.likelihood.flight_likelihood import (
     FlightPrediction,
@@ -70,18 +70,18 @@ class PredictionSummary(Table):
 class Rows(Table):
     """Scores at m values: shares (m, p), log likelihood and what else reads of it (m, cells).
 
-    ``slopes`` are those of the log likelihood over offsets of cells; ``common`` the errors that
-    cells have in common for any value, s, (cells, r), and ``joint`` such for each, s, (m, cells).
+    ``slopes`` are those of the log likelihood over offsets of cells; ``discrepancy`` is what cells
+    err in common for any value, and ``joint`` an error of each value, s, (m, cells).
     """
 
-    SHARED = ("common",)
+    SHARED = ("discrepancy",)
 
     shares: Array
     log_likelihood: Array
     as_failed: Array
     predicted: PredictionSummary
     slopes: Slopes
-    common: Array
+    discrepancy: Discrepancy
     joint: Array
 
     @cached_property
@@ -91,9 +91,11 @@ class Rows(Table):
 
     def total(self, cells: np.ndarray) -> Array:
         """Return the log likelihood of some cells together, (m,)."""
-        slopes = Slopes(self.slopes.first[:, cells], self.slopes.second[:, cells])
         added: Array = self.log_likelihood[:, cells].sum(axis=1)
-        return added + log_common(slopes, shared_errors(self.common[cells], self.joint[:, cells]))
+        prior, joint = self.discrepancy.of(cells), self.joint[:, cells]
+        if prior.absent and not joint.any():
+            return added
+        return added + marginals(self.slopes.of(cells), prior, joint).log
 
     def joined(self, other: Self) -> Self:
         """Append other rows."""
@@ -123,10 +125,11 @@ class Problem:
     sense: Sense = "known"
 
     @cached_property
-    def common(self) -> Array:
-        """Errors that cells have in common, s, (cells, r)."""
-        predicted = self.predictions(NONE, np.zeros((1, 0)))
-        return common_errors(self.seen.mismatch, predicted.mean[:, 0], self.rules.common_error)
+    def discrepancy(self) -> Discrepancy:
+        """Prior of the model's discrepancy at the cells."""
+        means = self.predictions(NONE, np.zeros((1, 0))).mean[:, 0]
+        seen = self.seen
+        return discrepancy_prior(seen.mismatch, seen.force, means, self.rules.discrepancy)
 
     def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
         """Predict the times of all cells for values (m, p) of a hypothesis."""
@@ -172,7 +175,7 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
         table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
     as_failed = log_as_failed(problem.seen, predicted).T
-    errors = times.slopes, problem.common, np.nan_to_num(predicted.common.T)
+    errors = times.slopes, problem.discrepancy, np.nan_to_num(predicted.common.T)
     return Rows(shares, table, as_failed, summary_of(predicted, flown), *errors)
 
 

@@ -36,7 +36,7 @@ from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.combination import Emulated, Interactions, together
 from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.diagnosis.prediction.flight_table import FlightTables
-from dogshape.diagnosis.prediction.level_curves import Curves, fit_curves, jumps_of
+from dogshape.diagnosis.prediction.level_curves import Curves, fit_curves
 from dogshape.diagnosis.prediction.levels import Axes, Level
 from dogshape.diagnosis.prediction.outliers import (
     PRIOR,
@@ -68,8 +68,7 @@ class Fit:
     ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
     engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
     ``least`` (C,): equal angles at all levels count less than as many different angles.
-    ``outlier_shares`` are (C, N); means and shapes leave outliers out. ``missed`` is the share of
-    levels that, left out, lie behind a jump, and ``jump`` its size in the logarithm.
+    ``outlier_shares`` are (C, N); means and shapes leave outliers out.
     """
 
     effect: Effect
@@ -81,8 +80,6 @@ class Fit:
     shares: Array
     least: Array
     outlier_shares: Array
-    missed: float
-    jump: float
 
     def at(self, values: Array) -> tuple[Emulated, Array]:
         """Emulate this effect alone at values (m, p), with the variance of the change.
@@ -137,10 +134,8 @@ def fit_effect(bank: Bank, effect: Effect, dense: Array, outliers: Outliers) -> 
     likely = _share_curves(curves, shares, doubts)
     first = outlier_shares(bank.baseline[:, None], dense[:, None], outliers.share)
     rare = np.concatenate([first, outlier_shares(times, soon, outliers.share)], axis=1)
-    # Nothing lies between an effect without parameters and none.
-    jumps = jumps_of(curves, means, slice(2, None)) if effect.parameters else (0.0, 0.0)
     least = doubts.min(axis=1)
-    return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare, *jumps)
+    return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare)
 
 
 def _with_first(first: Array, times: Array) -> list[list[Array]]:
@@ -245,7 +240,7 @@ class BankEmulator:
                 times=whole.times * np.exp(missed.moved)[..., None],
                 variance=whole.variance + missed.own**2,
             )
-        return self._spread(whole, delay, common, hypothesis)
+        return self._spread(whole, delay, common)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Predict the marks of the flight at ``values`` (m, p) of a hypothesis."""
@@ -325,11 +320,8 @@ class BankEmulator:
         """Laws of combination from the simulated pairs."""
         return Interactions.of(self.bank)
 
-    def _spread(
-        self, whole: Emulated, delay: Array, common: Array, hypothesis: Hypothesis
-    ) -> Prediction:
-        """Make the prediction, with the share of levels behind a jump and its size."""
-        fits = [self.fits[name] for name in hypothesis if name in self.fits]
+    def _spread(self, whole: Emulated, delay: Array, common: Array) -> Prediction:
+        """Make the prediction from what acts on the shifts, and delays of the reading."""
         mean = whole.times.mean(axis=-1)
         ratio = mean / self._baseline.times.mean(axis=-1)
         variance = whole.variance * mean**2 + self._other[:, None] * ratio**2
@@ -344,8 +336,6 @@ class BankEmulator:
             "behind": self.outliers.mean[:, None],
             "behind_sd": self.outliers.sd[:, None],
             "delay": delay,
-            "missed": 1.0 - np.prod([1.0 - fit.missed for fit in fits]),
-            "jump": max([fit.jump for fit in fits], default=0.0) * (times.mean(axis=-1) - delay),
         }
         # Constants are repeated for each value.
         shape = np.broadcast_shapes(mean.shape, (1, delay.size))

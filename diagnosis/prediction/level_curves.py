@@ -15,7 +15,7 @@ nothing look likeliest: *s* has a wide lognormal prior (``USUAL``).
 Left out one by one, levels have residuals :math:`(Py)_i/P_{ii}` of variance :math:`1/P_{ii}`,
 :math:`P = C^{-1} - C^{-1} 1 1^T C^{-1}/(1^T C^{-1} 1)`, :math:`C = k + S` (Dubrule 1983). Where
 their mean square exceeds one, all variances grow by it. Times that jump between two levels miss by
-much more than that: ``jumps_of`` says how many and by how much.
+much more than that, of which the likelihood's odd cells take care.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)
 STEPS = (1e-4, 1e-3, 0.01, 0.05, 0.2)  #: shares of the variance that steps may have
 SIZES = np.geomspace(1e-3, 3.0, 12)  #: standard deviations that the logarithm may have
 USUAL = (0.2, 1.5)  #: median of that deviation, and spread of its logarithm
-JUMP = 3.0  #: standard errors beyond which a level that was left out lies behind a jump
 FLOOR = 1e-4  #: relative error of a mean that is always there
 
 
@@ -207,15 +206,6 @@ def _likelihoods(shape: Array, white: Array, means: Array) -> Array:
     misfit = ((mine**2)[:, None] / spread).sum(axis=2)
     misfit -= ((ones * mine)[:, None] / spread).sum(axis=2) ** 2 / total
     return -0.5 * (misfit + np.log(spread).sum(axis=2) + np.log(total))
-
-
-def jumps_of(curves: Curves, means: Array, judged: slice) -> tuple[float, float]:
-    """Return the share of levels that lie behind a jump, and its size in the logarithm (rms)."""
-    missed, error = (part[:, judged] for part in left_out(curves.inverse, means))
-    behind = abs(missed) > JUMP * np.sqrt(curves.inflation) * error
-    if not behind.any():
-        return 0.0, 0.0
-    return float(behind.mean()), float(np.sqrt((missed[behind] ** 2).mean()))
 
 
 def left_out(inverse: Array, means: Array) -> tuple[Array, Array]:

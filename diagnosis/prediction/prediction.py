@@ -33,8 +33,6 @@ class Prediction:
     behind, behind_sd : mean and standard deviation of the delay of outliers behind the mean of
         the others, s; NaN where no simulation has enough of them.
     delay : part of all times that is added to the simulated time and has no error, s.
-    missed, jump : share of operating points at which times jump between two simulated values, so
-        that the mean is off by much more than ``error``, and the size of the jump, s.
     """
 
     times: Array
@@ -46,15 +44,13 @@ class Prediction:
     behind: Array
     behind_sd: Array
     delay: Array
-    missed: Array
-    jump: Array
 
     @classmethod
     def plain(cls, times: Array, engaged: Array, error: Array, engaged_error: Array) -> Prediction:
         """Make a prediction without outliers and common errors."""
         zero, unknown = np.zeros(len(times)), np.full(len(times), np.nan)
         outliers = zero, unknown, unknown
-        return Prediction(times, engaged, error, engaged_error, zero, *outliers, zero, zero, zero)
+        return Prediction(times, engaged, error, engaged_error, zero, *outliers, zero)
 
 
 class Emulator(Protocol):

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.inference.equivalence import Equivalence, Interval90
 from dogshape.diagnosis.inference.held_out import HeldOut
 from dogshape.diagnosis.inference.next_test import NextTest, why
 from dogshape.diagnosis.inference.parameter_intervals import Interval
@@ -36,6 +37,7 @@ class Found:
     chance: float | None
     blind: bool = False
     senses: tuple[SenseAnswer, ...] = ()
+    equivalence: Equivalence | None = None
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -95,7 +97,7 @@ def headline(found: Found) -> str:
         many = "Causes" if len(verdict.causes) > 1 else "Cause"
         return f"{many} found: {plain(verdict.causes, found.effects)}"
     if verdict.kind == "none":
-        return "No effect needed: bench and simulation agree within their errors"
+        return "No effect needed: bench and simulation agree within the margin"
     if verdict.kind == "unknown":
         return "Unknown: no known effect explains the difference"
     if found.blind:
@@ -128,7 +130,7 @@ def _worth(found: Found) -> list[Hypothesis]:
 def in_words(found: Found) -> str:
     """Return the finding in one paragraph: how large, why, how sure, what to do next."""
     following = f"Next: {why(found.test, found.posterior, found.effects)}"
-    parts = _size(found.gaps), _cause(found), _senses(found), _far(found), following
+    parts = _size(found.gaps), _cause(found), _beside(found), _senses(found), _far(found), following
     return " ".join(part for part in parts if part)
 
 
@@ -152,10 +154,7 @@ def _cause(found: Found) -> str:
             f"{chance(posterior[verdict.causes])}" + (f": {size}." if size else ".")
         )
     if verdict.kind == "none":
-        return (
-            f"That needs no effect (probability {chance(posterior[NONE])}): any effect that this "
-            "bench could show is smaller than its bound."
-        )
+        return _within(found)
     if verdict.kind == "unknown":
         return (
             "None of the known effects, alone or together as far as they were tried, explains all "
@@ -167,6 +166,41 @@ def _cause(found: Found) -> str:
             "move them by less than two standard errors."
         )
     return _open(found)
+
+
+def _within(found: Found) -> str:
+    same = found.equivalence
+    if same is None:
+        return ""
+    share, least = 100.0 * same.margin.share, ms(same.margin.least)
+    likeliest = next(iter(found.posterior))
+    looks = (
+        f" What is left looks most like {plain(likeliest, found.effects)} "
+        f"({chance(found.posterior[likeliest])}), too little of it to matter."
+        if likeliest != NONE
+        else ""
+    )
+    return (
+        f"Without the scatter of the shifts the gap is {_ranged(same.gap)}. With a probability of "
+        f"{chance(same.probability)} it lies within the margin, {share:.3g} % of the mean time and "
+        f"at least {least} ({ms(same.margin_rms)} root mean square), below which nothing needs "
+        f"doing.{looks}"
+    )
+
+
+def _beside(found: Found) -> str:
+    """Describe what the simulation is off by beside the named effects."""
+    same = found.equivalence
+    if found.verdict.kind != "effect" or same is None:
+        return ""
+    return (
+        f"Beside it the simulation is off by {_ranged(same.left)}, smoothly over the operating "
+        "points, as two honest simulations are."
+    )
+
+
+def _ranged(size: Interval90) -> str:
+    return f"{ms(size.median)} (90 % interval {1e3 * size.low:.3g} to {ms(size.high)})"
 
 
 def _open(found: Found) -> str:

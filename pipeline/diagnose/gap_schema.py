@@ -59,6 +59,25 @@ class PointRow(Section):
     z: float | None = key("gap in standard errors", "1")
 
 
+class RangeRow(Section):
+    """Posterior median, and the ends of the central 90 %."""
+
+    median: float = key("posterior median")
+    low: float = key("lower end of the interval")
+    high: float = key("upper end of the interval")
+
+
+class DiscrepancyRow(Section):
+    """Gap without scatter beside its margin, and the part that no effect of a hypothesis makes."""
+
+    margin_share: float = key("margin as share of the mean time", "1")
+    margin_least_s: float = key("least margin", "s")
+    within_margin: float = key("probability that the gap is within the margin", SHARE)
+    gap_rms_s: RangeRow = key("gap without scatter, root mean square", "s")
+    left_rms_s: RangeRow = key("part of it that is the model's discrepancy", "s")
+    amplitude: RangeRow = key("amplitude of the discrepancy over the mean time", "1")
+
+
 class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
@@ -152,6 +171,14 @@ class InferenceRecord(Section):
         "the same classes, each hypothesis as its effects; absent in earlier versions", "", None
     )
     gap: GapRow = key("gaps before and after")
+    margin_s: float | None = key(
+        "gap below which nothing needs doing, root mean square; absent in earlier versions",
+        "s",
+        None,
+    )
+    discrepancy: DiscrepancyRow | None = key(
+        "gap without scatter beside the margin; absent in earlier versions", "", None
+    )
     where: list[PointRow] = key("gap at each operating point")
     next_test: NextTestRow = key("advised test")
     tests: list[MenuRow] = key("best tests of the menu")

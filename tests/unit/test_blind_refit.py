@@ -24,7 +24,7 @@ DELAY, FRICTION = "actuation_delay", "sleeve_friction"
 PAIR = {DELAY: {"delay_s": 0.1}, FRICTION: {"friction_N": 50.0}}
 CASE: dict[str, Any] = {"parameters": PAIR, "times_s": [[BASE] * SHIFTS] * len(POINTS)}
 #: Without errors of the simulation, so that what the toy says is all there is.
-BARE = Rules(model_error=0.0, least_error=0.0, common_error=0.0)
+BARE = Rules(model_error=0.0, least_error=0.0, discrepancy=0.0)
 #: s of the mean time for 1 s of delay and 1 N of friction, at each operating point.
 LATER = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 1.0])
 SLOWER = 1e-4 * np.array([3.0, -1.0, 2.0, 0.5, 1.0, 4.0])
@@ -58,7 +58,7 @@ def test_what_is_left_is_what_the_partners_direction_does_not_have(common: float
 
     a is what friction adds and b the direction of the delay.
     """
-    rules = Rules(model_error=0.0, least_error=0.0, common_error=common)
+    rules = Rules(model_error=0.0, least_error=0.0, discrepancy=common)
     added = 50.0 * SLOWER
     seen = _seen(rules)
     found = left_by(seen, CASE, POINTS, {FRICTION: added})[FRICTION]
@@ -73,12 +73,15 @@ def test_what_is_left_is_what_the_partners_direction_does_not_have(common: float
     assert found.after < found.before
 
 
-def test_errors_in_common_are_alike_for_all_forces_of_a_mismatch() -> None:
-    """Of two points of one mismatch the covariance is the square of 4 % of the mean time."""
-    rules = Rules(model_error=0.0, least_error=0.0, common_error=0.04)
+def test_the_discrepancy_joins_the_covariance() -> None:
+    """Of each point it adds some 4 % of the mean time, of neighbours nearly all of that."""
+    rules = Rules(model_error=0.0, least_error=0.0, discrepancy=0.04)
     covariance = errors_of(_seen(rules), CASE, [0, 1], np.full(2, float(SHIFTS)))
+    bare = errors_of(_seen(BARE), CASE, [0, 1], np.full(2, float(SHIFTS)))
+    added = covariance - bare
     assert SETTINGS[0].point.mismatch == SETTINGS[1].point.mismatch
-    assert covariance[0, 1] == pytest.approx((0.04 * BASE) ** 2, rel=1e-6)
+    assert np.sqrt(np.diag(added)) == pytest.approx(0.04 * BASE, rel=0.3)
+    assert 0.0 < added[0, 1] < added[0, 0]
 
 
 def test_a_partner_that_does_the_same_leaves_nothing() -> None:

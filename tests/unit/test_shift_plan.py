@@ -34,7 +34,7 @@ from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 
 Call = Callable[..., Said]
 POINTS = points_of((235.2, 641.5))
-PLAIN = Rules(common_error=0.0)
+PLAIN = Rules(discrepancy=0.0)
 
 
 def _field(
@@ -64,14 +64,16 @@ def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
 
 
 def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> None:
-    """With an error s t of all forces of one speed, D of a dead time stays below d^2 / (s t)^2."""
+    """With a discrepancy of s t in the mean square, D of a dead time stays below d^2 / (s t)^2."""
     point = POINTS[:1]
-    whole = _field(("actuation_delay",), point, Rules(common_error=0.04))
+    whole = _field(("actuation_delay",), point, Rules(discrepancy=0.04))
     time = whole.baseline.core[0, 0]
     many = whole.distances(np.array([1e9]))[1:, 0]
     delays = 0.25 * (np.arange(24) + 0.5) / 24
     error = whole.baseline.error[0, 0]
-    limit = delays**2 / ((0.04 * time) ** 2 + error**2)
+    shared = whole.common[0, 0]
+    assert np.sqrt(shared) == pytest.approx(0.04 * time, rel=0.15)
+    limit = delays**2 / (shared + error**2)
     assert many == pytest.approx(limit, rel=1e-3)
 
 

@@ -17,7 +17,7 @@ from dogshape.diagnosis.prediction.angle_means import (
 )
 from dogshape.diagnosis.prediction.bank import Plan, collect, settings_of
 from dogshape.diagnosis.prediction.emulator import BankEmulator
-from dogshape.diagnosis.prediction.level_curves import fit_curves, jumps_of
+from dogshape.diagnosis.prediction.level_curves import fit_curves
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
@@ -204,22 +204,6 @@ def test_times_at_equal_shares_keep_the_mean() -> None:
     assert engaged_mean(times) == pytest.approx(0.2)
     twice = binned(times, 4, np.array([[1.0, 2.0, 1.0, 1.0, 1.0]]))
     assert twice[0] == pytest.approx([0.1, 0.1, 0.2, 0.3])
-
-
-def test_levels_behind_a_jump_are_counted_with_its_size() -> None:
-    """Forty smooth curves of seven levels, two of which have one level half as high again."""
-    places = np.linspace(0.0, 1.0, 7)[None, :, None].repeat(40, axis=0)
-    means = 0.3 * places[..., 0]
-    means[7, 3] += np.log(1.5)
-    means[20, 4] += np.log(1.5)
-    errors = (0.003**2 * np.eye(7))[None].repeat(40, axis=0)
-    noisy = means + 0.003 * np.random.default_rng(1).standard_normal(means.shape)
-    curves = replace(fit_curves(places, noisy, errors, slice(0, 7)), inflation=1.0)
-    share, size = jumps_of(curves, noisy, slice(1, 6))
-    assert share >= 2 / 200
-    assert 0.2 < size < 0.6
-    smooth = fit_curves(places[:7], noisy[:7], errors[:7], slice(0, 7))
-    assert jumps_of(smooth, noisy[:7], slice(1, 6)) == (0.0, 0.0)
 
 
 def test_curves_judge_themselves_by_levels_left_out() -> None:

@@ -21,7 +21,7 @@ def _said() -> CellPredictions:
     one = np.ones(1)
     plain = Prediction.plain(times, one, 0.0005 * one, 0.0 * one)
     late = replace(plain, outlier_share=LATE * one, behind=BEHIND * one, behind_sd=WIDE * one)
-    return CellPredictions.of([late] * CELLS, Rules())
+    return CellPredictions.of([late] * CELLS, Rules(odd_share=0.0))
 
 
 def _seen(means: np.ndarray, n: int) -> Observed:
@@ -29,7 +29,19 @@ def _seen(means: np.ndarray, n: int) -> Observed:
     empty = (np.zeros(0),) * CELLS
     wait = np.full(CELLS, 0.1)
     return Observed(
-        empty, empty, means, count, nothing, nothing, count, nothing, nothing, wait, wait, 2.0
+        empty,
+        empty,
+        means,
+        count,
+        nothing,
+        nothing,
+        count,
+        nothing,
+        nothing,
+        wait,
+        wait,
+        wait,
+        2.0,
     )
 
 

@@ -30,7 +30,7 @@ from dogshape.validation.blind.stand import Point, Stand
 
 REST = 0.03  #: common error that is left, as share of the mean time
 SOON = 1e-3  #: s, no time is less
-RULES = Rules(common_error=REST)
+RULES = Rules(discrepancy=REST)
 
 
 def engines_apart(stand: Stand, bank: Bank) -> list[float]:

@@ -30,7 +30,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
-from dogshape.diagnosis.likelihood.common_error import common_errors
+from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -122,11 +122,12 @@ def errors_of(seen: Seen, case: Record, places: Sequence[int], counts: Array) ->
     predicted = seen.predictions(both, seen.values(case["parameters"]), places)
     base = seen.predictions(NONE, np.zeros((1, 0)), places)
     mismatch = np.array([seen.settings[k].point.mismatch for k in places])
-    common = common_errors(mismatch, base.mean[:, 0], seen.rules.common_error)
-    common = np.hstack([common, np.nan_to_num(predicted.common)])
+    force = np.array([seen.settings[k].point.profile.force for k in places])
+    prior = discrepancy_prior(mismatch, force, base.mean[:, 0], seen.rules.discrepancy)
+    joint = np.nan_to_num(predicted.common)
     with np.errstate(divide="ignore"):
         own = predicted.sd[:, 0] ** 2 / counts + predicted.error[:, 0] ** 2
-    return np.diag(own) + common @ common.T
+    return np.diag(own) + prior.covariance + joint @ joint.T
 
 
 @dataclass(frozen=True)

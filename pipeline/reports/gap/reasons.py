@@ -11,7 +11,7 @@ from dogshape.diagnosis.inference.classes import APART
 from dogshape.diagnosis.inference.next_test import HOUR
 from dogshape.diagnosis.inference.posterior import inclusion
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
-from dogshape.diagnosis.inference.verdict import CREDIBLE, MOST, NAMED, PART
+from dogshape.diagnosis.inference.verdict import CREDIBLE, MODEL_FORM, MOST, NAMED, PART
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
 from dogshape.diagnosis.report.wording import NUMBERS, chance
 from dogshape.diagnosis.terms import Hypothesis
@@ -49,6 +49,15 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
         reasons.append(
             f"where it takes more than {NUMBERS[MOST]} effects, only those are named that are part "
             f"of the cause with more than {chance(PART)}, whatever else is"
+        )
+    if top == NONE and found.equivalence is not None:
+        within = chance(found.equivalence.probability)
+        reasons.append(f"that the gap lies within the margin has {within} only")
+    form = [found.effects[name].plain for name in top if name in MODEL_FORM]
+    if form:
+        reasons.append(
+            f"{' and '.join(form)} is a property of the simulated contact, by which simulations "
+            "differ among themselves: only a direct test names it"
         )
     part = inclusion(found.posterior)
     open_ones = [name for name in top if part[name] <= PART]

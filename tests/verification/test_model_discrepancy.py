@@ -1,4 +1,4 @@
-"""Errors that cells have in common, and late shifts, against direct sums and draws."""
+"""Discrepancy of the simulation, and late shifts, against direct sums and draws."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, timed
-from dogshape.diagnosis.likelihood.common_error import (
+from dogshape.diagnosis.likelihood.discrepancy import (
+    Discrepancy,
     Slopes,
-    common_errors,
-    log_common,
-    shared_errors,
+    discrepancy_prior,
+    marginals,
+    posterior_draws,
 )
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.prediction.outliers import bulk, outlier_counts, outlier_statistics
@@ -21,29 +22,73 @@ from dogshape.sim.units import RPM
 from tests.toy import bench_of, points_of
 
 SLIPS = np.array([5.0, 5.0, 25.0, 249.0]) * RPM
+FORCES = np.array([235.2, 641.5, 235.2, 315.0])
 MEANS = np.array([0.15, 0.12, 0.09, 0.05])
 
 
-def test_normal_cells_have_the_density_of_a_joint_normal() -> None:
-    common = common_errors(SLIPS, MEANS, 0.05)
-    generator = np.random.default_rng(3)
+def _prior(scale: float = 0.05) -> Discrepancy:
+    return discrepancy_prior(SLIPS, FORCES, MEANS, scale)
+
+
+def _members(prior: Discrepancy) -> list[tuple[float, Array]]:
+    """Return prior probability and covariance of each amplitude and shape."""
+    found = []
+    for root, chances in zip(prior.roots, prior.prior, strict=True):
+        for chance, size in zip(chances, prior.amplitudes, strict=True):
+            found.append((chance, size**2 * root @ root.T))
+    return found
+
+
+@pytest.mark.parametrize("own", [0.0, 0.003])
+def test_normal_cells_have_the_density_of_a_mixture_of_joint_normals(own: float) -> None:
+    generator, prior = np.random.default_rng(3), _prior()
     sd = np.array([0.004, 0.01, 0.002, 0.001])
     gaps = generator.normal(0.0, 0.01, (6, 4))
     alone = norm.logpdf(gaps, 0.0, sd).sum(axis=1)
     slopes = Slopes(gaps / sd**2, np.broadcast_to(sd**-2.0, gaps.shape))
-    joint = generator.normal(0.0, 0.003, (6, 4))
-    found = alone + log_common(slopes, shared_errors(common, joint))
-    for row, own, value in zip(gaps, joint, found, strict=True):
-        whole = np.diag(sd**2) + common @ common.T + np.outer(own, own)
-        assert value == pytest.approx(multivariate_normal(cov=whole).logpdf(row), abs=1e-9)
+    joint = generator.normal(0.0, 1.0, (6, 4)) * own
+    found = alone + marginals(slopes, prior, joint).log
+    for row, mine, value in zip(gaps, joint, found, strict=True):
+        whole = np.diag(sd**2) + np.outer(mine, mine)
+        density = sum(c * multivariate_normal(cov=whole + k).pdf(row) for c, k in _members(prior))
+        assert value == pytest.approx(np.log(density), abs=1e-8)
+
+
+def test_the_discrepancy_given_the_data_is_that_of_joint_normals() -> None:
+    prior, sd = _prior(), np.array([0.004, 0.01, 0.002, 0.001])
+    gaps = np.array([0.012, 0.01, 0.006, 0.003])
+    slopes = Slopes(np.tile(gaps / sd**2, (40_000, 1)), np.tile(sd**-2.0, (40_000, 1)))
+    generator = np.random.default_rng(1)
+    drawn, amplitudes = posterior_draws(slopes, prior, np.zeros((40_000, 4)), generator)
+    weights, means, squares = [], [], []
+    for chance, kernel in _members(prior):
+        whole = kernel + np.diag(sd**2)
+        weights.append(chance * multivariate_normal(cov=whole).pdf(gaps))
+        gain = kernel @ np.linalg.inv(whole)
+        means.append(gain @ gaps)
+        squares.append(means[-1] ** 2 + np.diag(kernel - gain @ kernel))
+    share = np.array(weights) / np.sum(weights)
+    assert drawn.mean(axis=0) == pytest.approx(share @ means, rel=0.03)
+    assert (drawn**2).mean(axis=0) == pytest.approx(share @ squares, rel=0.05)
+    assert amplitudes.mean() == pytest.approx(share @ np.tile(prior.amplitudes, 2), rel=0.03)
 
 
 def test_cells_of_a_mismatch_err_alike_and_others_the_less_the_farther() -> None:
-    common = common_errors(SLIPS, MEANS, 0.05)
-    covariance = common @ common.T / np.outer(MEANS, MEANS)
-    assert np.diag(covariance) == pytest.approx(0.05**2)
-    assert covariance[0, 1] == pytest.approx(0.05**2)
-    assert covariance[0, 1] > covariance[0, 2] > covariance[0, 3] > 0.0
+    prior = _prior()
+    covariance = prior.covariance / np.outer(MEANS, MEANS)
+    sizes = np.sqrt(np.diag(covariance))
+    assert prior.prior.sum() == pytest.approx(1.0)
+    # The nodes stand for a half-normal amplitude: its root mean square is its scale.
+    assert np.sqrt(prior.prior.sum(axis=0) @ prior.amplitudes**2) == pytest.approx(0.05, rel=0.1)
+    alike = covariance / np.outer(sizes, sizes)
+    assert 0.0 < alike[0, 1] < 1.0
+    assert alike[0, 2] > alike[0, 3]
+
+
+def test_without_a_scale_nothing_changes() -> None:
+    assert _prior(0.0).absent
+    slopes = Slopes(np.ones((3, 4)), np.ones((3, 4)))
+    assert marginals(slopes, _prior(0.0), np.zeros((3, 4))).log == pytest.approx(0.0, abs=1e-12)
 
 
 def _said(late: float, behind: float, wide: float) -> CellPredictions:
@@ -86,14 +131,15 @@ def test_slopes_are_those_of_the_density(mean: float) -> None:
     assert here.second[0, 0] >= 0.0
 
 
-def test_common_errors_make_nothing_likelier_than_the_best_offsets_would() -> None:
+def test_a_discrepancy_makes_nothing_likelier_than_the_best_offsets_would() -> None:
     said = _said(0.05, 0.12, 0.03)
     means = np.linspace(0.03, 0.2, 60)
     cells = [timed(_with_mean(mean, 10), said) for mean in means]
     best = max(cell.log[0, 0] for cell in cells)
     for size in (1e-3, 0.01, 0.1, 1.0):
+        prior = Discrepancy((np.full((1, 1), size),), np.ones(1), np.ones((1, 1)))
         for cell in cells:
-            gain = log_common(cell.slopes, np.full((1, 1, 1), size))[0]
+            gain = marginals(cell.slopes, prior, np.zeros((1, 1))).log[0]
             assert cell.log[0, 0] + gain <= best + 1.0
 
 
