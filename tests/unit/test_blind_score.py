@@ -322,7 +322,7 @@ def test_making_goes_on_where_it_was_stopped(
     """Stopped in the third of five cases, the same command makes the other three alone."""
     made: list[int] = []
 
-    def simulate(stand: Stand, points: Sequence[Point], case: Case) -> Series:
+    def simulate(stand: Stand, points: Sequence[Point], case: Case, _: str) -> Series:
         if len(made) == 2:
             raise KeyboardInterrupt
         made.append(case.seed)

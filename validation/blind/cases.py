@@ -2,6 +2,8 @@
 
 Two sets differ in strengths and in draws: *tuning* is for looking at while the diagnosis is made,
 *published* for its figures. ``small`` sets have a handful of cases, for tests and a first look.
+A *wide* set asks for what a bench may bring beyond these: any pairs and threes, strengths drawn
+anywhere and beyond the priors, a mismatch off by a factor, 3 to 50 shifts at a point.
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
     "published": {"barely": (0.12, 0.30), "clear": (0.45, 0.60), "gross": (0.90, 0.90)},
     "tuning": {"barely": (0.18, 0.38), "clear": (0.35, 0.52), "gross": (0.75, 0.80)},
 }
-SEEDS = {"published": 20260, "tuning": 411}  #: of the draws, unless another is given
+SEEDS = {"published": 20260, "tuning": 411, "wide": 5077}  #: of the draws, unless another is given
 SPREAD = 0.1  #: by which a strength is off its nominal one, at most
 SHIFTS = {"means": 10, "singles": 10, "traces": 3}  #: shifts of an operating point
 #: Pairs: what comes with every actuator and every ring, with something else.
@@ -53,20 +55,38 @@ TRACED = (  # effects with traces too, at the clear strength
 
 REVERSED = "reversed_mismatch"
 
+#: Effects beyond their priors, in units of the parameters, from and to.
+BEYOND: dict[str, tuple[str, float, float]] = {
+    "actuation_delay": ("delay_s", 0.27, 0.4),
+    "actuation_lag": ("lag_s", 0.32, 0.45),
+    "viscous_damping": ("damping_Ns_m", 1050.0, 1600.0),
+    "moving_mass": ("added_mass_kg", 11.0, 18.0),
+    "linkage_compliance": ("compliance_mm_kN", 21.0, 35.0),
+    "force_scale": ("force_factor", 0.5, 0.58),
+    "drag_torque": ("drag_Nm", 5.2, 8.0),
+}
+#: How much of each a wide set has beside each single effect twice; things outside the list by name.
+WIDE = {"none": 30, "pair": 24, "three": 12, "beyond": 14, "other": 6}
+WIDE_OUTSIDE = {"drift": 4, "sticking_valve": 6, "swapped_column": 4}
+NUMBERS: dict[Form, tuple[int, ...]] = {"means": (3, 5, 10, 20, 50), "singles": (3, 5, 10, 20)}
+LEAST = 0.3  #: least strength of an effect that is drawn anywhere
+
 
 @dataclass(frozen=True)
 class Case:
     """One case: its causes with their parameters, and the form of its data.
 
-    ``strength`` is a name, or none; ``outside`` has strengths by name.
+    ``strength`` is a name, or none; ``outside`` has strengths by name. ``number`` of shifts at an
+    operating point, None for that of the form.
     """
 
-    kind: Literal["none", "single", "pair", "outside"]
+    kind: Literal["none", "single", "pair", "three", "beyond", "other", "outside"]
     form: Form
     seed: int
     strength: str = "none"
     parameters: dict[str, Values] = field(default_factory=dict)
     outside: dict[str, float] = field(default_factory=dict)
+    number: int | None = None
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -81,7 +101,7 @@ class Case:
     @property
     def shifts(self) -> int:
         """Shifts of an operating point."""
-        return SHIFTS[self.form]
+        return self.number or SHIFTS[self.form]
 
     @property
     def swapped(self) -> bool:
@@ -90,7 +110,9 @@ class Case:
 
     def record(self) -> dict[str, Any]:
         """Write the entry of the key."""
+        number = {} if self.number is None else {"number": self.number}
         return {
+            **number,
             "kind": self.kind,
             "strength": self.strength,
             "form": self.form,
@@ -106,18 +128,21 @@ def cases_of(which: str, size: str, seed: int | None = None) -> tuple[Case, ...]
 
     Parameters
     ----------
-    which : ``published`` or ``tuning``.
+    which : ``published``, ``tuning`` or ``wide``.
     size : ``small`` or ``full``.
     seed : of strengths, places and angles; each set has its own.
     """
-    for name, value, valid in (("set", which, STRENGTHS), ("size", size, ("small", "full"))):
+    for name, value, valid in (("set", which, SEEDS), ("size", size, ("small", "full"))):
         if value not in valid:
             raise InputError(
                 f"--{name} is '{value}', which there is not; {did_you_mean(value, valid)}"
             )
     generator = np.random.default_rng(SEEDS[which] if seed is None else seed)
-    maker = _Maker(STRENGTHS[which], generator)
-    found = list(_small(maker) if size == "small" else _full(maker))
+    if which == "wide":
+        found = list(_wide(generator))[:: 1 if size == "full" else 12]
+    else:
+        maker = _Maker(STRENGTHS[which], generator)
+        found = list(_small(maker) if size == "small" else _full(maker))
     return tuple(found[k] for k in generator.permutation(len(found)))
 
 
@@ -194,3 +219,40 @@ def _full(maker: _Maker) -> Iterator[Case]:
         yield maker.single(REVERSED, "gross", form)
     yield maker.pair(("actuation_delay", REVERSED))
     yield maker.pair(("actuation_delay", REVERSED), "gross", "singles")
+
+
+def _wide(generator: np.random.Generator) -> Iterator[Case]:
+    """Yield single effects, none, pairs, threes, and what is beyond the priors or outside."""
+    listed = [name for name, ranges in RANGES.items() if ranges]
+    for kind, many in (("single", 1), ("pair", 2), ("three", 3)):
+        drawn = (
+            generator.choice(listed, many, replace=False).tolist() for _ in range(WIDE.get(kind, 0))
+        )
+        for names in [[n] for n in listed * 2] if kind == "single" else drawn:
+            parameters = {
+                name: values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
+                for name in sorted(names)
+            }
+            yield _drawn(generator, kind, parameters)
+    for _ in range(WIDE["none"]):
+        yield _drawn(generator, "none", {})
+    for name in list(BEYOND) * (WIDE["beyond"] // len(BEYOND)):
+        parameter, low, high = BEYOND[name]
+        yield _drawn(generator, "beyond", {name: {parameter: float(generator.uniform(low, high))}})
+    for place in range(WIDE["other"]):
+        factor = 1.0 + (-1.0) ** place * float(generator.uniform(0.1, 0.25))
+        yield _drawn(generator, "other", {"mismatch_speed": {"mismatch_factor": factor}})
+    for name in [name for name, many in WIDE_OUTSIDE.items() for _ in range(many)]:
+        yield _drawn(generator, "outside", {}, {name: float(generator.uniform(0.4, 1.0))})
+
+
+def _drawn(
+    generator: np.random.Generator,
+    kind: Any,
+    parameters: dict[str, Values],
+    outside: dict[str, float] | None = None,
+) -> Case:
+    """Make a case of any form, with a number of shifts that is drawn."""
+    form: Form = "singles" if generator.random() < 0.5 else "means"
+    number, seed = int(generator.choice(NUMBERS[form])), int(generator.integers(2**31))
+    return Case(kind, form, seed, "drawn", parameters, outside or {}, number)

@@ -17,8 +17,9 @@ import numpy as np
 
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
+from dogshape.validation.blind.mujoco_shift import Draw, Shift, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth
+from dogshape.validation.blind.truth_engines import engine_of
 
 SAMPLING = 2000.0  #: 1/s, of traces
 NOISE = (5e-3, 0.3)  #: standard deviation of a trace's displacement in mm and speeds in 1/min
@@ -56,9 +57,9 @@ def draws(truth: Truth, stand: Stand, points: int, each: int, seed: int) -> list
     return found
 
 
-def simulate(stand: Stand, points: Sequence[Point], case: Case) -> Series:
-    """Simulate all shifts of a case."""
-    engine = Engine(stand, case.truth)
+def simulate(stand: Stand, points: Sequence[Point], case: Case, name: str = "mujoco") -> Series:
+    """Simulate all shifts of a case in an engine."""
+    engine = engine_of(name, stand, case.truth)
     every = draws(case.truth, stand, len(points), case.shifts, case.seed)
     keep = case.form == "traces"
     shifts = tuple(
@@ -69,10 +70,14 @@ def simulate(stand: Stand, points: Sequence[Point], case: Case) -> Series:
 
 
 def even_times(
-    stand: Stand, points: Sequence[Point], count: int, truth: Truth | None = None
+    stand: Stand,
+    points: Sequence[Point],
+    count: int,
+    truth: Truth | None = None,
+    name: str = "mujoco",
 ) -> list[list[float | None]]:
     """Return times at ``count`` even angles of each point, s; without any effect by default."""
-    engine = Engine(stand, truth)
+    engine = engine_of(name, stand, truth)
     angles = (np.arange(count) + 0.5) / count * stand.pitch
     return [[engine.shift(point, Draw(float(a))).time for a in angles] for point in points]
 

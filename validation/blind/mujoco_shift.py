@@ -165,7 +165,7 @@ class Engine:
         sign = math.copysign(1.0, point.mismatch)
         self._place[output] = draw.angle
         self._rate[sliding] = self.stand.sliding_speed
-        mismatch = point.mismatch + sign * truth.mismatch_offset
+        mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
         self._rate[output] = self.stand.sliding_speed + mismatch
         self._rate[output] += truth.ripple * math.sin(draw.phase)
         self._flank, self._face = contact_references(self.stand, truth, point)

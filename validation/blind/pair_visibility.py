@@ -23,18 +23,16 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.validation.blind.advised_test import stage_of
 from dogshape.validation.blind.case_marks import counted, sampling_error
-from dogshape.validation.blind.data import even_times
+from dogshape.validation.blind.even_means import ANGLES, even_means
 from dogshape.validation.blind.pair_refit import Seen, left_by
 from dogshape.validation.blind.sealed import Advance, ignore, manifest_of, pool, read, write
-from dogshape.validation.blind.stand import Point, Stand, Truth
+from dogshape.validation.blind.stand import Point, Stand
 from dogshape.validation.blind.true_effects import truth_of
 
 Record = dict[str, Any]
 
-ANGLES = 8  #: even ones, at each operating point
 KEPT = "partners.json"  #: beside the cases
 
 
@@ -154,14 +152,3 @@ def beside(added: np.ndarray, case: Record, key: Record) -> float:
     errors = np.array([sampling_error(free, len(mine)) for free, mine in given])
     z = added / errors
     return float(np.sqrt(counted((z[np.isfinite(z)] ** 2).tolist())))
-
-
-def even_means(stand: Stand, points: Sequence[Point], truth: Truth) -> np.ndarray:
-    """Return mean times at even angles, weighted as the truth draws them, s, (points,)."""
-    turns = (np.arange(ANGLES) + 0.5) / ANGLES
-    weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
-    times = np.array(even_times(stand, points, ANGLES, truth), float)
-    having = np.isfinite(bulk(times))
-    # Late shifts are left out, as in the size of a gap; where no shift engages there is no mean.
-    share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
-    return (np.where(having, times, 0.0) * weights).sum(axis=1) / share

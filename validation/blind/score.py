@@ -26,6 +26,7 @@ from dogshape.validation.blind.advised_test import (
     shifts_asked,
 )
 from dogshape.validation.blind.case_marks import Mark, Names, mark_of
+from dogshape.validation.blind.equivalence import equivalence_figures
 from dogshape.validation.blind.intervals import calibration, mean, median, share
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.pair_visibility import Sizes, partner_gaps, shifts_left
@@ -35,6 +36,7 @@ Record = dict[str, Any]
 
 VISIBLE = 2.0  #: sampling errors
 STRENGTHS = ("none", "barely", "clear", "gross")
+KINDS = ("none", "single", "pair", "three", "beyond", "other", "outside")
 FORMS = ("means", "singles", "traces")
 
 
@@ -58,12 +60,16 @@ def score(
 
     Makes the tests that were advised where a case is ambiguous, and what each effect of a pair
     makes by itself. ``seen`` says with what a pair's folder
-    is diagnosed.
+    is diagnosed. Both are left out of a set that MuJoCo did not make, which has no diagnosis
+    that was told anything either.
 
     Raises StorageError where the key is not the sealed one, InputError where results are missing.
     """
     results = results_of(folder)
     key = opened(folder)
+    if key.get("engine", "mujoco") != "mujoco":
+        marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
+        return {**scored(marks), "equivalence": equivalence_figures(key, results)}
     if progress is not None:
         progress.extend(shifts_left(folder, key) + shifts_asked(results))
     advance = None if progress is None else progress.advance
@@ -114,6 +120,7 @@ def scored(
         "singles_by_strength": _split(
             [m for m in marks if m.kind == "single"], lambda m: m.strength, STRENGTHS[1:]
         ),
+        "by_kind": _split(marks, lambda m: m.kind, KINDS),
         "by_form": _split(marks, lambda m: m.form, FORMS),
         "none": _none(marks),
         "pairs": _pairs(marks),

@@ -75,6 +75,7 @@ class Truth:
     static_friction, dynamic_friction : of the dogs, None as given.
     dissipation, stiffness : of the contact, s/m and Pa/m, as the published one has them.
     mismatch_offset, gap_offset, chamfer_offset : rad/s, m, rad.
+    mismatch_factor : of the nominal mismatch.
     reversed : whether the rings turn past each other the other way round than the table says.
     concentration, centre : of the relative angles; the centre in pitches.
     sticking : mean of a delay that is drawn anew for each shift (exponential), s.
@@ -101,6 +102,7 @@ class Truth:
     dissipation: float = 100.0
     stiffness: float = 5e11
     mismatch_offset: float = 0.0
+    mismatch_factor: float = 1.0
     reversed: bool = False
     gap_offset: float = 0.0
     chamfer_offset: float = 0.0

@@ -103,6 +103,8 @@ FIELDS: dict[str, tuple[str, float]] = {
     "compliance_mm_kN": ("compliance", 1e-6),
     "offset_rpm": ("mismatch_offset", RPM),
     "added_mass_kg": ("added_mass", 1.0),
+    # No parameter of the diagnosis: the same effect otherwise.
+    "mismatch_factor": ("mismatch_factor", 1.0),
     "concentration": ("concentration", 1.0),
     "centre_pitch": ("centre", 1.0),
     "friction_N": ("friction", 1.0),

@@ -39,6 +39,8 @@ def run_table(results: Mapping[str, Record]) -> RenderableType:
 
 def score_table(found: Record) -> RenderableType:
     """Return the leading figures with their intervals, as a user gets them and told the engine."""
+    if "told" not in found:
+        return _alone(found)
     table = columns("figure", "not told (a user's)", "n", "told the engine's baseline", "n")
     for (words, figure), (_, beside) in zip(_rows(found), _rows(found["told"]), strict=True):
         both = (cell for one in (figure, beside) for cell in (_figure(one), str(one["n"])))
@@ -54,6 +56,31 @@ def score_table(found: Record) -> RenderableType:
     ):
         others.add_row(words, _figure(figure), str(figure["n"]))
     return Group(table, "", others)
+
+
+def _alone(found: Record) -> RenderableType:
+    """Return the figures of a set with one way to diagnose, those of each kind of truth last."""
+    table = columns("figure", "value (95 %)", "n")
+    same = found.get("equivalence")
+    rows = [row for row in _rows(found) if row[1]["n"]]
+    for kind, part in found["by_kind"].items():
+        rows += [
+            (f"kind {kind}: right", part["top_1"]),
+            (f"kind {kind}: in the 90 % set", part["coverage_90"]),
+            (f"kind {kind}: an effect named", part["named"]),
+            (f"kind {kind}: all that is named is a cause", part["named_causes_true"]),
+        ]
+    if same is not None:
+        rows += [
+            ("none said: the true gap is within the margin", same["within_of_said_none"]),
+            ("true gap within the margin: none said", same["said_none_of_within"]),
+        ]
+    for words, figure in rows:
+        table.add_row(words, _figure(figure), str(figure["n"]))
+    if same is None or same["largest_ratio_of_said_none"] is None:
+        return table
+    largest = same["largest_ratio_of_said_none"]
+    return Group(table, "", f"largest true gap where none is said: {largest:.2f} margins")
 
 
 def _rows(found: Record) -> list[tuple[str, Any]]:

@@ -42,11 +42,12 @@ def make(
     bench: Annotated[
         str, typer.Option(help="data set whose clutch and operating points are taken")
     ] = "mq200_adams",
-    which: Annotated[str, typer.Option(help="published or tuning: strengths and draws")] = (
-        "published"
-    ),
-    size: Annotated[str, typer.Option(help="full (130 cases) or small (5)")] = "full",
+    which: Annotated[
+        str, typer.Option(help="published, tuning or (engine planar) wide: strengths and draws")
+    ] = "",
+    size: Annotated[str, typer.Option(help="full (130 to 170 cases) or small")] = "full",
     seed: Annotated[int | None, typer.Option(min=0, help="default: that of the set")] = None,
+    engine: Annotated[str, typer.Option(help="of the truths: mujoco or planar")] = "mujoco",
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
@@ -54,7 +55,8 @@ def make(
 
     Example: dogshape blind make results/blind --size small
     """
-    wanted = Wanted(_base(bench), which, size, seed)
+    usual = "wide" if engine == "planar" else "published"
+    wanted = Wanted(_base(bench), which or usual, size, seed, engine)
     points_for(wanted)  # refuses a bad stand before anything is simulated
     with WorkCounter(ProgressBar(), _count(wanted), unit="cases") as progress:
         manifest = make_cases(folder, wanted, _processes(jobs), progress.advance)

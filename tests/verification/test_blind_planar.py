@@ -1,0 +1,148 @@
+"""Truths of the compiled engine: mechanisms as those of the effects, a contact of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank import Level, settings_of
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.effects import load
+from dogshape.sim.errors import InputError
+from dogshape.sim.planar.engagement import engage
+from dogshape.sim.planar.plant import planar_clutch
+from dogshape.validation.blind import planar_shift
+from dogshape.validation.blind.cases import BEYOND, WIDE, WIDE_OUTSIDE, cases_of
+from dogshape.validation.blind.equivalence import equivalence_figures
+from dogshape.validation.blind.mujoco_shift import Draw
+from dogshape.validation.blind.planar_shift import Law, PlanarEngine
+from dogshape.validation.blind.sealed import Wanted, make
+from dogshape.validation.blind.stand import Point, Truth, read_stand
+from dogshape.validation.blind.true_effects import RANGES, truth_of
+
+BENCH = bundled_root() / "bench" / "mq200_adams"
+STAND = read_stand(BENCH)
+POINT = Point(50.0 * np.pi / 30.0, 469.0, 0.1766)
+ANGLES = np.linspace(0.02, 0.38, 4)
+EFFECTS = {
+    "actuation_delay": {"delay_s": 0.08},
+    "actuation_lag": {"lag_s": 0.05},
+    "axial_gap": {"gap_offset_mm": 0.3},
+    "chamfer_angle": {"chamfer_offset_deg": 1.5},
+    "contact_dissipation": {"dissipation_s_m": 20.0},
+    "contact_friction": {"static_friction": 0.2, "dynamic_friction": 0.1},
+    "contact_stiffness": {"stiffness_Pa_m": 3e12},
+    "detent_force": {"detent_N": 80.0, "position_mm": 0.8},
+    "drag_torque": {"drag_Nm": 1.0},
+    "force_scale": {"force_factor": 0.7},
+    "free_play": {"free_play_mm": 0.5},
+    "linkage_compliance": {"compliance_mm_kN": 4.0},
+    "mismatch_speed": {"offset_rpm": 2.0},
+    "moving_mass": {"added_mass_kg": 1.5},
+    "reversed_mismatch": {},
+    "sleeve_friction": {"friction_N": 60.0},
+    "spline_friction": {"spline_friction": 0.15},
+    "viscous_damping": {"damping_Ns_m": 300.0},
+}
+
+
+@pytest.mark.parametrize("name", sorted(EFFECTS))
+def test_with_the_same_contact_each_effect_is_that_of_the_simulation(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(planar_shift, "LAW", Law(1.0, 1.0, 1.0))
+    values = EFFECTS[name]
+    engine = PlanarEngine(STAND, truth_of({name: values}, {}))
+    bench = load_bench(BENCH)
+    cells = [k for k, c in enumerate(bench.cells) if abs(c.point.profile.force - 469.0) < 1.0]
+    place = next(k for k in cells if abs(bench.cells[k].point.mismatch - POINT.mismatch) < 1e-6)
+    level = Level((name,), tuple(values.values()))
+    setting = level.setting(load(None), settings_of(bench)[place])
+    plant = planar_clutch(setting.clutch.with_engine("planar"))
+    for angle in ANGLES:
+        found = engage(plant, setting.point, float(angle))
+        row = {"shift_time_s": found.shift_time, "actuator_time_s": found.actuator_time}
+        linked = name in {"linkage_compliance", "free_play"}
+        time = row["actuator_time_s" if linked else "shift_time_s"]
+        mine = engine.shift(POINT, Draw(float(angle))).time
+        assert time is not None
+        assert mine == pytest.approx(time + setting.delay, rel=2e-3)
+
+
+def test_all_effects_of_the_list_are_compared_but_the_draw_of_angles() -> None:
+    assert set(RANGES) - set(EFFECTS) == {"relative_angle"}
+
+
+def test_its_own_contact_makes_a_model_error_of_some_percent() -> None:
+    plain, truth = PlanarEngine(STAND), Truth()
+    same = planar_shift._clutch(STAND, truth)
+    assert same.contact.stiffness == pytest.approx(0.8 * truth.stiffness)
+    slow = Point(25.0 * np.pi / 30.0, 641.5, 0.12614)
+    angles = (np.arange(24) + 0.5) / 24 * STAND.pitch
+    own = [plain.shift(slow, Draw(float(a))).time for a in angles]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planar_shift, "LAW", Law(1.0, 1.0, 1.0))
+        other = PlanarEngine(STAND)
+        theirs = [other.shift(slow, Draw(float(a))).time for a in angles]
+    ratio = np.mean([t for t in own if t]) / np.mean([t for t in theirs if t])
+    assert 0.02 < abs(ratio - 1.0) < 0.15
+
+
+def test_what_it_cannot_make_is_refused() -> None:
+    with pytest.raises(InputError, match="no ripple, no high dog"):
+        PlanarEngine(STAND, truth_of({}, {"high_dog": 0.5}))
+    with pytest.raises(InputError, match="makes no traces"):
+        PlanarEngine(STAND).shift(POINT, Draw(0.1), keep=True)
+
+
+def test_a_wide_set_has_what_the_others_lack() -> None:
+    cases = cases_of("wide", "full")
+    kinds = [case.kind for case in cases]
+    assert {kind: kinds.count(kind) for kind in WIDE} == WIDE
+    assert kinds.count("outside") == sum(WIDE_OUTSIDE.values())
+    assert {case.shifts for case in cases} == {3, 5, 10, 20, 50}
+    common = {"actuation_delay", "sleeve_friction"}
+    assert any(not common & set(case.causes) for case in cases if case.kind == "pair")
+    for case in cases:
+        if case.kind == "beyond":
+            ((name, values),) = case.parameters.items()
+            (parameter,) = RANGES[name]
+            value = values[BEYOND[name][0]]
+            assert not parameter.low <= value <= parameter.high
+
+
+def test_a_set_of_the_engine_keeps_the_true_means_in_its_key(tmp_path: Path) -> None:
+    wanted = Wanted(BENCH, "wide", "small", 3, "planar")
+    manifest = make(tmp_path / "set", wanted)
+    assert manifest["engine"] == "planar"
+    key = (tmp_path / "set" / "key.json").read_text()
+    assert '"even_s"' in key
+    for other in ("published", "tuning"):
+        with pytest.raises(InputError, match="makes wide sets only"):
+            make(tmp_path / other, Wanted(BENCH, other, "small", 3, "planar"))
+    with pytest.raises(InputError, match="there is not"):
+        make(tmp_path / "none", Wanted(BENCH, "wide", "small", 3, "planer"))
+
+
+def test_none_is_right_where_the_true_gap_is_within_the_margin() -> None:
+    """Margins are 5 % of 100 ms; gaps of the bench have their scatter, true ones do not."""
+
+    def case(even: float) -> dict[str, object]:
+        return {"times_s": [[0.104, 0.106]] * 2, "even_s": [even, even]}
+
+    def said(verdict: str) -> dict[str, object]:
+        margin = {"margin_share": 0.05, "margin_least_s": 0.002}
+        where = [{"gap_s": 0.005}, {"gap_s": 0.005}]
+        return {"diagnosis": {"verdict": verdict, "discrepancy": margin, "where": where}}
+
+    key = {"cases": {"a": case(0.104), "b": case(0.107), "c": case(0.101), "d": case(0.2)}}
+    results = {"a": said("none"), "b": said("none"), "c": said("ambiguous"), "d": said("effect")}
+    found = equivalence_figures(key, results)
+    assert found is not None
+    assert (found["n"], found["within_of_said_none"]["value"]) == (4, 0.5)
+    assert found["said_none_of_within"]["value"] == 0.5
+    assert found["largest_ratio_of_said_none"] == pytest.approx(1.4)
+    assert equivalence_figures({"cases": {"a": {"times_s": [[0.1]]}}}, {"a": said("none")}) is None

@@ -1,0 +1,108 @@
+"""Stand of a blind check in the compiled engine, with a contact law of its own.
+
+A second engine of truths: it shares mechanism and geometry with the simulation and differs from it
+in the contact by as much as two honest engines do: softer contact, less damping and a smaller
+stiction velocity (``LAW``) change mean times by some percent. So it asks what a
+diagnosis does with a model error, and nothing of how effects are modelled; MuJoCo
+(``validation.blind.mujoco_shift``) asks both. It makes no traces, no ripple, no high dog and no
+force in stages.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from dogshape.sim.errors import InputError
+from dogshape.sim.planar.engagement import engage
+from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, Draw, Shift
+from dogshape.validation.blind.stand import Point, Stand, Truth
+
+
+@dataclass(frozen=True)
+class Law:
+    """Factors of the contact's stiffness, dissipation and stiction velocity."""
+
+    stiffness: float = 0.8
+    dissipation: float = 0.7
+    stiction: float = 0.85
+
+
+LAW = Law()
+
+
+class PlanarEngine:
+    """A stand with its truth, ready to shift."""
+
+    def __init__(self, stand: Stand, truth: Truth | None = None) -> None:
+        self.stand, self.truth = stand, truth or Truth()
+        if self.truth.ripple or self.truth.high_dog or self.truth.stage_time:
+            raise InputError(
+                "the compiled engine has no ripple, no high dog and no force in stages; give "
+                "--engine mujoco"
+            )
+        self._plant = planar_clutch(_clutch(stand, self.truth))
+
+    def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
+        """Simulate one shift; InputError where its motion is to be kept."""
+        if keep:
+            raise InputError("the compiled engine makes no traces; give --engine mujoco")
+        truth, sign = self.truth, math.copysign(1.0, point.mismatch)
+        mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
+        force = point.force * truth.force_factor * draw.fade
+        profile = (
+            LaggedProfile(force, point.rise, lag=truth.lag)
+            if truth.lag
+            else ForceProfile(force, point.rise)
+        )
+        asked = OperatingPoint(-mismatch if truth.reversed else mismatch, profile)
+        found = engage(self._plant, asked, draw.angle)
+        time = found.actuator_time if truth.linkage else found.shift_time
+        ended = None if time is None else float(time) + truth.delay + draw.late
+        return Shift(None if ended is None or ended > self.stand.timeout else ended)
+
+
+def _clutch(stand: Stand, truth: Truth) -> Clutch:
+    dog = Dog(
+        count=stand.count,
+        chamfer=stand.chamfer + truth.chamfer_offset,
+        traction=stand.traction,
+        braking=stand.braking,
+        height=stand.height,
+        outer_diameter=2.0 * stand.outer_radius,
+        inner_diameter=2.0 * stand.inner_radius,
+        axial_gap=stand.gap + truth.gap_offset,
+    )
+    rings = Rings(stand.mass, stand.sliding_inertia, stand.output_inertia, stand.sliding_speed)
+    static, dynamic = truth.static_friction, truth.dynamic_friction
+    contact = replace(
+        contact_set("adams2019"),
+        name="blind",
+        static_friction=stand.static_friction if static is None else static,
+        dynamic_friction=stand.dynamic_friction if dynamic is None else dynamic,
+        stiction_velocity=LAW.stiction * stand.stiction_speed,
+        stiffness=LAW.stiffness * truth.stiffness,
+        dissipation=LAW.dissipation * truth.dissipation,
+    )
+    mechanism = Mechanism(
+        added_mass=truth.added_mass,
+        friction=truth.friction,
+        damping=truth.damping,
+        detent=truth.detent,
+        detent_position=truth.detent_position,
+        detent_width=DETENT_WIDTH,
+        spline_friction=truth.spline_friction,
+        spline_radius=SPLINE_PLACE * stand.inner_radius,
+        drag_torque=truth.drag_torque,
+        compliance=truth.compliance,
+        free_play=truth.free_play,
+    )
+    solver = solver_for(contact)
+    clutch = Clutch(dog, rings, contact, solver, stand.timeout, stand.seated, mechanism=mechanism)
+    return clutch.with_engine("planar")
