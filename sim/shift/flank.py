@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 from dogshape.sim.shift.geometry import Dog
@@ -59,6 +60,7 @@ class FlankContact:
         return self.low + share * self.height
 
 
+@lru_cache(maxsize=1024)  # each check of a design asks for the same two
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
     inner, mean, outer = (

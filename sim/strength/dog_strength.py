@@ -24,7 +24,7 @@ Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternatin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
@@ -77,6 +77,8 @@ class Limits:
 
     def with_root_radius(self, radius: float) -> Limits:
         """Return the same limits for another radius of root and tip edges, m."""
+        if radius == self.root_radius:
+            return self
         return replace(self, manufacturing=replace(self.manufacturing, root_radius=radius))
 
     @property
@@ -120,16 +122,24 @@ def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = Non
     return Load(limits.load.force_per_dog(dog, flank, torque), flank, level)
 
 
-def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
+def fatigue(
+    dog: Dog, limits: Limits, static: Mapping[Flank, float] | None = None
+) -> tuple[float, float]:
     """Return tension in the fillet and what its life leaves sound, Pa, of the worse flank.
 
     Under a spectrum the tension is that of its largest torque, and the limit is that tension times
-    the factor on all torques at which Miner's sum is 1.
+    the factor on all torques at which Miner's sum is 1. ``static`` are the tensions under the
+    static torques, where they are known.
     """
     load = limits.load
     if not load.spectrum:
         torques = {f: load.design_torque * load.share_of(f) for f in FLANKS}
-        tension = max(root_stress(dog, limits, f, torque) for f, torque in torques.items())
+        tension = max(
+            static[f]
+            if static and torque == load.static_torque(f)
+            else root_stress(dog, limits, f, torque)
+            for f, torque in torques.items()
+        )
         return tension, limits.fatigue_stress
     found = []
     endurance = limits.endurance(ENDURANCE_CYCLES)
@@ -146,19 +156,56 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     return tension, factor * tension
 
 
+@dataclass(frozen=True)
+class Root:
+    """Root of a dog below a flank under its static torque.
+
+    ``nominal`` is the tension without the notch, Pa, ``notch`` and ``rim`` the factors on it, and
+    ``below`` the share of the notch that is left below the case.
+    """
+
+    load: Load
+    nominal: float
+    notch: float
+    rim: float
+    below: float
+
+    @property
+    def tension(self) -> float:
+        """Tension in the fillet, Pa."""
+        return self.notch * self.nominal * self.rim
+
+    @property
+    def core(self) -> float:
+        """Tension below the case, Pa."""
+        return self.nominal * (1.0 + (self.notch - 1.0) * self.below) * self.rim
+
+
+def root_of(dog: Dog, limits: Limits, flank: Flank) -> Root:
+    """Compute what the static torque of a flank does to its root."""
+    radius, load = limits.root_radius, root_load(dog, limits, flank)
+    depth = 1.0 + limits.material.case_depth / radius
+    return Root(
+        load,
+        root_nominal(dog, load),
+        notch_factor(dog, radius, flank),
+        rim_factor(dog, limits.manufacturing),
+        (depth**-2 + 3.0 * depth**-4) / 4.0,
+    )
+
+
 def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
     """Return the tension at the root below the case, Pa."""
-    radius = limits.root_radius
-    depth = 1.0 + limits.material.case_depth / radius
-    decay = (depth**-2 + 3.0 * depth**-4) / 4.0
-    notch = notch_factor(dog, radius, flank)
-    nominal = root_nominal(dog, root_load(dog, limits, flank))
-    return nominal * (1.0 + (notch - 1.0) * decay) * rim_factor(dog, limits.manufacturing)
+    return root_of(dog, limits, flank).core
 
 
 def shear_stress(dog: Dog, load: LoadCase, flank: Flank = "traction") -> float:
     """Return the largest shear stress of the root, Pa."""
-    return 1.5 * load.force_per_dog(dog, flank) / (dog.radial_width * dog.root_width)
+    return _shear(dog, load.force_per_dog(dog, flank))
+
+
+def _shear(dog: Dog, force: float) -> float:
+    return 1.5 * force / (dog.radial_width * dog.root_width)
 
 
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -266,11 +313,11 @@ _SPECTRUM_RULE = replace(
 
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    tension = {flank: root_stress(dog, limits, flank) for flank in FLANKS}
-    shears = {flank: shear_stress(dog, limits.load, flank) for flank in FLANKS}
-    equivalent = max(
-        math.hypot(core_stress(dog, limits, f), math.sqrt(3.0) * shears[f]) for f in FLANKS
-    )
+    # Thousands of designs are checked, each at every deviation: what they share is found once.
+    roots = {flank: root_of(dog, limits, flank) for flank in FLANKS}
+    tension = {flank: root.tension for flank, root in roots.items()}
+    shears = {flank: _shear(dog, root.load.force) for flank, root in roots.items()}
+    equivalent = max(math.hypot(roots[f].core, math.sqrt(3.0) * shears[f]) for f in FLANKS)
     shear, allowable = max(shears.values()), limits.allowable_stress
     pressure = limits.material.allowable_pressure
     rows = (
@@ -280,7 +327,7 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         ("equivalent_stress", equivalent, allowable),
     )
     made = [Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows]
-    lasting, endured = fatigue(dog, limits)
+    lasting, endured = fatigue(dog, limits, tension)
     rule = _SPECTRUM_RULE if limits.load.spectrum else _RULES["root_fatigue"]
     made.append(Check(rule, lasting / MPA, endured / MPA))
     return (*made, *rim_checks(dog, limits.manufacturing))

@@ -208,17 +208,17 @@ class LoadCase:
         dog: Dog,
         force: float,
         wave: float,
-        digits: int = 17,
+        digits: int | None = None,
     ) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
         scatter = self.scatter(dog)
         if (scatter is None and wave == 0.0) or force == 0.0:
             return self.load_sharing
-        scatter, wave = (
-            float(f"{error * self.stiffness(dog) / force:.{digits}g}")
-            for error in (scatter or 0.0, wave)
-        )
-        return share(dog.count, scatter, wave)
+        stiffness = self.stiffness(dog)
+        found = [error * stiffness / force for error in (scatter or 0.0, wave)]
+        if digits is not None:
+            found = [float(f"{value:.{digits}g}") for value in found]
+        return share(dog.count, *found)
 
 
 def _edge(unit: str, value: float | None) -> float | None:

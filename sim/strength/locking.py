@@ -31,6 +31,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
 from dogshape.sim.shift.flank import FLANKS, Flank, side_angle
 from dogshape.sim.shift.geometry import Dog
@@ -146,17 +147,23 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
 
 def _rule(name: str, load: LoadCase) -> Rule:
     """Return a rule, its formula with spline and coast where the load case has them."""
+    spline, vibration = load.spline_friction > 0.0, load.vibration_force > 0.0
+    return _written(name, spline, load.coast_share != 1.0, vibration)
+
+
+@lru_cache
+def _written(name: str, spline: bool, coast: bool, vibration: bool) -> Rule:
     rule = _RULES[name]
-    if load.spline_friction > 0.0 and name in ("traction_release", "braking_release"):
+    if spline and name in ("traction_release", "braking_release"):
         with_spline = "angle against arctan of the static coefficient + arctan(mu_t r/r_t), spline"
         return replace(rule, formula=with_spline)
     if name.startswith("separating"):
         formula = rule.formula
-        if load.spline_friction > 0.0:
+        if spline:
             formula += ", less min(mu_t, mu) K_A T/r_t that the spline holds"
-        if load.coast_share != 1.0 and name.endswith("braking"):
+        if coast and name.endswith("braking"):
             formula += "; T times load.coast_share"
-        if load.vibration_force > 0.0:
+        if vibration:
             formula += "; + m a, a the axial vibration"
         return replace(rule, formula=formula)
     return rule
