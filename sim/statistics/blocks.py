@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.expectation import even_phases
@@ -37,7 +38,7 @@ class Block:
             for angle, variant in zip(self.angles, self.each_variant, strict=True)
         ]
 
-    @property
+    @cached_property
     def keys(self) -> list[str]:
         """Content keys of the block's shifts, in the order of the angles."""
         return [content_key(given) for given in self.inputs]

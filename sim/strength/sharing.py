@@ -107,13 +107,30 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the faces, ``wave`` the amplitude of their slow error,
     both over the approach of perfect ones: sigma c/F_0 and a c/F_0.
     """
-    gaps = _gaps(count, scatter, wave)
-    touching = np.arange(1, count + 1)
-    mean = np.cumsum(gaps, axis=1) / touching
-    spread = np.cumsum(gaps**2, axis=1) / touching - mean**2
-    # The root is real up to the first number of dogs that fits; what is beyond is not looked at.
-    approach = _first(mean + np.sqrt(np.maximum(count / touching - spread, 0.0)), gaps)
-    return float(1.0 / approach.mean() ** 2)
+    # A row a dog, the foremost first: few land, and rows of the others are not looked at.
+    if wave == 0.0:
+        size, gaps = scatter, _normal_rows(count)
+    else:
+        size, gaps = 1.0, _gaps(count, scatter, wave).T
+    found, left = np.empty(SAMPLES), np.arange(SAMPLES)
+    summed, squares, following = np.zeros(SAMPLES), np.zeros(SAMPLES), size * gaps[0]
+    for place in range(count):
+        here, touching = following, place + 1
+        summed, squares = summed + here, squares + here**2
+        mean = summed / touching
+        # The root is real up to the first number of dogs that fits.
+        spread = squares / touching - mean**2
+        approach = mean + np.sqrt(np.maximum(count / touching - spread, 0.0))
+        last = touching == count
+        following = np.full(left.size, np.inf) if last else size * gaps[touching, left]
+        fits = approach <= following
+        found[left[fits]] = approach[fits]
+        left, summed, squares, following = (
+            part[~fits] for part in (left, summed, squares, following)
+        )
+        if not left.size:
+            break
+    return float(1.0 / found.mean() ** 2)
 
 
 def _gaps(count: int, scatter: float, wave: float) -> Floats:
@@ -135,6 +152,14 @@ def _normal_gaps(count: int) -> Floats:
     gaps = _from_foremost(_drawn(count)[0])
     gaps.flags.writeable = False
     return gaps
+
+
+@lru_cache(maxsize=64)
+def _normal_rows(count: int) -> Floats:
+    """Return the same, a row a dog, (count, samples)."""
+    rows = np.ascontiguousarray(_normal_gaps(count).T)
+    rows.flags.writeable = False
+    return rows
 
 
 def _drawn(count: int) -> tuple[Floats, Floats]:
