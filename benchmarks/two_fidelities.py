@@ -110,9 +110,8 @@ def main() -> None:
     v, levels = stored.validation, stored.surrogate.data.levels
     apart = len(ShiftJournal(folder.references).rows)
     dense = len(ShiftJournal(folder.compiled_references).rows)
-    print(
-        f"{given.clutch}, {given.contact}, {given.designs} designs, {len(stored.surrogate.data)} rows"
-    )
+    about = f"{given.clutch}, {given.contact}, {given.designs} designs"
+    print(f"{about}, {len(stored.surrogate.data)} rows")
     print(f"rows: {levels['planar']} shifts compiled, {levels['drake']} of Drake in pairs")
     print(f"references: {v.n} that fill the space and {v.n_best} of the best tenth, {dense} shifts")
     print(f"compiled and {apart} of Drake; s.e. of an expected time {v.noise_s * 1e3:.2f} ms")
