@@ -12,8 +12,9 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures puts what sources say into the figures of README.md and docs, and lists what has none.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
-# make picture draws docs/mismatch.svg, docs/shift.png and docs/report.png again; it needs Chromium
-# and a study.
+# make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and docs/report.png again; it
+# needs Chromium and a study.
+# make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
 PYTHON ?= python3.11
 VENV := .venv
 BIN := $(VENV)/bin
@@ -25,7 +26,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -64,7 +65,7 @@ blind: $(VENV)/complete
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
-  valid_range keeping sense ranking
+  valid_range keeping sense ranking forecasts
 SURROGATE := learning_curve active_learning asking two_fidelities
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
@@ -133,12 +134,18 @@ $(OUT)/report.html:
 picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
 	$(BIN)/python -m benchmarks.mismatch > docs/mismatch.svg
+	$(BIN)/python -m benchmarks.named_dog > docs/dog.svg
 	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
 	  --html build/shift.html
 	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \
 	  --screenshot=docs/shift.png "file://$(CURDIR)/build/shift.html#t=45"
 	$(SHOOT) --window-size=1220,1330 --force-device-scale-factor=0.75 \
 	  --screenshot=docs/report.png "file://$(abspath $(OUT))/report.html"
+
+# The tutorial, command by command, and its pictures (a minute; it needs Chromium).
+tutorial: $(VENV)/ready
+	rm -rf build/tutorial
+	$(BIN)/python -m benchmarks.pages docs/tutorial.md build/tutorial docs/tutorial
 
 $(VENV)/ready: pyproject.toml constraints.txt | system
 	$(PYTHON) -m venv $(VENV)

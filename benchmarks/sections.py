@@ -136,7 +136,12 @@ OTHERS: dict[str, dict[str, str]] = {
             *("", "Install", "Verbs", "Begin with a folder"),
             *("Compare", "Decide for a design", "A study of your own"),
             "On many machines",
-            *("When something goes wrong", "Exit status", "What a study's folder holds"),
+            *(
+                "How long it takes",
+                "When something goes wrong",
+                "Exit status",
+                "What a study's folder holds",
+            ),
         ),
         "examples, limits and defaults",
     ),
@@ -163,6 +168,17 @@ OTHERS: dict[str, dict[str, str]] = {
         "The flight": ONCE,
         "How well it predicts": ONCE,
     },
+    "docs/tutorial.md": dict.fromkeys(
+        (
+            "",
+            "1. The first study",
+            "2. A clutch of your own",
+            "3. A bench of your own",
+            "4. An effect of your own",
+            "Where to go on",
+        ),
+        "made by the commands of the page, which tests/integration/test_learning_pages.py runs",
+    ),
     "docs/effects.md": {
         **dict.fromkeys(("", "The effects", "Mechanism", "An effect of your own"), DEFINITIONS),
         "Checked": ONCE,

@@ -38,7 +38,7 @@ from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.report.wording import Found, headline, in_words
 from dogshape.diagnosis.terms import Hypothesis
@@ -216,6 +216,7 @@ class Diagnosis:
         found = self.scored.get(hypothesis)
         record: Record = {
             "effects": list(hypothesis),
+            "title": plain(hypothesis, self.effects),
             "probability": self.posterior[hypothesis],
             "parameters": {},
             "evidence_probability": self.raw[hypothesis],

@@ -6,12 +6,14 @@ line's bar (``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Protocol
+
+from dogshape.pipeline.forecast import Forecast, Kind
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,7 @@ class Count:
     at_most : whether ``total`` is an upper bound.
     unit : what is counted.
     ended : whether the work is over, finished or not.
+    left_s : foreseen time left, s; None where it follows from the counts alone.
     """
 
     done: int
@@ -33,6 +36,7 @@ class Count:
     at_most: bool = False
     unit: str = "shifts"
     ended: bool = False
+    left_s: float | None = None
 
 
 class Progress(Protocol):
@@ -63,16 +67,19 @@ SILENT: Progress = _Silent()
 class WorkCounter:
     """Count finished shifts into a progress; a context manager that says when the work ends.
 
-    ``most`` says that ``total`` is an upper bound, ``unit`` what is counted.
+    ``most`` says that ``total`` is an upper bound, ``unit`` what is counted. ``forecast`` foresees
+    the time left where shifts are not all of the work.
     """
 
     def __init__(
-        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts"
-    ) -> None:
+        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
+        forecast: Forecast | None = None,
+    ) -> None:  # fmt: skip
         self._progress = progress
         self._total = total
         self._most = most
         self._unit = unit
+        self._forecast = forecast
         self._done = self._known = 0
 
     def __enter__(self) -> WorkCounter:
@@ -85,11 +92,35 @@ class WorkCounter:
         self._update(ended=True)
 
     def _update(self, *, ended: bool = False) -> None:
-        count = Count(self._done, self._total, self._known, self._most, self._unit, ended)
+        left = None if self._forecast is None else self._forecast.seconds
+        count = Count(self._done, self._total, self._known, self._most, self._unit, ended, left)
         self._progress.update(count)
 
     def advance(self, count: int) -> None:
         """Count ``count`` more finished shifts; more than were expected raise the total."""
+        if self._forecast is not None:
+            self._forecast.report("shift", count)
+        self._add(count)
+
+    def quick(self, count: int) -> None:
+        """Take ``count`` more finished shifts of the compiled engine, which are not counted."""
+        if self._forecast is not None:
+            self._forecast.report("quick", count)
+        self._update()
+
+    def proposed(self) -> None:
+        """Take that what went before was no simulation but a proposal of designs."""
+        if self._forecast is not None:
+            self._forecast.report("design", 0)
+
+    def designs(self, count: int, left: Mapping[Kind, float]) -> None:
+        """Take ``count`` more finished designs, and what is expected of each kind from now on."""
+        if self._forecast is not None:
+            self._forecast.report("design", count)
+            self._forecast.expect(left)
+        self._update()
+
+    def _add(self, count: int) -> None:
         self._done += count
         self._total = max(self._total, self._done)
         self._update()
@@ -97,7 +128,9 @@ class WorkCounter:
     def known(self, count: int) -> None:
         """Count shifts that an earlier run finished."""
         self._known += count
-        self.advance(count)
+        if self._forecast is not None:
+            self._forecast.skip("shift", count)
+        self._add(count)
 
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""

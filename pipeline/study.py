@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -11,10 +12,13 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
+from dogshape.pipeline.duration import about
+from dogshape.pipeline.forecast import COST, PLANAR, Forecast
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
+from dogshape.pipeline.search.foreseen import to_confirm, to_search
 from dogshape.pipeline.search.front_uncertainty import standings
 from dogshape.pipeline.search.repair import repair
 from dogshape.pipeline.search.replication import replicate, replication_record
@@ -101,19 +105,31 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
-    with WorkCounter(how.progress, most, most=True) as progress:
+    jobs = how.jobs or os.cpu_count() or 1
+    cost = PLANAR if search.study.clutch.solver.engine == "planar" else COST
+    foreseen = Forecast(to_search(search), jobs, cost)
+    told = len(search.trials())
+    with WorkCounter(how.progress, most, most=True, forecast=foreseen) as progress:
         progress.say(words)
         if (angles := search.study.file.search.screen_angles) is not None:
             progress.say(
                 f"before Drake each design is screened by the compiled engine, {angles} angles at "
-                "every operating point: seconds that no forecast counts"
+                "every operating point"
             )
+        lasts = about(foreseen.seconds)
+        progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
         def after_round(line: str, state: SearchState) -> None:
+            nonlocal told
+            progress.designs(len(state.trials) - told, to_search(search, state))
+            told = len(state.trials)
             progress.say(line)
             write_json(folder.result, collect(state, journal))
 
-        executor = Executor(journal, how.jobs, progress.advance, how.cluster)
+        executor = Executor(
+            journal, how.jobs, progress.advance, how.cluster, progress.known, progress.quick,
+            progress.proposed,
+        )  # fmt: skip
         with progress.kept_in(folder.root, "--resume goes on"):
             findings = repair(search, executor, progress.say)
             state = run(search, sampler_of, executor, after_round, findings)
@@ -285,8 +301,11 @@ def _replicate(
         return None, state
     confirm = most_to_confirm(study, most_confirmed(study))
 
+    likely = to_confirm(study, min(study.file.search.confirm_designs, max(1, len(state.front))))
+
     def told(left: int, line: str) -> None:
         progress.rest(left + confirm)
+        progress.designs(0, {**likely, "shift": left + likely["shift"]})
         progress.say(line)
 
     done, state = replicate(state, executor, told)
@@ -298,6 +317,7 @@ def _confirm(
 ) -> tuple[dict[str, Any] | None, SearchState]:
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(state.study, count))
+        progress.designs(0, to_confirm(state.study, count))
         progress.say(line)
 
     return confirm(state, executor, told)

@@ -129,19 +129,34 @@ def _worth(found: Found) -> list[Hypothesis]:
 
 def in_words(found: Found) -> str:
     """Return the finding in one paragraph: how large, why, how sure, what to do next."""
-    following = f"Next: {why(found.test, found.posterior, found.effects)}"
-    parts = _size(found.gaps), _cause(found), _beside(found), _senses(found), _far(found), following
-    return " ".join(part for part in parts if part)
+    return " ".join(part for part in parts_in_words(found).values() if part)
 
 
-def _size(gaps: HeldOut) -> str:
+def parts_in_words(found: Found) -> dict[str, str]:
+    """Return the sentences of the paragraph by what they say; empty where there is nothing."""
+    return {
+        "size": _size(found),
+        "cause": _cause(found),
+        "beside": _beside(found),
+        "sense": _senses(found),
+        "left": _far(found),
+        "next": f"Next: {why(found.test, found.posterior, found.effects)}",
+    }
+
+
+def _size(found: Found) -> str:
+    gaps = found.gaps
     if gaps.baseline is None or gaps.floor is None:
         return "There are no times to compare."
-    return (
+    size = (
         f"Shift times on the bench and in the simulation differ by {ms(gaps.baseline)} "
-        f"(root mean square over the operating points), where the simulation's own scatter "
-        f"and numerics would make {ms(gaps.floor)}."
+        "(root mean square over the operating points)"
     )
+    # Chance has one figure: that under the leading hypothesis, where there is one.
+    if found.leading != NONE and found.chance:
+        return f"{size}."
+    own = "where the simulation's own scatter and numerics would make"
+    return f"{size}, {own} {ms(gaps.floor)}."
 
 
 def _cause(found: Found) -> str:
@@ -253,7 +268,8 @@ def _far(found: Found) -> str:
         return ""
     if found.verdict.kind == "unknown":
         nearest = plain(leading, found.effects)
-        return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted."
+        alone = f"; chance alone would leave {ms(found.chance)}" if found.chance else ""
+        return f"The nearest, {nearest}, leaves {ms(gaps.held_out)} where it was not fitted{alone}."
     alone = f"; chance alone would leave {ms(found.chance)}" if found.chance else ""
     what = "it" if found.verdict.kind == "effect" else plain(leading, found.effects)
     return (

@@ -11,23 +11,13 @@ from rich.progress import (
     TaskID,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 
 from dogshape.pipeline.cli.console import terminal
+from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import Count
 
 LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
-
-
-def duration(seconds: float) -> str:
-    """Return a time as people say it: in s below two minutes, then in min, then in h and min."""
-    minutes = round(seconds / 60.0)
-    if seconds < 120.0:
-        return f"{seconds:.0f} s"
-    if minutes < 120:
-        return f"{minutes} min"
-    return f"{minutes // 60} h" if minutes >= 600 else f"{minutes // 60} h {minutes % 60} min"
 
 
 class ProgressBar:
@@ -53,6 +43,14 @@ class ProgressBar:
         """Print a sentence above the bar."""
         self._console.print(line, soft_wrap=True)
 
+    def _left(self, count: Count) -> float | None:
+        """Foresee the time left, s; None before anything is known of it."""
+        if count.left_s is not None:
+            return count.left_s
+        new = count.done - count.known
+        lasted = time.monotonic() - self._start
+        return lasted / new * max(0, count.total - count.done) if new else None
+
     def _draw(self, count: Count) -> None:
         if self._bar is None:
             unit = f"{count.unit} at most" if count.at_most else count.unit
@@ -62,25 +60,27 @@ class ProgressBar:
                 MofNCompleteColumn(),
                 TextColumn("{task.fields[unit]}"),
                 TimeElapsedColumn(),
-                TextColumn("left"),
-                TimeRemainingColumn(),
+                TextColumn("{task.fields[left]}"),
                 console=self._console,
                 transient=True,
             )
-            self._task = self._bar.add_task("simulating", total=count.total, unit=unit)
+            self._task = self._bar.add_task("simulating", total=count.total, unit=unit, left="")
+            self._start = time.monotonic()
             self._bar.start()
-        self._bar.update(self._task, completed=count.done, total=count.total)
+        left = self._left(count)
+        words = "" if left is None else f"{about(left)} left"
+        self._bar.update(self._task, completed=count.done, total=count.total, left=words)
 
     def _line(self, count: Count) -> None:
         if count.done == 0:  # new work begins
             self._start = self._said = time.monotonic()
             self._told = 0
-        now, new = time.monotonic(), count.done - count.known
-        if new and count.done > self._told and now - self._said >= LINE_EVERY:
+        now, left = time.monotonic(), self._left(count)
+        moved = count.left_s is not None or count.done > self._told
+        if left is not None and moved and now - self._said >= LINE_EVERY:
             self._said, self._told = now, count.done
-            left = (now - self._start) / new * max(0, count.total - count.done)
             total = f"at most {count.total}" if count.at_most else f"{count.total}"
-            line = f"{count.done} of {total} {count.unit}, about {duration(left)} left"
+            line = f"{count.done} of {total} {count.unit}, {about(left)} left"
             self._console.print(line, soft_wrap=True, highlight=False)
 
     def _close(self) -> None:

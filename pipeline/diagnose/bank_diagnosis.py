@@ -28,6 +28,8 @@ from dogshape.diagnosis.prediction.sense_bank import (
     reversed_bench,
     reversed_plan,
 )
+from dogshape.pipeline.diagnose.lacking import reason
+from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -144,7 +146,9 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         lacking = store.missing(blocks_by_key((plain, turned)).values())
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
-    means.progress.say(_announced(left, _finished(lacking, kept), means))
+    own = own_files(means.effects) if means.effects else ()
+    why = reason(bench, [name for name in own if name in effects])
+    means.progress.say(_announced(left, _finished(lacking, kept), means, why))
     how = "the same command goes on from there"
     with (
         writing(means.bank),
@@ -166,13 +170,15 @@ def _finished(blocks: Sequence[Block], journal: Path) -> int:
     return sum(key in rows for block in blocks for key in block.keys)
 
 
-def _announced(shifts: int, finished: int, means: Means) -> str:
+def _announced(shifts: int, finished: int, means: Means, why: str) -> str:
     jobs = means.jobs or os.cpu_count() or 1
-    minutes = max(1.0, (shifts - finished) * SHIFT / jobs / 60.0)
+    lasts = about((shifts - finished) * SHIFT / jobs)
     there = f" ({finished} more are there from a run that was stopped)" if finished else ""
+    because = f": {why}" if why else ""
     return (
-        f"the bank of this clutch lacks {shifts - finished} shifts{there}, about {minutes:.0f} min "
-        f"with {jobs} workers; kept in {means.bank} for this and later diagnoses"
+        f"the bank of this clutch lacks {shifts - finished} shifts{there}{because}. To simulate "
+        f"them takes {lasts} with {jobs} workers, once; kept in {means.bank} for this and later "
+        "diagnoses"
     )
 
 

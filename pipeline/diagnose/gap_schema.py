@@ -24,6 +24,7 @@ class HypothesisRow(Section):
     """A hypothesis: a set of effects, none, or ``unknown``, which has no evidence of its own."""
 
     effects: list[str] = key("effects by name; empty for none")
+    title: str = key("the hypothesis as reports say it")
     probability: float = key("posterior probability", SHARE)
     parameters: dict[str, IntervalRow] = key("parameters of the effects, by name")
     evidence_probability: float = key("probability by evidence, before any check", SHARE)

@@ -43,11 +43,11 @@ def path(commands: str, kind: str) -> str:
     return f'<path d="{commands}" class="{kind}"/>'
 
 
-def clipped(element: str, frame: tuple[float, float], height: float) -> str:
-    """Clip an element to the range between two x."""
+def clipped(element: str, frame: tuple[float, float], height: float, name: str = "frame") -> str:
+    """Clip an element to the range between two x; each clip of a drawing has its own ``name``."""
     left, right = frame
     shape = f'<rect x="{left:.2f}" y="0" width="{right - left:.2f}" height="{height:.0f}"/>'
-    return f'<clipPath id="frame">{shape}</clipPath><g clip-path="url(#frame)">{element}</g>'
+    return f'<clipPath id="{name}">{shape}</clipPath><g clip-path="url(#{name})">{element}</g>'
 
 
 def line(a: Point, b: Point, kind: str = "thin") -> str:

@@ -52,7 +52,8 @@ class Executor:
 
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
     the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
-    called with the number of shifts that the journal has already, instead of ``progress``.
+    called with the number of shifts that the journal has already, instead of ``progress``, and
+    ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated.
     """
 
     journal: ShiftJournal
@@ -60,6 +61,8 @@ class Executor:
     progress: Progress = field(default=_silent)
     cluster: str | None = None
     known: Progress | None = None
+    quick: Progress = field(default=_silent)
+    begun: Callable[[], None] | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
@@ -69,6 +72,8 @@ class Executor:
         die again and again or the cluster is lost, StorageError where the journal cannot be
         written.
         """
+        if self.begun is not None:
+            self.begun()
         asked = {key for block in blocks for key in block.keys}
         known = [key for key in asked - self._counted if key in self.journal.rows]
         self._counted |= asked
@@ -84,7 +89,7 @@ class Executor:
         """Give an executor whose journal is gone afterwards: for shifts quick to repeat."""
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-            yield Executor(journal, self.jobs, cluster=self.cluster)
+            yield Executor(journal, self.jobs, self.quick, self.cluster, begun=self.begun)
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""

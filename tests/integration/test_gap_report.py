@@ -121,7 +121,9 @@ def test_every_part_is_there(page: Path) -> None:
         "unknown shifts read as failed", "force at the sleeve over time", "no information",
     ):  # fmt: skip
         assert words in text
-    assert set(re.findall(r'href="#([^"]+)"', text)) == set(_ids(text))
+    # What the answer hangs on stands on the first page and is no part of its own.
+    assert set(re.findall(r'href="#([^"]+)"', text)) - {"caveats"} == set(_ids(text))
+    assert text.count('id="caveats"') == 1
 
 
 def test_what_is_missing_leaves_no_heading(tmp_path: Path) -> None:
@@ -362,7 +364,7 @@ def test_a_likely_cause_that_is_not_named_has_its_reason(full: Diagnosis) -> Non
     likely = {three: 0.86, two: 0.12, (): 0.02}
     found = replace(full, verdict=open_one, posterior=likely, fits={three: 0.3})
     said = reasons.why_not_named(found)
-    assert "86 % and is yet not called the cause" in said
+    assert "86 % and is yet not settled" in said
     assert "more than two effects" in said
     assert "mass of actuator and linkage is part of the cause with 86 % only" in said
     assert "dead time of the actuation is" not in said

@@ -100,6 +100,7 @@ def test_the_notes_list_every_effect_with_its_range() -> None:
     notes = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
     for effect in EFFECTS.values():
         row = next(line for line in notes.splitlines() if line.startswith(f"| `{effect.name}` |"))
+        assert f"**{effect.plain}**:" in row
         for p in effect.parameters:
             assert f"`{p.name}` {p.low:g} to {p.high:g}, {p.scale}" in row
 

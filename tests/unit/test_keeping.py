@@ -181,7 +181,7 @@ def test_shifts_that_are_known_say_nothing_of_the_time_left(
     assert len(lines) == 1, lines
     left = float(lines[0].partition("about ")[2].split()[0])
     assert lines[0].startswith("55 of 100")
-    assert 80.0 < left < 200.0  # 45 shifts at one in two seconds or so, not 55 in ten seconds
+    assert left == 3  # minutes: 45 shifts at one in four seconds, not 55 in twenty seconds
 
 
 def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dogshape.pipeline.cli.progress_bar import ProgressBar, duration
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
@@ -41,23 +41,6 @@ def test_progress_says_an_upper_bound_as_such(
         exact.advance(1)
     said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
     assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"),
-    [
-        (0.4, "0 s"),
-        (119.0, "119 s"),
-        (121.0, "2 min"),
-        (1781.0, "30 min"),
-        (7140.0, "119 min"),
-        (7200.0, "2 h 0 min"),
-        (19_270.0, "5 h 21 min"),
-        (86_400.0, "24 h"),
-    ],
-)
-def test_time_left_is_said_in_its_unit(seconds: float, said: str) -> None:
-    assert duration(seconds) == said
 
 
 def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:

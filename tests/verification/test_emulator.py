@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,8 +20,10 @@ from dogshape.diagnosis.prediction.bank import Plan, collect, settings_of
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.level_curves import fit_curves
 from dogshape.diagnosis.prediction.levels import Level
+from dogshape.sim.effect import BenchTest, Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
+from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.expectation import variance_of_mean
 from tests.made_up import FACE, few_cells, made_up, mean_time
 
@@ -103,6 +106,24 @@ def test_a_delay_adds_to_all_times_exactly(emulator: BankEmulator) -> None:
     alone = emulator.at(("moving_mass",), mass, 1)
     assert both.times[1] == pytest.approx(alone.times[1] + 0.116)
     assert both.error == pytest.approx(alone.error)
+
+
+def test_a_delay_that_goes_with_the_force_is_that_of_each_operating_point(bench: Bench) -> None:
+    """An effect of one's own may ask for the point at which it acts."""
+
+    def change(setting: Setting, values: Mapping[str, float]) -> Setting:
+        return replace(setting, delay=values["filling_s_kN"] * setting.point.profile.force / 1e3)
+
+    size = Parameter("filling_s_kN", 0.0, 0.01, 0.5, "log-uniform", "made up")
+    test = BenchTest("pressure", "Record it.")
+    filling = Effect("filling", "fills late", (size,), change, test)
+    emulator = BankEmulator(collect(Plan((filling,)), bench, made_up))
+    for cell, (_, force) in enumerate(CELLS):
+        none = emulator.at((), np.empty((1, 0)), cell)
+        late = emulator.at(("filling",), np.array([[0.05], [0.2]]), cell)
+        added = late.times - none.times
+        expected = np.outer([0.05, 0.2], np.full(24, force / 1e3))
+        assert added == pytest.approx(expected, rel=1e-9)
 
 
 def test_spreads_have_the_shape_of_the_simulated_times(

@@ -8,6 +8,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, plain
 from dogshape.diagnosis.report.wording import chance, described
 from dogshape.pipeline.cli.console import columns
@@ -71,7 +72,7 @@ def update_table(record: dict[str, Any], found: Diagnosis) -> RenderableType:
 
 
 def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
-    table = columns("cause", "probability", "parameters (90 %)", "fits (p)")
+    table = columns("cause", "probability", "parameters (90 %)", "fits")
     for one in record["hypotheses"][:SHOWN]:
         hypothesis = tuple(one["effects"])
         # Where no known effect fits, the nearest still says what of it is likely.
@@ -80,12 +81,12 @@ def _causes(found: Diagnosis, record: dict[str, Any]) -> Table:
         sizes = found.intervals.get(hypothesis, {})
         values = "; ".join(described(name, value) for name, value in sizes.items())
         fit = one.get("predictive_p")
-        p = "-" if fit is None else f"{fit:.2g}"
+        fits = "-" if fit is None else "yes" if fit >= ADEQUATE else "no"
         table.add_row(
             plain(hypothesis, found.effects),
             chance(one["probability"]),
             values or "-",
-            p,
+            fits,
         )
     return table
 

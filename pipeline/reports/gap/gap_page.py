@@ -12,7 +12,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.next_test import why
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
-from dogshape.diagnosis.report.wording import chance, headline, in_words, ms, quantity
+from dogshape.diagnosis.report.wording import chance, headline, ms, parts_in_words, quantity
 from dogshape.pipeline.diagnose.extras import Extras, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
 from dogshape.pipeline.reports.gap import charts, reasons
@@ -67,7 +67,8 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
     return {
         "bench": found.bench,
         "headline": headline(found.found),
-        "summary": in_words(found.found),
+        "said": parts_in_words(found.found),
+        "empty_cells": reasons.empty_cells(found),
         "cards": _cards(found),
         "leading": "" if found.leading == NONE else plain(found.leading, found.effects),
         "answers": answers.answers_of(found, extras.remarks),
@@ -194,7 +195,9 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
         "looks odd": "; ".join(
             f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
         ),
-        "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
+        "effects considered": ", ".join(
+            f"{effect.plain} ({name})" for name, effect in found.effects.items()
+        ),
         "hypotheses": f"{len(found.posterior)}: {listed}, no effect, and no known effect",
         **extras.provenance,
     }

@@ -34,10 +34,10 @@ class Answer:
 
     @property
     def fit(self) -> str:
-        """The p-value in short."""
+        """Whether the data may be the hypothesis's own, in a word; empty where nobody looked."""
         if self.p_value is None:
             return ""
-        return f"{self.p_value:.2g}" if self.p_value >= 0.001 else "< 0.001"
+        return "yes" if self.p_value >= ADEQUATE else "no"
 
     @property
     def chance(self) -> str:
@@ -115,9 +115,10 @@ def _fit(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
     p = found.fits.get(hypothesis)
     if p is None:
         return True, ""
+    shown = f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
     if p < ADEQUATE:
-        return False, "times and shares engaged lie further from it than chance allows"
-    return True, "the data scatter about it as they should"
+        return False, f"times and shares engaged lie further from it than chance allows ({shown})"
+    return True, f"the data scatter about it as they should ({shown})"
 
 
 def _far(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:

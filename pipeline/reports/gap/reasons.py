@@ -12,7 +12,7 @@ from dogshape.diagnosis.inference.next_test import HOUR
 from dogshape.diagnosis.inference.posterior import inclusion
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.inference.verdict import CREDIBLE, MODEL_FORM, MOST, NAMED, PART
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.report.wording import NUMBERS, chance
 from dogshape.diagnosis.terms import Hypothesis
 
@@ -37,7 +37,7 @@ def why_not_named(found: Diagnosis) -> str:
     reasons = _reasons(found, top)
     those = "; and ".join(reasons) or "others may hold as well"
     what = "No effect at all" if top == NONE else "The most probable hypothesis"
-    return f"{what} has {chance(found.posterior[top])} and is yet not called the cause: {those}."
+    return f"{what} has {chance(found.posterior[top])} and is yet not settled: {those}."
 
 
 def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
@@ -47,8 +47,8 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
         reasons.append(f"the data lie further from it than chance allows (p = {p:.2g})")
     if len(top) > MOST:
         reasons.append(
-            f"where it takes more than {NUMBERS[MOST]} effects, only those are named that are part "
-            f"of the cause with more than {chance(PART)}, whatever else is"
+            f"of more than {NUMBERS[MOST]} effects each is named only if it is part of the cause "
+            f"with more than {chance(PART)}, whatever else is"
         )
     if top == NONE and found.equivalence is not None:
         within = chance(found.equivalence.probability)
@@ -68,6 +68,32 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
         for name in open_ones
     ]
     return reasons
+
+
+def empty_cells(found: Diagnosis) -> str:
+    """Explain how operating points without a time were read, and what another reading would say.
+
+    Empty where the data set says of every shift whether it engaged.
+    """
+    cells = [cell for cell in found.bench.cells if cell.unknown]
+    if not cells:
+        return ""
+    shifts = sum(cell.unknown for cell in cells)
+    points = f"{len(cells)} operating points" if len(cells) > 1 else "one operating point"
+    said = (
+        f"At {points} the table has {shifts} shifts without a time, and does not say whether they "
+        "were tried. They are read as not measured."
+    )
+    failed = found.other.get("unknown_as_failed")
+    if not failed:
+        return said
+    first = max(failed, key=lambda h: failed[h])
+    same = (
+        "the same would lead"
+        if first == max(found.posterior, key=found.posterior.__getitem__)
+        else f"{plain(first, found.effects)} would lead"
+    )
+    return f"{said} Read as tried and failed, {same}, with {chance(failed[first])}."
 
 
 def why_alike(found: Diagnosis) -> str:

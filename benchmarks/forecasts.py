@@ -1,0 +1,107 @@
+"""Foreseen against true time left, at each tenth of a run.
+
+    python -m benchmarks.forecasts
+
+A study of small size with Drake, one with screens by the compiled engine, and the simulations of a
+surrogate. What is foreseen is what the command line would show when so much of the time is over.
+One worker runs in this process and time is its processor time, so that other work on the machine
+does not count.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dogshape.pipeline import forecast
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.progress import Count, Progress
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.train.training import fill
+
+TENTHS = tuple(range(1, 10))
+SMALL = (
+    "operating.mismatch_rpm=[25, 149]", "operating.force_N=[235.2, 469]", "search.trials=14",
+    "search.startup=10", "search.points=3", "search.confirm_designs=2", "shift.timeout_s=1.1",
+)  # fmt: skip
+SCREENED = (
+    "operating.mismatch_rpm=[25, 149]", "operating.force_N=[235.2, 469]", "search.trials=16",
+    "search.points=3", "search.confirm_designs=2", "search.screen_angles=32",
+)  # fmt: skip
+FITTED = ("surrogate.designs=24", "surrogate.references=3", "shift.timeout_s=1.1")
+
+
+@dataclass
+class Told:
+    """A progress that keeps what it is told, and when."""
+
+    start: float = field(default_factory=time.process_time)
+    seen: list[tuple[float, float]] = field(default_factory=list)
+    end: float = 0.0
+
+    def update(self, count: Count) -> None:
+        """Keep the time that is foreseen, as a line on the console would show it."""
+        now = time.process_time() - self.start
+        new = count.done - count.known
+        left = count.left_s
+        if left is None and new:
+            left = now / new * max(0, count.total - count.done)
+        if left is not None:
+            self.seen.append((now, left))
+        self.end = now
+
+    def say(self, line: str) -> None:
+        """Ignore a sentence."""
+
+    def at(self, share: float) -> tuple[float, float]:
+        """Return time foreseen and true time left, s, when a share of the run is over."""
+        now = share * self.end
+        before = [left for then, left in self.seen if then <= now] or [self.seen[0][1]]
+        return before[-1], self.end - now
+
+
+def measured(work: Callable[[Progress], object]) -> Told:
+    """Run some work and keep what it foresaw."""
+    told = Told()
+    work(told)
+    return told
+
+
+def _study(name: str, values: tuple[str, ...], folder: Path) -> Callable[[Progress], object]:
+    study = load_study(name, values)
+    return lambda progress: run_study(
+        study, Run(StudyFolder(folder), 1, report=False, progress=progress)
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    forecast.CLOCK = time.process_time
+    with tempfile.TemporaryDirectory(prefix="dogshape-") as made:
+        root = Path(made)
+        fitted = load_study("mq200_paper", FITTED)
+        runs = {
+            "study, Drake": _study("mq200_paper", SMALL, root / "small"),
+            "study, screened": _study("mq200", SCREENED, root / "screened"),
+            "fit, two levels": lambda progress: fill(
+                fitted, StudyFolder(root / "fit"), 1, None, progress, levels=2
+            ),
+        }
+        print("processor time left, foreseen : true, and their ratio; one worker")
+        for name, work in runs.items():
+            told = measured(work)
+            print(f"{name}, {told.end:.0f} s to the end of the simulations")
+            ratios = []
+            for tenth in TENTHS:
+                foreseen, true = told.at(tenth / 10.0)
+                ratios.append(foreseen / true)
+                print(f"  {10 * tenth:3d} %  {foreseen:6.0f} : {true:4.0f} s  {ratios[-1]:5.2f}")
+            print(f"  farthest from 1: {max(max(r, 1.0 / r) for r in ratios):.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,142 @@
+"""Run what a page of the documentation tells its reader to run, and draw the tutorial's pictures.
+
+    python -m benchmarks.pages docs/tutorial.md build/tutorial docs/tutorial
+
+Fenced blocks of a page are steps, in their order:
+
+``sh``                  commands ``dogshape``, run in the folder; ``# status 1`` names a status that
+                        is not 0
+``text``                what the command before prints, line by line; ``...`` stands for anything
+``python`` and others with ``title="NAME"``   a file, written into the folder
+``python``              a script, run in the folder
+``console``             commands that no test runs: long ones, and such that need a server
+
+A paragraph that begins with ``Written:`` names the files in backticks that are there afterwards.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+FENCE = re.compile(r"^```(\w+)(?: title=\"([^\"]+)\")?\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+WRITTEN = re.compile(r"^Written: (.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
+STATUS = re.compile(r"#\s*status (\d+)\s*$")
+
+
+@dataclass(frozen=True)
+class Step:
+    """One block of a page.
+
+    ``kind`` is ``written``, ``file``, or the language of the block; ``title`` is the name of a
+    file, ``line`` where the block stands in the page.
+    """
+
+    kind: str
+    text: str
+    title: str = ""
+    line: int = 0
+
+
+@dataclass(frozen=True)
+class Command:
+    """A command of a page with the status that it ends with."""
+
+    words: tuple[str, ...]
+    status: int = 0
+
+
+def steps_of(page: Path) -> list[Step]:
+    """List the steps of a page in their order."""
+    text = page.read_text(encoding="utf-8")
+    found = []
+    for block in FENCE.finditer(text):
+        language, title, body = block.groups()
+        kind = "file" if title else language
+        found.append((block.start(), Step(kind, body, title or "", _line(text, block.start()))))
+    for told in WRITTEN.finditer(text):
+        found.append((told.start(), Step("written", told.group(1), "", _line(text, told.start()))))
+    return [step for _, step in sorted(found, key=lambda pair: pair[0])]
+
+
+def _line(text: str, place: int) -> int:
+    return text.count("\n", 0, place) + 1
+
+
+def commands_of(text: str) -> Iterator[Command]:
+    """Split a block into commands; a backslash continues a line, ``# status N`` is the status."""
+    for line in text.replace("\\\n", " ").splitlines():
+        told = STATUS.search(line)
+        words = shlex.split(line, comments=True)
+        if words:
+            yield Command(tuple(words), int(told.group(1)) if told else 0)
+
+
+def lines_told(text: str) -> Iterator[str]:
+    """Write each line of a ``text`` block as a pattern for words parted by single blanks."""
+    for line in text.splitlines():
+        words = " ".join(line.split())
+        if words and words != "...":
+            yield r".*?".join(re.escape(part.strip()) for part in words.split("..."))
+
+
+def files_told(text: str) -> list[str]:
+    """List the files of a paragraph that begins with ``Written:``."""
+    return re.findall(r"`([^`]+)`", text)
+
+
+#: Pictures of the tutorial: what is shown of which page, in px, and how much smaller.
+PICTURES = {
+    "report": ("results/first/report.html", "1180,820", 0.62),
+    "shift": ("shift.html", "1180,800", 0.62),
+    "gap": ("results/gap/report.html", "1180,1000", 0.62),
+    "effect": ("results/gap_own/report.html", "1180,640", 0.62),
+}
+DRAWING = "dog.svg"
+
+
+def main(page: Path, folder: Path, pictures: Path) -> None:
+    """Run the steps of a page in an empty folder, and draw what they made."""
+    folder.mkdir(parents=True)
+    program = Path(sys.executable).parent / "dogshape"
+    for step in steps_of(page):
+        if step.kind == "file":
+            (folder / step.title).parent.mkdir(parents=True, exist_ok=True)
+            (folder / step.title).write_text(step.text, encoding="utf-8")
+        elif step.kind == "python":
+            subprocess.run([sys.executable, "-c", step.text], cwd=folder, check=True)
+        elif step.kind == "sh":
+            for command in commands_of(step.text):
+                print("$", shlex.join(command.words), flush=True)
+                done = subprocess.run([program, *command.words[1:]], cwd=folder, check=False)
+                if done.returncode != command.status:
+                    raise SystemExit(f"{page}, line {step.line}: status {done.returncode}")
+    pictures.mkdir(parents=True, exist_ok=True)
+    shutil.copy(folder / DRAWING, pictures / DRAWING)
+    for name, (source, window, scale) in PICTURES.items():
+        _shoot(folder / source, pictures / f"{name}.png", window, scale)
+
+
+def _shoot(page: Path, picture: Path, window: str, scale: float) -> None:
+    command = [
+        "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader", "--no-first-run", "--hide-scrollbars",
+        f"--user-data-dir={picture.parent.resolve() / '.chromium'}",
+        "--virtual-time-budget=8000", f"--window-size={window}",
+        f"--force-device-scale-factor={scale}", f"--screenshot={picture.resolve()}",
+        page.resolve().as_uri(),
+    ]  # fmt: skip
+    try:
+        subprocess.run(command, check=True, capture_output=True, timeout=120)
+    finally:
+        shutil.rmtree(picture.parent / ".chromium", ignore_errors=True)
+
+
+if __name__ == "__main__":
+    main(*map(Path, sys.argv[1:4]))

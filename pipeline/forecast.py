@@ -1,0 +1,75 @@
+"""Forecast of the time that work of several kinds still takes, each weighed by what it has cost.
+
+A search proposes designs, screens them in the compiled engine and simulates some of them in Drake:
+three costs that differ by orders of magnitude. A count of shifts alone foresees none of them.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Kind = Literal["design", "quick", "shift"]
+
+CLOCK: Callable[[], float] = time.monotonic
+#: s of processor time that a proposal, a shift of the compiled engine and one of Drake take, about.
+COST: Mapping[Kind, float] = {"design": 2.0, "quick": 0.002, "shift": 0.1}
+#: The same where the study's own shifts are of the compiled engine.
+PLANAR: Mapping[Kind, float] = {**COST, "shift": COST["quick"]}
+#: How many of a kind that guess counts for, once some were measured.
+WEIGHT: Mapping[Kind, float] = {"design": 1.0, "quick": 200.0, "shift": 10.0}
+
+
+@dataclass
+class Forecast:
+    """Foresee the time left from what each kind of work has cost so far.
+
+    Time between two reports belongs to the kind that is reported. A report of none of a kind lets
+    its time wait for the next report of some, as the proposals of a round do. ``left`` is what is
+    expected of each kind, ``jobs`` the number of workers that share shifts, ``cost`` the first
+    guess in s of processor time, ``clock`` gives seconds.
+    """
+
+    left: dict[Kind, float]
+    jobs: int = 1
+    cost: Mapping[Kind, float] = field(default_factory=lambda: COST)
+    clock: Callable[[], float] = field(default_factory=lambda: CLOCK)
+    done: dict[Kind, float] = field(default_factory=dict, init=False)
+    spent: dict[Kind, float] = field(default_factory=dict, init=False)
+    _waiting: dict[Kind, float] = field(default_factory=dict, init=False, repr=False)
+    _last: float = field(default=0.0, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        self._last = self.clock()
+
+    def report(self, kind: Kind, count: float) -> None:
+        """Take that ``count`` of a kind are finished; the time since the last report was theirs."""
+        now = self.clock()
+        lasted, self._last = now - self._last, now
+        self._waiting[kind] = self._waiting.get(kind, 0.0) + lasted
+        if count:
+            self.spent[kind] = self.spent.get(kind, 0.0) + self._waiting.pop(kind)
+            self.done[kind] = self.done.get(kind, 0.0) + count
+            self.left[kind] = max(0.0, self.left.get(kind, 0.0) - count)
+
+    def skip(self, kind: Kind, count: float) -> None:
+        """Take that ``count`` of a kind were finished by an earlier run: they cost nothing."""
+        self.left[kind] = max(0.0, self.left.get(kind, 0.0) - count)
+
+    def expect(self, left: Mapping[Kind, float]) -> None:
+        """Expect so much of each kind from now on, whatever was expected before."""
+        self.left = dict(left)
+
+    def each(self, kind: Kind) -> float:
+        """Return the time that one of a kind takes, s: measured, with the guess at first."""
+        workers = 1 if kind == "design" else max(1, self.jobs)
+        guess, weight = self.cost[kind] / workers, WEIGHT[kind]
+        spent, done = self.spent.get(kind, 0.0), self.done.get(kind, 0.0)
+        return (spent + weight * guess) / (done + weight)
+
+    @property
+    def seconds(self) -> float:
+        """Time left, s."""
+        return sum(count * self.each(kind) for kind, count in self.left.items())

@@ -1,0 +1,58 @@
+"""Work that a study still has, by kind: as many as are likely, not as many as may be."""
+
+from __future__ import annotations
+
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.forecast import Kind
+from dogshape.pipeline.search.dog_guide import simulated
+from dogshape.pipeline.search.search import Search
+from dogshape.pipeline.search.state import SearchState, spent_on
+from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
+
+Work = dict[Kind, float]
+
+PASS = 0.6  #: share of designs that pass their screen, before any was screened
+COUNTS = 4.0  #: designs that this guess counts for, once some were
+
+
+def to_search(search: Search, state: SearchState | None = None) -> Work:
+    """Expect the work of the search that is left, of replication and of confirmation.
+
+    Designs so far say how many shifts a design takes and how many the front has.
+    """
+    study, settings = search.study, search.study.file.search
+    partial = search.guide is not None and search.guide.partial
+    trials = search.trials() if state is None else state.trials
+    left = max(0, settings.trials - len(trials))
+    whole = most_to_search(study, 1, partial, False)
+    guess = whole * (PASS if settings.screen_angles is not None else 1.0)
+    spent = spent_on(study, [trial for trial in trials if simulated(trial)])
+    each = (spent + COUNTS * guess) / (len(trials) + COUNTS)
+    new = not any(trial.user_attrs.get("prototype") for trial in trials)
+    own = most_to_search(study, 1, partial, True) - whole if new else 0
+    searching = left * each + own
+    again = settings.replicate * (spent + searching)
+    # A reference is screened with each round beside its designs.
+    rounds = left / max(1, settings.batch)
+    front = settings.confirm_designs
+    if state is not None and len(trials) >= settings.trials / 2:
+        front = min(front, max(1, len(state.front)))
+    confirming = to_confirm(study, front)
+    return {
+        "design": float(left),
+        "quick": screened(study, left + rounds) + confirming["quick"],
+        "shift": searching + again + confirming["shift"],
+    }
+
+
+def to_confirm(study: Setup, designs: int) -> Work:
+    """Expect the work to confirm prototype and so many designs."""
+    return {
+        "quick": screened(study, designs + 2),
+        "shift": float(most_to_confirm(study, designs)),
+    }
+
+
+def screened(study: Setup, designs: float) -> float:
+    """Count the shifts of the compiled engine that screen so many designs."""
+    return designs * len(study.points) * (study.file.search.screen_angles or 0)

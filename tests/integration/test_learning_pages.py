@@ -1,0 +1,109 @@
+"""Every command of the tutorial and of the short recipes runs, and does what its page says."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks.pages import PICTURES, Command, commands_of, files_told, lines_told, steps_of
+from dogshape.pipeline.cli.app import app
+from tests.conftest import Said
+
+DOCS = Path(__file__).parents[2] / "docs"
+RUN = [DOCS / "tutorial.md", *sorted((DOCS / "howto").glob("*.md"))]
+GROUPS = {("init",), ("blind",)}
+KINDS = {"sh", "console", "text", "file", "python", "toml", "written"}
+
+
+def _told(text: str) -> str:
+    return " ".join(text.split())
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_a_page_does_what_it_says(
+    page: Path, dogshape: Callable[..., Said], tmp_path: Path
+) -> None:
+    printed = ""
+    for step in steps_of(page):
+        place = f"{page.name}, line {step.line}"
+        assert step.kind in KINDS, place
+        if step.kind == "file":
+            (tmp_path / step.title).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / step.title).write_text(step.text, encoding="utf-8")
+        elif step.kind == "sh":
+            printed = ""
+            for command in commands_of(step.text):
+                assert command.words[0] == "dogshape", place
+                said = dogshape(*command.words[1:])
+                assert said.status == command.status, f"{place}: {said.out}\n{said.err}"
+                printed += said.out
+        elif step.kind == "python":
+            printed = subprocess.run(
+                [sys.executable, "-c", step.text], cwd=tmp_path, check=True, capture_output=True,
+                text=True,
+            ).stdout  # fmt: skip
+        elif step.kind == "text":
+            for pattern in lines_told(step.text):
+                assert re.search(pattern, _told(printed)), f"{place}: {pattern}\n{printed}"
+        elif step.kind == "written":
+            named = files_told(step.text)
+            assert named, place
+            assert not [name for name in named if not (tmp_path / name).is_file()], place
+
+
+@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+def test_commands_that_are_not_run_have_the_options_that_they_name(page: Path) -> None:
+    for step in steps_of(page):
+        if step.kind == "console":
+            for command in commands_of(step.text):
+                if command.words[0] == "dogshape":
+                    assert not _unknown(command), f"{page.name}, line {step.line}"
+
+
+def _verb(words: tuple[str, ...]) -> list[str]:
+    two = words[:1] in GROUPS or words[:2] in {("gap", "plan"), ("gap", "update")}
+    return list(words[: 2 if two else 1])
+
+
+def _unknown(command: Command) -> set[str]:
+    """Return the options that a verb does not have, by what its help lists."""
+    verb = _verb(command.words[1:])
+    told = CliRunner().invoke(app, [*verb, "--help"])
+    assert told.exit_code == 0, f"no such verb: {verb}"
+    known = set(re.findall(r"^  (--[\w-]+)", told.stdout, re.MULTILINE))
+    return {word for word in command.words if word.startswith("--")} - known
+
+
+def test_an_option_that_is_not_there_is_found() -> None:
+    assert _unknown(Command(("dogshape", "check", "mq200", "--sett"))) == {"--sett"}
+
+
+def test_the_tutorial_has_its_pictures_and_they_stay_small() -> None:
+    names = [f"{name}.png" for name in PICTURES] + ["dog.svg"]
+    text = (DOCS / "tutorial.md").read_text(encoding="utf-8")
+    for name in names:
+        assert f"](tutorial/{name})" in text
+        assert (DOCS / "tutorial" / name).stat().st_size < 300_000
+
+
+def test_steps_are_found_in_their_order(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "Say:\n\n```sh\ndogshape check a \\\n  --json  # status 1\n```\n\nWritten: `a`, `b/c`\n\n"
+        '```text\nmargin ... NO\n```\n\n```csv title="t.csv"\n1;2\n```\n',
+        encoding="utf-8",
+    )
+    steps = steps_of(page)
+    assert [step.kind for step in steps] == ["sh", "written", "text", "file"]
+    assert list(commands_of(steps[0].text)) == [Command(("dogshape", "check", "a", "--json"), 1)]
+    assert files_told(steps[1].text) == ["a", "b/c"]
+    (pattern,) = lines_told(steps[2].text)
+    assert re.search(pattern, "margin 3 % NO")
+    assert not re.search(pattern, "margin 3 % yes")
+    assert (steps[3].title, steps[3].text) == ("t.csv", "1;2\n")

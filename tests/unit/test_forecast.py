@@ -1,0 +1,107 @@
+"""Forecast of the time left: kinds of work are weighed by what they cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import pytest
+
+from dogshape.pipeline.duration import about
+from dogshape.pipeline.forecast import COST, Forecast
+from dogshape.pipeline.progress import Count, WorkCounter
+
+
+@dataclass
+class Clock:
+    now: float = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_kinds_that_cost_differently_are_foreseen_by_their_cost() -> None:
+    """Ten designs of 2 s, 1000 quick shifts of 5 ms and 50 of 0.2 s each, one after the other."""
+    clock = Clock()
+    truth = {"design": 2.0, "quick": 0.005, "shift": 0.2}
+    forecast = Forecast({"design": 10, "quick": 10_000, "shift": 500}, 1, clock=clock)
+    whole = 10 * (2.0 + 5.0 + 10.0)
+    for done in range(1, 11):
+        for kind, count in (("quick", 1000), ("shift", 50), ("design", 1)):
+            clock.now += count * truth[kind]
+            forecast.report(kind, count)
+        left = whole - clock.now
+        if done < 10:
+            assert forecast.seconds == pytest.approx(left, rel=0.15), done
+    assert forecast.seconds == 0.0
+    assert clock.now == pytest.approx(whole)
+
+
+def test_the_time_of_a_proposal_is_not_that_of_the_shifts_after_it() -> None:
+    clock = Clock()
+    forecast = Forecast({"design": 8, "shift": 400}, 1, clock=clock)
+    clock.now = 12.0  # four designs are proposed
+    forecast.report("design", 0)
+    before = forecast.each("design")
+    clock.now = 22.0
+    forecast.report("shift", 200)
+    assert forecast.each("shift") == pytest.approx(0.05, rel=0.05)
+    assert before == COST["design"], "nothing is known of a design before one is told"
+    forecast.report("design", 4)
+    assert forecast.each("design") == pytest.approx(3.0, rel=0.2)
+    assert forecast.seconds == pytest.approx(22.0, rel=0.2)
+
+
+def test_before_anything_is_measured_the_guess_holds() -> None:
+    forecast = Forecast({"shift": 1000}, 2, clock=Clock())
+    assert forecast.seconds == pytest.approx(1000 * COST["shift"] / 2)
+
+
+def test_what_an_earlier_run_finished_costs_nothing() -> None:
+    clock = Clock()
+    forecast = Forecast({"shift": 100}, 1, clock=clock)
+    forecast.skip("shift", 50)
+    clock.now = 10.0
+    forecast.report("shift", 10)
+    assert forecast.left["shift"] == 40
+    assert forecast.each("shift") == pytest.approx(1.0, rel=0.55)
+
+
+def test_a_counter_hands_on_what_is_foreseen() -> None:
+    seen: list[Count] = []
+
+    class Watch:
+        def update(self, count: Count) -> None:
+            seen.append(count)
+
+        def say(self, line: str) -> None: ...
+
+    clock = Clock()
+    forecast = Forecast({"shift": 10, "quick": 100}, 1, clock=clock)
+    with WorkCounter(Watch(), 10, forecast=forecast) as counter:
+        clock.now = 1.0
+        counter.quick(50)
+        assert (seen[-1].done, seen[-1].left_s) == (0, forecast.seconds)
+        clock.now = 3.0
+        counter.advance(2)
+        assert forecast.left == {"shift": 8, "quick": 50}
+        counter.designs(0, {"shift": 1})
+        assert seen[-1].left_s == pytest.approx(forecast.each("shift"))
+    assert seen[-1].ended
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [
+        (0.4, "less than a minute"),
+        (50.0, "about a minute"),
+        (119.0, "about 2 minutes"),
+        (360.0, "about 6 minutes"),
+        (7140.0, "about 119 minutes"),
+        (7200.0, "about 2 h"),
+        (7900.0, "about 2 h 10 min"),
+        (19_270.0, "about 5 h 20 min"),
+        (86_400.0, "about 24 h"),
+    ],
+)
+def test_times_are_said_in_minutes_and_hours(seconds: float, said: str) -> None:
+    assert about(seconds) == said
