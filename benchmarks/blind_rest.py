@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
+from dogshape.diagnosis.settings import Rules
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
 from dogshape.sim.effects import load
 from dogshape.sim.units import RPM

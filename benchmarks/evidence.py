@@ -11,11 +11,11 @@ import time
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.inference.evidence import evidence
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.hypotheses import spaces_for
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
 from dogshape.sim.effects import load
@@ -36,7 +36,7 @@ COMPARED: tuple[Hypothesis, ...] = (
 def main() -> None:
     """Print the table."""
     bench, effects = load_bench("mq200_stand"), load()
-    problem = Problem(observe(bench), BankEmulator(bank_of(bench, effects, Means())), Rules())
+    problem = Problem(observe(bench), BankEmulator(bank_of(bench, effects, Means())), USUAL)
     print(f"{'effects':52} {'ln Z':>9} {'error':>6} {'nested':>9} {'error':>6} {'apart':>6} s : s")
     for space in spaces_for(COMPARED, effects, setting_of(bench)):
         start = time.process_time()

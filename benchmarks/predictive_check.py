@@ -20,11 +20,12 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.predictive_check import p_value
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, outlier_beta
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, outlier_beta
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.hypotheses import NONE, spaces_of
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
 from dogshape.sim.effects import load
@@ -89,7 +90,7 @@ def main() -> None:
     bench = few(load_bench("mq200_adams"))
     bank, _ = banks_of(bench, load(None), Means(jobs=1))
     emulator = BankEmulator(bank)
-    problem = Problem(observe(bench), emulator, Rules())
+    problem = Problem(observe(bench), emulator, USUAL)
     (space,) = [s for s in spaces_of({}, setting_of(bench), pairs=[]) if s.hypothesis == NONE]
     print(f"{given.sets} sets each, {len(bench.cells)} operating points, {SHIFTS} shifts at each")
     print("data                          mean p  below 0.05  below 0.01")
@@ -99,7 +100,7 @@ def main() -> None:
                 drawn(bench, problem, seed, declared=declared, single=single)
                 for seed in range(given.sets)
             )
-            problems = [Problem(observe(one), emulator, Rules()) for one in made]
+            problems = [Problem(observe(one), emulator, USUAL) for one in made]
             found = np.array([p_value(one, evidence(one, space)) for one in problems])
             name = f"{'single shifts' if single else 'means'}, {'declared' if declared else 'bare'}"
             shares = (found < 0.05).mean(), (found < 0.01).mean()

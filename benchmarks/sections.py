@@ -179,6 +179,7 @@ OTHERS: dict[str, dict[str, str]] = {
         ),
         "made by the commands of the page, which tests/integration/test_learning_pages.py runs",
     ),
+    "docs/diagnosis_model.md": {"": "a graph", "Constants": "written by benchmarks/constants.py"},
     "docs/effects.md": {
         **dict.fromkeys(("", "The effects", "Mechanism", "An effect of your own"), DEFINITIONS),
         "Checked": ONCE,

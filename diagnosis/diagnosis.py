@@ -34,20 +34,18 @@ from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, decide
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.report.wording import Found, headline, in_words
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]
-
-BLIND = 0.999  #: hidden share of a prior from which the data hold no information on an effect
 
 
 @dataclass(frozen=True)
@@ -71,6 +69,7 @@ class Diagnosis:
     noise : Monte Carlo standard error of the leading probability.
     senses : the answers given either sense of rotation, none where it is known.
     equivalence : the gap beside its margin; None where the baseline has no times.
+    settings : with which all this was decided.
     """
 
     bench: Bench
@@ -94,6 +93,7 @@ class Diagnosis:
     noise: float
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
+    settings: Settings = USUAL
 
     def as_dict(self) -> Record:
         """Write the record of the contract, with more."""
@@ -148,7 +148,9 @@ class Diagnosis:
             "senses": [one.as_dict(self.intervals) for one in self.senses],
             "credible_set": [list(h) for h in self.verdict.credible],
             "class_probability": self.verdict.group_probability,
-            "no_information": [n for n, share in self.hidden.items() if share > BLIND],
+            "no_information": [
+                n for n, share in self.hidden.items() if share > self.settings.decision.blind
+            ],
             "hidden_share": dict(self.hidden),
             "bounds": {name: bound.as_dict() for name, bound in self.bounds.items()},
             "facts": [
@@ -168,6 +170,7 @@ class Diagnosis:
                 ]
                 for key, posterior in self.other.items()
             },
+            "settings": self.settings.as_dict(),
         }
 
     @property
@@ -202,7 +205,7 @@ class Diagnosis:
             self.effects,
             self.leading,
             self.chance,
-            sees_nothing(self.hidden),
+            sees_nothing(self.hidden, self.settings.decision.blind),
             self.senses,
             self.equivalence,
         )
@@ -237,7 +240,7 @@ def diagnose(
     effects: Mapping[str, Effect],
     *,
     pairs: Sequence[Hypothesis] | None = None,
-    rules: Rules | None = None,
+    settings: Settings = USUAL,
 ) -> Diagnosis:
     """Diagnose a data set by an emulator.
 
@@ -245,24 +248,26 @@ def diagnose(
     ----------
     emulator : says what hypotheses predict at the data set's operating points.
     effects : that are considered, by name.
-    pairs : of them, the plausible ones by default.
+    pairs : of them, all by default.
+    settings : probabilities before the data, errors of the simulation, and limits of the answer.
     """
-    problem = Problem(observe(bench), emulator, rules or Rules(), bench.mismatch_sense)
+    problem = Problem(observe(bench), emulator, settings, bench.mismatch_sense)
     ranking = rank(problem, bench, effects, pairs)
     posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
     plain = scored[NONE].rows.predicted
-    parts = confusion(known, metric, ranking.folded, plain)
+    limits = settings.decision
+    parts = confusion(known, metric, ranking.folded, plain, limits)
     standing = Standing(
         bench, problem.seen, scored, ranking.free, posterior, effects, ranking.leading
     )
     gaps = _gaps(standing, ranking)
-    hidden = invisible(list(scored.values()), metric)
+    hidden = invisible(list(scored.values()), metric, limits.visible)
     same = equivalence(problem, scored, ranking.raw, posterior.get(UNKNOWN, 0.0), bench.margin)
     measured = [fact.effect for fact in facts_of(bench)]
     within = same.probability if same else 0.0
-    verdict = decide(posterior, parts, ranking.fits, within, measured)
-    if verdict.kind == "none" and sees_nothing(hidden):
+    verdict = decide(posterior, parts, ranking.fits, within, measured, limits=limits)
+    if verdict.kind == "none" and sees_nothing(hidden, limits.blind):
         verdict = replace(verdict, kind="ambiguous")
     return Diagnosis(
         bench=bench,
@@ -276,7 +281,7 @@ def diagnose(
         before_after=gaps[0][1],
         rival=gaps[1] if len(gaps) > 1 else None,
         hidden=hidden,
-        bounds=bounds(list(scored.values()), metric),
+        bounds=bounds(list(scored.values()), metric, limits.visible),
         other=readings(problem, bench, ranking, effects),
         tests=choose(standing),
         baseline=plain,
@@ -286,16 +291,17 @@ def diagnose(
         noise=noise(next(iter(posterior)), ranking.raw, ranking.fold, scored),
         senses=sense_answers(problem, ranking),
         equivalence=same,
+        settings=settings,
     )
 
 
-def sees_nothing(hidden: Mapping[str, float]) -> bool:
+def sees_nothing(hidden: Mapping[str, float], least: float = USUAL.decision.blind) -> bool:
     """Test that data can show no effect, not even at the far end of its prior.
 
     ``hidden`` has the share of each prior that they cannot tell from none. That nothing is
     seen in such data is no evidence that nothing is there.
     """
-    return all(share > BLIND for share in hidden.values())
+    return all(share > least for share in hidden.values())
 
 
 def _gaps(standing: Standing, ranking: Ranking) -> list[tuple[Hypothesis, HeldOut]]:

@@ -17,13 +17,13 @@ from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
-    Rules,
     beta_of,
     outlier_beta,
 )
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.prediction import Array, Hypothesis, Prediction
+from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from tests.toy import CLUTCH, Toy, bench_of
@@ -118,7 +118,7 @@ def _cell(
 
 def problem_of(toy: Toy, bench: Bench) -> Problem:
     """Return the problem of a data set of the toy."""
-    return Problem(observe(bench), toy, Rules())
+    return Problem(observe(bench), toy, USUAL)
 
 
 def few_points(points: Sequence[OperatingPoint], step: int) -> tuple[OperatingPoint, ...]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
 from dogshape.diagnosis.likelihood.scores import summary_of
 from dogshape.diagnosis.likelihood.signature import VISIBLE
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, log_odds, pairs_of
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.shift.clutch import OperatingPoint
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of

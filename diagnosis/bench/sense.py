@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from typing import Literal
 
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 
 Sense = Literal["known", "unknown"]
@@ -21,9 +22,11 @@ Sense = Literal["known", "unknown"]
 REVERSED = "reversed_mismatch"  #: name of the effect
 DELAY = "actuation_delay"  #: needs no shift, and so no bank of its own
 
-#: Prior probability of the reversed sense. A sign that was noted is wrong about once in fifty:
-#: one entry in some hundred is in a table that is checked, more where no custom says which is +.
-SHARES: dict[Sense, float] = {"known": 0.02, "unknown": 0.5}
+#: Prior probability of the reversed sense (``diagnosis.settings.Priors``).
+SHARES: dict[Sense, float] = {
+    "known": USUAL.priors.reversed_known,
+    "unknown": USUAL.priors.reversed_unknown,
+}
 
 
 def forward(hypothesis: Hypothesis) -> Hypothesis:

@@ -15,12 +15,13 @@ import numpy as np
 
 from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
-from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
+from dogshape.diagnosis.likelihood.signature import Metric, squared
 from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.diagnosis.settings import USUAL, Decision
 from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
-APART = 1.5  #: expected log Bayes factor below which two hypotheses are one class
-PLAUSIBLE = 0.01  #: probability from which a hypothesis is looked at
+DECISION = USUAL.decision
+APART = DECISION.apart  #: expected log Bayes factor below which two hypotheses are one class
 DRAWN = 2000  #: values drawn from each posterior
 
 
@@ -78,9 +79,10 @@ def confusion(
     metric: Metric,
     posterior: Probabilities,
     baseline: PredictionSummary,
+    limits: Decision = DECISION,
 ) -> Confusion:
     """Group the plausible hypotheses into classes; unknown is in none."""
-    those = [one for one in scored if posterior.get(one.hypothesis, 0.0) > PLAUSIBLE]
+    those = [one for one in scored if posterior.get(one.hypothesis, 0.0) > limits.plausible]
     generator = np.random.default_rng(1)
     every = [_placed(one.rows.predicted, metric, baseline) for one in those]
     drawn = [
@@ -90,7 +92,7 @@ def confusion(
         [[0.5 * _nearest(mine, theirs).mean() for theirs in every] for mine in drawn]
     ).reshape(len(those), len(those))
     names = tuple(one.hypothesis for one in those)
-    return Confusion(names, apart, _groups(names, np.maximum(apart, apart.T) < APART))
+    return Confusion(names, apart, _groups(names, np.maximum(apart, apart.T) < limits.apart))
 
 
 def _groups(names: tuple[Hypothesis, ...], near: np.ndarray) -> tuple[tuple[Hypothesis, ...], ...]:
@@ -106,14 +108,16 @@ def _groups(names: tuple[Hypothesis, ...], near: np.ndarray) -> tuple[tuple[Hypo
     return tuple(tuple(names[k] for k in group) for group in groups)
 
 
-def invisible(scored: Sequence[Scored], metric: Metric) -> dict[str, float]:
+def invisible(
+    scored: Sequence[Scored], metric: Metric, visible: float = DECISION.visible
+) -> dict[str, float]:
     """Compute the share of each effect's prior that the data cannot tell from none."""
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
     nothing = metric.of(baseline)
     found = {}
     for one in scored:
         if len(one.hypothesis) == 1:
-            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < VISIBLE
+            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < visible
             found[one.hypothesis[0]] = float(np.exp(one.log_prior)[weak].sum())
     return found
 

@@ -23,7 +23,6 @@ from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWN = 2000  #: values over all hypotheses
-ENGAGED = 0.05  #: margin of a share engaged
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,9 @@ def equivalence(
         if count:
             parts.append(_gaps(problem, scored[hypothesis], base, count, generator))
     gaps, left, engaged, amplitude = (np.concatenate(one) for one in zip(*parts, strict=True))
-    over = (gaps[:, having] / limit) ** 2 + (engaged[:, having] / ENGAGED) ** 2
+    over = (gaps[:, having] / limit) ** 2 + (
+        engaged[:, having] / problem.settings.decision.engaged_margin
+    ) ** 2
     within = float((np.nan_to_num(over, nan=np.inf).mean(axis=1) < 1.0).mean())
     return Equivalence(
         margin,

@@ -24,11 +24,11 @@ from dogshape.diagnosis.terms import Array
 
 FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
 TOLERANCE = 0.003  #: share of the evidence that a halving may still change
-ROUNDS = 9
-POINTS = {1: 600, 2: 2600}
+ROUNDS = 9  #: of halving, at most
+POINTS = {1: 600, 2: 2600}  #: with which halving ends
 FIRST_DRAWS = 128  #: values of the first round of importance sampling, even over the prior
 DRAWS = 192  #: values in a round of importance sampling
-SAMPLINGS = 16
+SAMPLINGS = 16  #: rounds of importance sampling, at most
 ENOUGH = 150.0  #: effective draws with which the sampling ends
 #: How far below the best log evidence the best value of a hypothesis lies where more rounds are
 #: not worth while, round by round: the first values may all miss a narrow peak.

@@ -66,14 +66,14 @@ def intervals(found: Scored) -> dict[str, Interval]:
     }
 
 
-def bounds(scored: Sequence[Scored], metric: Metric) -> dict[str, Bound]:
+def bounds(scored: Sequence[Scored], metric: Metric, visible: float = VISIBLE) -> dict[str, Bound]:
     """Return the bound of each effect on its own; one without parameters has none."""
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
     nothing = metric.of(baseline)
     found = {}
     for one in scored:
         if len(one.hypothesis) == 1 and one.space.parameters:
-            seen = squared(metric.of(one.rows.predicted), nothing)[:, 0] >= VISIBLE
+            seen = squared(metric.of(one.rows.predicted), nothing)[:, 0] >= visible
             found[one.hypothesis[0]] = _bound(one, bool(seen.any()))
     return found
 

@@ -17,8 +17,9 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
-from dogshape.diagnosis.likelihood.signature import VISIBLE, Metric, squared
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space, priors_of
+from dogshape.diagnosis.likelihood.signature import Metric, squared
+from dogshape.diagnosis.prediction.hypotheses import NONE, PRIORS, UNKNOWN, Space, priors_of
+from dogshape.diagnosis.settings import Priors
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWN = 2000  #: values drawn from the posterior of several effects
@@ -31,14 +32,15 @@ def probabilities(
     logs: Mapping[Hypothesis, float],
     like: Mapping[Hypothesis, Hypothesis] | None = None,
     sense: Sense = "known",
+    before: Priors = PRIORS,
 ) -> Probabilities:
     """Return posterior probabilities from the logarithms of evidences.
 
     ``like`` says which hypotheses are, before the data, as probable as which others; ``sense``
-    whether the sign of the mismatch is known.
+    whether the sign of the mismatch is known, ``before`` what is probable before the data.
     """
     as_others = like or {}
-    priors = priors_of([h for h in logs if h not in as_others], sense)
+    priors = priors_of([h for h in logs if h not in as_others], sense, before)
     log = np.array([logs[h] + np.log(priors[as_others.get(h, h)]) for h in logs])
     values = np.exp(log - logsumexp(log))
     return dict(zip(logs, values.tolist(), strict=True))
@@ -73,11 +75,11 @@ def folding(
     shown = {} if before is None else before.shares
     spaces = {one.hypothesis: one.space for one in scored}
     baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
-    nothing = metric.of(baseline)
+    nothing, visible = metric.of(baseline), problem.settings.decision.visible
     found: dict[Hypothesis, Mapping[Hypothesis, float]] = {}
     for one in scored:
         if len(one.hypothesis) == 1:
-            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < VISIBLE
+            weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < visible
             share = float(one.weights()[weak].sum())
             found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
         elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
@@ -106,11 +108,11 @@ def _several(
             alone = problem.summary(part, space.values(np.hstack(columns)))
             apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
             targets.append(part)
-    table = np.stack(apart)
+    table, visible = np.stack(apart), problem.settings.decision.visible
     # The nearer part has it where either alone would do; none before either.
-    table[0] = np.where(table[0] < VISIBLE, -1.0, table[0])
+    table[0] = np.where(table[0] < visible, -1.0, table[0])
     nearest = np.argmin(table, axis=0)
-    hidden = table.min(axis=0) < VISIBLE
+    hidden = table.min(axis=0) < visible
     shares = {
         target: float(weights[hidden & (nearest == place)].sum())
         for place, target in enumerate(targets)
@@ -144,13 +146,15 @@ def noise(
     return float(np.sqrt(variance))
 
 
-def judged(folded: Probabilities, fits: Mapping[Hypothesis, float]) -> Probabilities:
+def judged(
+    folded: Probabilities, fits: Mapping[Hypothesis, float], limit: float = ADEQUATE
+) -> Probabilities:
     """Move the probability of hypotheses that fail the predictive check to `unknown`.
 
     Evidence only ranks what was thought of; the best of them may still miss the data. A hypothesis
-    keeps the share that its predictive p-value has of the limit below which it fails.
+    keeps the share that its predictive p-value has of the ``limit`` below which it fails.
     """
-    kept = {h: p * min(1.0, fits.get(h, ADEQUATE) / ADEQUATE) for h, p in folded.items()}
+    kept = {h: p * min(1.0, fits.get(h, limit) / limit) for h, p in folded.items()}
     kept[UNKNOWN] = kept.get(UNKNOWN, 0.0) + sum(folded.values()) - sum(kept.values())
     return dict(sorted(kept.items(), key=lambda item: -item[1]))
 

@@ -25,12 +25,13 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
 from dogshape.diagnosis.likelihood.discrepancy import Marginals, Slopes, marginals
 from dogshape.diagnosis.likelihood.flight_likelihood import flight_scores
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 
 DRAWN = 2000  #: values drawn from the posterior
 REPLICATES = 20_000  #: of the counts, over all values
 FEW = 100  #: shifts up to which counts are replicated; of more their scores are normal
-ADEQUATE = 0.01  #: p-value below which a hypothesis fails
+ADEQUATE = USUAL.decision.adequate  #: p-value below which a hypothesis fails
 MOST = 1e-12  #: least probability that is told from none
 
 
@@ -55,7 +56,7 @@ def p_value(problem: Problem, found: Scored) -> float:
             _count_score(
                 *(a[seen.single > FEW] for a in (seen.single, outliers, *outlier_beta(predicted)))
             ),
-            flight_scores(problem.flights, problem.flown(found.hypothesis, values), len(values)),
+            _marks(problem, found, values),
         ]
     )
     alone = (seen.single > 0) & (seen.single <= FEW)
@@ -76,6 +77,13 @@ def p_value(problem: Problem, found: Scored) -> float:
         tails = chi2.sf(left, len(scores)) if len(scores) else (left <= 0.0) * 1.0
         chance += weight * tails.mean(axis=1)
     return float(np.average(chance, weights=weights))
+
+
+def _marks(problem: Problem, found: Scored, values: Array) -> Array:
+    """Score the marks of the flights at values (m, p), (profiles, m)."""
+    flown = problem.flown(found.hypothesis, values)
+    freedom = problem.settings.likelihood.flight_freedom
+    return flight_scores(problem.flights, flown, len(values), freedom)
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,6 @@ from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, spaces_for
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 
-SHOWN = 8.0  #: log odds of a reading at rest against no such effect, from which the effect is there
-
 
 def readings(
     problem: Problem, bench: Bench, ranking: Ranking, effects: Mapping[str, Effect]
@@ -58,7 +56,8 @@ def _with_effect(
 ) -> dict[Hypothesis, tuple[Scored, Hypothesis]]:
     """Return plausible hypotheses with the effect that a fact shows, and what each is without."""
     known = float(fact.log_density(np.array([fact.value]))[0])
-    if fact.effect not in effects or known - log_neutral(fact) < SHOWN or problem.flights:
+    hardly = known - log_neutral(fact) < problem.settings.decision.shown
+    if fact.effect not in effects or hardly or problem.flights:
         return {}
     bare = [h for h in ranking.fits if fact.effect not in h]
     names: dict[Hypothesis, Hypothesis] = {tuple(sorted((*h, fact.effect))): h for h in bare}
@@ -76,5 +75,7 @@ def _read(
     like: Mapping[Hypothesis, Hypothesis] | None = None,
 ) -> Probabilities:
     logs = {h: one.log_evidence for h, one in scored.items()}
-    folded = ranking.fold.fold(probabilities({**logs, UNKNOWN: free}, like, problem.sense))
-    return judged(folded, plausible_fits(problem, scored, folded, ranking))
+    settings, every = problem.settings, {**logs, UNKNOWN: free}
+    folded = ranking.fold.fold(probabilities(every, like, problem.sense, settings.priors))
+    fits = plausible_fits(problem, scored, folded, ranking)
+    return judged(folded, fits, settings.decision.adequate)

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.sense import REVERSED, SHARES, forward
-from dogshape.diagnosis.inference.classes import PLAUSIBLE
+from dogshape.diagnosis.bench.sense import REVERSED, forward
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.posterior import (
     Folding,
@@ -23,7 +22,7 @@ from dogshape.diagnosis.inference.posterior import (
     judged,
     probabilities,
 )
-from dogshape.diagnosis.inference.predictive_check import ADEQUATE, p_value
+from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.unknown import Unknown, unknown
 from dogshape.diagnosis.likelihood.discrepancy import marginals
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -37,11 +36,9 @@ from dogshape.diagnosis.prediction.hypotheses import (
     spaces_of,
     with_third,
 )
+from dogshape.diagnosis.settings import Decision, Priors
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
-
-NEAR = 0.03  #: probability of a pair beside that of all pairs, from which it is tried with a third
-MOST = 5  #: such pairs
 
 
 @dataclass(frozen=True)
@@ -56,6 +53,7 @@ class Ranking:
     fold : which share of each belongs to simpler ones.
     folded : probabilities with weak effects counted as none, the largest first.
     fits : predictive p-values of plausible hypotheses.
+    limits : from which a hypothesis fails, and others.
     """
 
     scored: Mapping[Hypothesis, Scored]
@@ -65,11 +63,12 @@ class Ranking:
     fold: Folding
     folded: Probabilities
     fits: Mapping[Hypothesis, float]
+    limits: Decision
 
     @property
     def posterior(self) -> Probabilities:
         """Probabilities after the predictive check."""
-        return judged(self.folded, self.fits)
+        return judged(self.folded, self.fits, self.limits.adequate)
 
     @property
     def leading(self) -> Hypothesis:
@@ -79,7 +78,7 @@ class Ranking:
     @property
     def fails(self) -> bool:
         """Test that no plausible hypothesis can have made the data."""
-        return not any(p >= ADEQUATE for p in self.fits.values())
+        return not any(p >= self.limits.adequate for p in self.fits.values())
 
 
 def rank(
@@ -90,14 +89,15 @@ def rank(
 ) -> Ranking:
     """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
     setting, free = setting_of(bench), unknown(problem, bench)
-    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense))
+    priors = problem.settings.priors
+    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
     first = _ranked(problem, scored, free)
     near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
     # The flight with three effects at once is not tabulated.
     if not near or problem.flights:
         return first
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
-    best = max(one.log_evidence + log_odds(h) for h, one in scored.items())
+    best = max(one.log_evidence + log_odds(h, priors) for h, one in scored.items())
     return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free, first)
 
 
@@ -114,7 +114,8 @@ def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
 
 def _open(problem: Problem, ranking: Ranking) -> bool:
     """Test that the leading hypothesis leaves more than a usual discrepancy, or fails."""
-    return ranking.fails or left_over(ranking.scored[ranking.leading]) > problem.rules.discrepancy
+    usual = problem.settings.likelihood.discrepancy
+    return ranking.fails or left_over(ranking.scored[ranking.leading]) > usual
 
 
 def left_over(one: Scored) -> float:
@@ -127,19 +128,20 @@ def left_over(one: Scored) -> float:
     return float(one.weights() @ (members @ sizes))
 
 
-def sense_chances(raw: Probabilities) -> dict[bool, float]:
+def sense_chances(raw: Probabilities, priors: Priors) -> dict[bool, float]:
     """Return the probability of the reversed sense (True) and of the other one, if unknown.
 
     What no known effect explains says nothing of the sense.
     """
     other = sum(p for h, p in raw.items() if REVERSED in h)
-    other += SHARES["unknown"] * raw.get(UNKNOWN, 0.0)
+    other += priors.reversed_unknown * raw.get(UNKNOWN, 0.0)
     return {False: 1.0 - other, True: other}
 
 
 def within_sense(problem: Problem, ranking: Ranking, other: bool) -> Ranking:
     """Return the ranking given that the unknown sense is reversed (``other``) or not."""
-    share = SHARES["unknown"] if other else 1.0 - SHARES["unknown"]
+    before = problem.settings.priors.reversed_unknown
+    share = before if other else 1.0 - before
     mine = {h: share if h == UNKNOWN else float((REVERSED in h) == other) for h in ranking.raw}
     whole = sum(p * mine[h] for h, p in ranking.raw.items())
     raw = {h: p * mine[h] / whole for h, p in ranking.raw.items()}
@@ -155,9 +157,9 @@ def _near(first: Ranking) -> list[Hypothesis]:
     By evidence: which of them is nearest to the data by itself says little where none can be.
     """
     pairs = {h: p for h, p in first.raw.items() if len(forward(h)) == 2}
-    least = NEAR * sum(pairs.values())
+    least = first.limits.near * sum(pairs.values())
     found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
-    return list(dict.fromkeys([first.leading, *found]))[:MOST]
+    return list(dict.fromkeys([first.leading, *found]))[: first.limits.tried]
 
 
 def plausible_fits(
@@ -171,7 +173,8 @@ def plausible_fits(
     Those that ``before``, a ranking of the same problem, has for the same posterior are taken.
     """
     shown = {} if before is None else before.fits
-    those = [h for h, p in folded.items() if h != UNKNOWN and p > PLAUSIBLE]
+    least = problem.settings.decision.plausible
+    those = [h for h, p in folded.items() if h != UNKNOWN and p > least]
     return {
         h: shown[h]
         if before and h in shown and _alike(scored[h], before.scored[h])
@@ -194,7 +197,7 @@ def _scored(
     """
     found: dict[Hypothesis, Scored] = {}
     for space in spaces:
-        prior = log_odds(space.hypothesis)
+        prior = log_odds(space.hypothesis, problem.settings.priors)
         found[space.hypothesis] = evidence(problem, space, best - prior)
         best = max(best, found[space.hypothesis].log_evidence + prior)
     return found
@@ -208,9 +211,10 @@ def _ranked(
 ) -> Ranking:
     """Rank scores; ``before`` is the ranking of some of them."""
     logs = {h: one.log_evidence for h, one in scored.items()}
-    raw = probabilities({**logs, UNKNOWN: free.log_evidence}, sense=problem.sense)
+    every, settings = {**logs, UNKNOWN: free.log_evidence}, problem.settings
+    raw = probabilities(every, sense=problem.sense, before=settings.priors)
     metric = metric_of(problem.seen, scored[NONE].rows.predicted)
     fold = folding(problem, list(scored.values()), metric, raw, before.fold if before else None)
     folded = fold.fold(raw)
     fits = plausible_fits(problem, scored, folded, before)
-    return Ranking(scored, free, metric, raw, fold, folded, fits)
+    return Ranking(scored, free, metric, raw, fold, folded, fits, settings.decision)

@@ -68,7 +68,7 @@ def sense_answers(problem: Problem, ranking: Ranking) -> tuple[SenseAnswer, ...]
     """Return the answers given either sense, the table's first; none where the sense is known."""
     if problem.sense == "known" or not any(REVERSED in h for h in ranking.raw):
         return ()
-    chances = sense_chances(ranking.raw)
+    chances = sense_chances(ranking.raw, problem.settings.priors)
     return tuple(
         SenseAnswer(other, chances[other], _merged(within_sense(problem, ranking, other).posterior))
         for other in (False, True)

@@ -31,15 +31,11 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
 from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.settings import Unlisted
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 
-SCALES = np.geomspace(0.005, 0.4, 12)  #: A, s
-LENGTHS = (0.5, 1.5, 5.0)  #: in units of the natural logarithm
-SMOOTH = 0.8  #: share of the variance that neighbours have in common
-#: Stretches of the spread, each with an error of its logarithm (None: the simulation's own), and
-#: their prior probabilities.
-STRETCHES = {(0.5, None): 0.2, (1.0, None): 0.4, (2.0, None): 0.2, (2.0, 1.5): 0.2}
+SCALES = 12  #: standard deviations of the offsets that are summed over
 OFFSETS = np.sinh(np.linspace(-6.0, 6.0, 121)) / 4.0  #: in standard errors, to 50 either side
 
 
@@ -145,32 +141,30 @@ def unknown(problem: Problem, bench: Bench) -> Unknown:
     places = np.array(
         [[np.log(c.point.profile.force), np.log(abs(c.point.mismatch) + RPM)] for c in bench.cells]
     )
-    models = []
-    for (stretch, shape), weight in STRETCHES.items():
+    models, prior = [], problem.settings.unlisted
+    kernels = _kernels(places, means, prior)
+    for stretch, shape, weight in prior.stretches:
         offsets = _offsets(seen, _stretched(predicted, stretch, shape))
-        models += _grid(places, means, offsets, np.log(weight), problem.discrepancy.covariance)
+        log_prior = float(np.log(weight)) - float(np.log(len(kernels)))
+        models += [Model(k + problem.discrepancy.covariance, offsets, log_prior) for k in kernels]
     plain, failed = (_free_share(seen, predicted, extra) for extra in (0.0, 1.0))
-    flight = log_unknown(problem.flights, problem.flown((), np.zeros((1, 0))))
+    flown = problem.flown((), np.zeros((1, 0)))
+    freedom = problem.settings.likelihood.flight_freedom
+    flight = log_unknown(problem.flights, flown, prior, freedom)
     return Unknown(tuple(models), means, plain, failed, flight)
 
 
-def _grid(
-    places: Array,
-    means: Array,
-    offsets: tuple[Offset | None, ...],
-    log_prior: float,
-    common: Array,
-) -> list[Model]:
+def _kernels(places: Array, means: Array, prior: Unlisted) -> list[Array]:
+    """Return the covariances of the offsets, (cells, cells) each, all as probable."""
     square = ((places[:, None] - places[None]) ** 2).sum(axis=2)
     known = means[np.isfinite(means)]
     relative = np.nan_to_num(means / known.mean(), nan=1.0) if known.size else np.ones(len(means))
-    found = []
-    number = len(SCALES) * len(LENGTHS) * 2
-    for scale, length, weight in itertools.product(SCALES, LENGTHS, (1.0, relative)):
-        shape = SMOOTH * np.exp(-0.5 * square / length**2) + (1.0 - SMOOTH) * np.eye(len(places))
+    found, smooth = [], prior.smooth
+    scales = np.geomspace(prior.least_offset, prior.most_offset, SCALES)
+    for scale, length, weight in itertools.product(scales, prior.lengths, (1.0, relative)):
+        shape = smooth * np.exp(-0.5 * square / length**2) + (1.0 - smooth) * np.eye(len(places))
         sizes = scale * weight * np.ones(len(places))
-        kernel = np.outer(sizes, sizes) * shape + common
-        found.append(Model(kernel, offsets, log_prior - float(np.log(number))))
+        found.append(np.outer(sizes, sizes) * shape)
     return found
 
 

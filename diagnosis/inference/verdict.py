@@ -21,17 +21,19 @@ from typing import Literal
 from dogshape.diagnosis.bench.sense import REVERSED, forward
 from dogshape.diagnosis.inference.classes import Confusion
 from dogshape.diagnosis.inference.posterior import Probabilities, inclusion
-from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.settings import USUAL, Decision
 from dogshape.diagnosis.terms import Hypothesis
 
+DECISION = USUAL.decision
 #: Effects that are properties of the simulation's contact rather than of the stand. What other
 #: engines differ by looks like them, so that only a direct test names them.
-MODEL_FORM = frozenset({"contact_stiffness", "contact_dissipation"})
-NAMED = 0.8  #: probability from which a hypothesis is named
-MOST = 2  #: effects that are named at once; of more, each that is part of the cause in any case
-PART = 0.95  #: probability from which an effect is part of the cause, whatever else is
-CREDIBLE = 0.9  #: probability of the set that is given where nothing is named
+MODEL_FORM = frozenset(DECISION.model_form)
+NAMED = DECISION.named  #: probability from which a hypothesis is named
+#: Effects that are named at once; of more, each that is part of the cause in any case.
+MOST = DECISION.most
+PART = DECISION.part  #: probability from which an effect is part of the cause, whatever else is
+CREDIBLE = DECISION.credible  #: probability of the set that is given where nothing is named
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
 
@@ -61,51 +63,62 @@ def decide(
     fits: Mapping[Hypothesis, float],
     within: float = 0.0,
     measured: Collection[str] = (),
+    *,
+    limits: Decision = DECISION,
 ) -> Verdict:
     """Decide on a verdict from probabilities, classes and predictive p-values.
 
     ``fits`` has the plausible hypotheses, unknown left out, ``within`` the probability that bench
-    and simulation are equivalent, ``measured`` effects that a direct test of the stand has shown.
+    and simulation are equivalent, ``measured`` effects that a direct test of the stand has shown,
+    ``limits`` the probabilities from which something is said.
     """
     ordered = sorted(posterior, key=lambda h: -posterior[h])
     top = ordered[0]
     group = confusion.class_of(top)
-    kind = _kind(posterior, top, fits)
-    form = MODEL_FORM - set(measured)
+    kind = _kind(posterior, top, fits, limits)
+    form = set(limits.model_form) - set(measured)
     if kind == "effect" and form & set(top):
         kind = "ambiguous"
-    equivalent = kind != "unknown" and within > NAMED
+    equivalent = kind != "unknown" and within > limits.named
     if equivalent or kind == "none":
         kind = "none" if equivalent else "ambiguous"
     causes: tuple[str, ...] = top if kind == "effect" else ()
     if kind == "ambiguous":
-        causes = tuple(n for n, p in inclusion(posterior).items() if p > PART and n not in form)
+        causes = tuple(
+            n for n, p in inclusion(posterior).items() if p > limits.part and n not in form
+        )
     chance = sum(posterior[h] for h in group)
-    return Verdict(kind, causes, _credible(posterior), group, chance)
+    return Verdict(kind, causes, _credible(posterior, limits.credible), group, chance)
 
 
-def _kind(posterior: Probabilities, top: Hypothesis, fits: Mapping[Hypothesis, float]) -> Kind:
-    if posterior.get(UNKNOWN, 0.0) > NAMED:
+def _kind(
+    posterior: Probabilities,
+    top: Hypothesis,
+    fits: Mapping[Hypothesis, float],
+    limits: Decision,
+) -> Kind:
+    if posterior.get(UNKNOWN, 0.0) > limits.named:
         return "unknown"
-    if posterior[top] <= NAMED or fits.get(top, 0.0) < ADEQUATE or len(forward(top)) > MOST:
+    fails = fits.get(top, 0.0) < limits.adequate
+    if posterior[top] <= limits.named or fails or len(forward(top)) > limits.most:
         return "ambiguous"
     # Another hypothesis may share no cause with the most probable one: then that is not certain.
     part = inclusion(posterior)
-    if any(part[name] <= PART for name in top):
+    if any(part[name] <= limits.part for name in top):
         return "ambiguous"
     if top == NONE:
         return "none"
     # Sizes of effects are those of one sense.
-    doubted = REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - PART
+    doubted = REVERSED not in top and part.get(REVERSED, 0.0) >= 1.0 - limits.part
     return "ambiguous" if doubted else "effect"
 
 
-def _credible(posterior: Probabilities) -> tuple[Hypothesis, ...]:
-    """Return the most probable hypotheses that have 0.9 together."""
+def _credible(posterior: Probabilities, share: float) -> tuple[Hypothesis, ...]:
+    """Return the most probable hypotheses that have a share of the probability together."""
     found: list[Hypothesis] = []
     whole = 0.0
     for hypothesis in sorted(posterior, key=lambda h: -posterior[h]):
-        if whole >= CREDIBLE:
+        if whole >= share:
             break
         found.append(hypothesis)
         whole += posterior[hypothesis]

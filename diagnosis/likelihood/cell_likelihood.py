@@ -40,46 +40,14 @@ from dogshape.diagnosis.likelihood.discrepancy import Slopes
 from dogshape.diagnosis.likelihood.observations import LEAST, Observed
 from dogshape.diagnosis.prediction.outliers import added
 from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array
 
-TAIL = 0.02  #: least share of outliers where no simulation shows their delay
-ANYTHING = 0.002  #: share of outliers that may take any time until the time-out
-LEAST_OUTLIERS = 0.003  #: least share of outliers
-OUTLIERS_KNOWN = 24.0  #: shifts that the simulated share of outliers counts as
-OUTLIER_SPREAD = 0.5  #: error of the logarithm of a spread with outliers in it
-MISSHAPEN = 1.0  #: error of the logarithm of a spread of an odd cell
 LEAST_FREEDOM = 0.5  #: degrees of freedom
 HIDDEN = 3  #: outliers that can hide among single shifts
 RARE = 1e-6  #: probability of more outliers than a mean's density counts
 CROWD = 12.0  #: expected outliers of a mean from which their number counts as normal
 ROOT = float(np.sqrt(2.0 * np.pi))
-
-
-@dataclass(frozen=True)
-class Rules:
-    """Errors that the likelihood assumes of any simulation.
-
-    Parameters
-    ----------
-    model_error, least_error : error of any simulation of a mean shift time, beside the
-        emulator's own: mesh, contact law, rigid bodies; as share of the simulated mean, and in s.
-    discrepancy : scale of the half-normal prior of the model's discrepancy, as share of the mean
-        time without any effect (``diagnosis.likelihood.discrepancy``): what MuJoCo and Drake
-        differ by, root mean square (``docs/evidence/blind_engines.txt``).
-    spread_share, spread_error : error of the simulated spread of single shifts, as share of it and
-        as share of the simulated mean.
-    odd_share, odd_size : share of cells whose mean is off by much more, under every hypothesis
-        alike, and by how much, as share of the simulated mean. In a table that was checked an entry
-        in some hundred is wrong; where times jump between two levels the emulator misses by half.
-    """
-
-    model_error: float = 0.01
-    least_error: float = 0.5e-3
-    discrepancy: float = 0.05
-    spread_share: float = 0.2
-    spread_error: float = 0.025
-    odd_share: float = 0.005
-    odd_size: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -93,6 +61,7 @@ class CellPredictions(Prediction):
     shape : error of the logarithm of ``sd``.
     kurtosis : of ``times``.
     missed, jump : share of cells that are odd, and by how much their mean is off, s.
+    rules : errors that are assumed of any simulation.
     """
 
     mean: Array
@@ -102,6 +71,7 @@ class CellPredictions(Prediction):
     kurtosis: Array
     missed: Array
     jump: Array
+    rules: Rules
 
     @classmethod
     def of(cls, cells: list[Prediction], rules: Rules) -> Self:
@@ -113,25 +83,25 @@ class CellPredictions(Prediction):
         simulated = mean - every["delay"]
         model = np.hypot(rules.model_error * simulated, rules.least_error)
         every["error"] = np.maximum(np.hypot(every["error"], model), 1e-5)
-        least = max(TAIL, 1.0 / (times.shape[2] + 2.0)) * np.isnan(every["behind"])
+        least = max(rules.late_share, 1.0 / (times.shape[2] + 2.0)) * np.isnan(every["behind"])
         share = np.maximum(every["outlier_share"], least)
-        every["outlier_share"] = np.clip(share, LEAST_OUTLIERS, 1.0 - LEAST_OUTLIERS)
+        every["outlier_share"] = np.clip(share, rules.late_least, 1.0 - rules.late_least)
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
         deviation = times - mean[..., None]
         kurtosis = (deviation**4).mean(axis=2) / np.maximum((deviation**2).mean(axis=2), 1e-12) ** 2
         odd = np.full_like(mean, rules.odd_share), rules.odd_size * simulated
         return cls(
             **every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis,
-            missed=odd[0], jump=odd[1],
+            missed=odd[0], jump=odd[1], rules=rules,
         )  # fmt: skip
 
     def moved(self, offsets: Array) -> CellPredictions:
         """Move the prediction of one value (cells, 1) by offsets, s, (cells, m)."""
         one = np.ones_like(offsets[:1])
-        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "rules"}
         wide = {n: part * (one if part.ndim == 2 else one[..., None]) for n, part in every.items()}
         times = {"times": self.times + offsets[..., None], "mean": self.mean + offsets}
-        return type(self)(**{**wide, **times})
+        return type(self)(**{**wide, **times}, rules=self.rules)
 
     @property
     def whole(self) -> tuple[Array, Array]:
@@ -174,7 +144,7 @@ def timed(seen: Observed, predicted: CellPredictions) -> Timed:
     log, first, second = (np.where(having, part, 0.0) for part in _timed_mean(seen, predicted))
     log = log + _log_outliers(seen, predicted)
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
-    anyhow = seen.shifts[:, None] * np.log(ANYTHING / seen.timeout)
+    anyhow = seen.shifts[:, None] * np.log(predicted.rules.late_anything / seen.timeout)
     known = np.isfinite(predicted.mean)
     first, second = (np.where(known, np.nan_to_num(part), 0.0) for part in (first, second))
     return Timed(np.where(known, log, anyhow), first, second)
@@ -222,11 +192,11 @@ def _spread_parts(
     behind, _ = _behind(seen, predicted)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
     spread = 0.5 * np.log(predicted.sd[..., None] ** 2 + among * behind[..., None] ** 2)
-    shape = np.where(waits > 0, OUTLIER_SPREAD, predicted.shape[..., None])
+    shape = np.where(waits > 0, predicted.rules.late_spread, predicted.shape[..., None])
     if predicted.missed.any():
         last = np.ones_like(spread[..., :1])
         spread = np.concatenate([spread, np.log(predicted.sd)[..., None]], axis=2)
-        shape = np.concatenate([shape, MISSHAPEN * last], axis=2)
+        shape = np.concatenate([shape, predicted.rules.odd_spread * last], axis=2)
     variance = own[..., None] + shape**2
     residual = (seen.log_sd[:, None] - bias)[..., None] - spread
     return residual / np.sqrt(np.maximum(variance, 1e-12)), variance
@@ -266,7 +236,8 @@ def _log_tail(seen: Observed, predicted: CellPredictions, place: int) -> Array:
     scale = np.maximum(behind, last - first)
     after = np.maximum(0.0, seen.outlier_times[place] - first)
     tail = (1.0 + after / scale) ** -2 / scale
-    return np.log((1.0 - ANYTHING) * tail + ANYTHING / seen.timeout).sum(axis=1)
+    anything = predicted.rules.late_anything
+    return np.log((1.0 - anything) * tail + anything / seen.timeout).sum(axis=1)
 
 
 def _timed_mean(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array, Array]:
@@ -354,9 +325,8 @@ def spread_score(seen: Observed, predicted: CellPredictions) -> Array:
 
 def outlier_beta(predicted: CellPredictions) -> tuple[Array, Array]:
     """Compute the Beta parameters of the share of single outliers, (cells, m) each."""
-    return OUTLIERS_KNOWN * predicted.outlier_share, OUTLIERS_KNOWN * (
-        1.0 - predicted.outlier_share
-    )
+    known = predicted.rules.late_known
+    return known * predicted.outlier_share, known * (1.0 - predicted.outlier_share)
 
 
 def log_engaged(seen: Observed, predicted: CellPredictions, failed: Array) -> Array:

@@ -8,10 +8,10 @@ effect, of the mismatch *n* and the force *F*, is then off by
           \text{ standardised},
 
 with *b* normal, and *g*, *h* Gaussian processes of the length one. Their variances are shares of
-one (``SHAPES``): mostly one-sided, or mostly a curve over the mismatch. The amplitude *s* is half
-normal; its nodes have the prior probability between the middles of their neighbours. This is the
-discrepancy of Kennedy and O'Hagan (2001) with an informative prior, without which parameters come
-out wrong and too sure (Brynjarsdottir and O'Hagan 2014).
+one (``Rules.discrepancy_shapes``): mostly one-sided, or mostly a curve over the mismatch. The
+amplitude *s* is half normal; its nodes have the prior probability between the middles of their
+neighbours. This is the discrepancy of Kennedy and O'Hagan (2001) with an informative prior, without
+which parameters come out wrong and too sure (Brynjarsdottir and O'Hagan 2014).
 
 Given amplitude and shape, :math:`\delta = A z` with *z* standard normal, and with the slopes *g*
 and curvatures *H* of the cells' log likelihoods over an offset,
@@ -25,27 +25,19 @@ exact where the times of the cells are normal. Amplitudes and shapes are summed 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import halfnorm
 
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array, Table
 from dogshape.sim.units import RPM
 
-LENGTH = 1.0  #: of the errors, in units of the natural logarithm of the mismatch
-JITTER = 1e-9
+JITTER = 1e-9  #: of a variance, so that its matrix has a root
 #: Amplitudes over the scale of their prior.
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])
-#: Shares of the variance of constant, curve and slope over the force, by prior probability. MuJoCo
-#: and Drake differ by -4.3 % in the mean and 5.0 % root mean square, three quarters of the
-#: variance, with 2 to 5 points over the force (``docs/evidence/blind_engines.txt``).
-SHAPES: Mapping[tuple[float, float, float], float] = {
-    (0.7, 0.2, 0.1): 0.5,
-    (0.1, 0.6, 0.3): 0.5,
-}
 
 
 @dataclass(frozen=True)
@@ -109,30 +101,30 @@ class Discrepancy:
         return drawn
 
 
-def discrepancy_prior(mismatch: Array, force: Array, baseline: Array, scale: float) -> Discrepancy:
+def discrepancy_prior(mismatch: Array, force: Array, baseline: Array, rules: Rules) -> Discrepancy:
     """Build the prior of the discrepancy.
 
     Parameters
     ----------
     mismatch, force : rad/s and N, (cells,).
     baseline : mean times without any effect, s, (cells,); NaN where there is none.
-    scale : of the half-normal prior of the amplitude, as share of a mean time.
+    rules : with the scale of the amplitude's half-normal prior, length and shapes.
     """
     speeds, place = np.unique(np.log(abs(mismatch) + RPM), return_inverse=True)
-    alike = np.exp(-0.5 * ((speeds[:, None] - speeds[None]) / LENGTH) ** 2)
+    alike = np.exp(-0.5 * ((speeds[:, None] - speeds[None]) / rules.discrepancy_length) ** 2)
     forces = np.log(force)
     slope = (forces - forces.mean()) / (forces.std() or 1.0)
     edge = JITTER * np.eye(speeds.size)
     roots = []
-    for constant, curve, tilt in SHAPES:
+    for constant, curve, tilt, _ in rules.discrepancy_shapes:
         level = np.linalg.cholesky(constant + curve * alike + edge)[place]
         tilted = np.linalg.cholesky(tilt * alike + edge)[place] * slope[:, None]
         both = np.hstack([level, tilted] if slope.any() else [level])
         roots.append(np.nan_to_num(baseline)[:, None] * both)
     middles = np.concatenate([[0.0], 0.5 * (NODES[1:] + NODES[:-1]), [np.inf]])
     chances = np.diff(halfnorm.cdf(middles))
-    prior = np.outer(list(SHAPES.values()), chances)
-    return Discrepancy(tuple(roots), scale * NODES, prior)
+    prior = np.outer([shape[-1] for shape in rules.discrepancy_shapes], chances)
+    return Discrepancy(tuple(roots), rules.discrepancy * NODES, prior)
 
 
 @dataclass(frozen=True)

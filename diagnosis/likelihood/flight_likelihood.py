@@ -1,7 +1,7 @@
 r"""Likelihood of the marks of the flight under the prediction of a hypothesis.
 
 The *k* marks of one force profile count once, whatever the number of traces. Their law is a Student
-distribution with ``DOF`` degrees of freedom, so that one odd profile decides nothing alone:
+distribution of few degrees of freedom, so that one odd profile decides nothing alone:
 
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad
           d^2 = (t - \hat t)^T \Sigma^{-1} (t - \hat t).
@@ -17,7 +17,7 @@ Operating points of a profile that have traces share its term in equal parts: le
 when a force is held out, they take all of it along.
 
 *Unknown* has the baseline's marks, or such moved by offsets: a Gaussian process over the logarithms
-of force and of the mark's share, apart for displacement and force, of ``SCALES``.
+of force and of the mark's share, apart for displacement and force, of several sizes.
 """
 
 from __future__ import annotations
@@ -33,12 +33,10 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS, SeenFlight
 from dogshape.diagnosis.prediction.prediction import Marks
+from dogshape.diagnosis.settings import USUAL, Unlisted
 from dogshape.diagnosis.terms import Array
 
-DOF = 5.0
-SCALES = np.geomspace(1e-3, 0.2, 10)  #: of unknown offsets, s
-LENGTH = 1.5  #: of unknown offsets, in units of the natural logarithm
-SMOOTH = 0.9  #: share of their variance that neighbours have in common
+SCALES = 10  #: standard deviations of unknown offsets that are summed over
 SHARES = np.array([*WAYS, *FORCES])
 
 
@@ -66,14 +64,20 @@ def flight_prediction(seen: SeenFlight, predicted: Marks, baseline: Marks) -> Fl
     return FlightPrediction(times, nominal, seen.covariance + own + common)
 
 
-def log_flights(seen: Sequence[SeenFlight], predicted: Sequence[FlightPrediction]) -> Array:
+def log_flights(
+    seen: Sequence[SeenFlight],
+    predicted: Sequence[FlightPrediction],
+    freedom: float = USUAL.likelihood.flight_freedom,
+) -> Array:
     """Return the logarithm of the density of each profile's marks, (profiles, m).
 
     Their sum is that of both readings of the force; a profile has its part of it.
     """
     pairs = list(zip(seen, predicted, strict=True))
-    acting = np.array([_student(one.times, it.times, it.covariance) for one, it in pairs])
-    nominal = np.array([_student(one.times, it.nominal, it.covariance) for one, it in pairs])
+    acting = np.array([_student(one.times, it.times, it.covariance, freedom) for one, it in pairs])
+    nominal = np.array(
+        [_student(one.times, it.nominal, it.covariance, freedom) for one, it in pairs]
+    )
     apart = acting.sum(axis=0) - nominal.sum(axis=0)
     first = expit(apart)
     # ln(e^A + e^B) = r A + (1 - r) B + H(r), r the probability of the first.
@@ -89,11 +93,12 @@ def _squared(seen: Array, predicted: Array, covariance: Array) -> tuple[Array, A
     return (scaled**2).sum(axis=1), spread
 
 
-def _student(seen: Array, predicted: Array, covariance: Array) -> Array:
+def _student(seen: Array, predicted: Array, covariance: Array, freedom: float) -> Array:
     distance, spread = _squared(seen, predicted, covariance)
     size = seen.size
-    constant = gammaln((DOF + size) / 2.0) - gammaln(DOF / 2.0) - 0.5 * size * np.log(DOF * np.pi)
-    return constant - 0.5 * spread - 0.5 * (DOF + size) * np.log1p(distance / DOF)
+    constant = gammaln((freedom + size) / 2.0) - gammaln(freedom / 2.0)
+    constant = constant - 0.5 * size * np.log(freedom * np.pi)
+    return constant - 0.5 * spread - 0.5 * (freedom + size) * np.log1p(distance / freedom)
 
 
 def to_cells(seen: Sequence[SeenFlight], logs: Array, cells: int) -> Array:
@@ -105,27 +110,35 @@ def to_cells(seen: Sequence[SeenFlight], logs: Array, cells: int) -> Array:
 
 
 def flight_scores(
-    seen: Sequence[SeenFlight], predicted: Sequence[FlightPrediction], values: int
+    seen: Sequence[SeenFlight],
+    predicted: Sequence[FlightPrediction],
+    values: int,
+    freedom: float = USUAL.likelihood.flight_freedom,
 ) -> Array:
     """Score the residuals of the marks as normal deviates, (profiles, values)."""
     scores = []
     for one, it in zip(seen, predicted, strict=True):
         both = [_squared(one.times, times, it.covariance)[0] for times in (it.times, it.nominal)]
-        tail = f_distribution.sf(np.minimum(*both) / one.times.size, one.times.size, DOF)
+        tail = f_distribution.sf(np.minimum(*both) / one.times.size, one.times.size, freedom)
         scores.append(norm.isf(0.5 * np.maximum(tail, 1e-300)))
     return np.array(scores) if scores else np.zeros((0, values))
 
 
-def log_unknown(seen: Sequence[SeenFlight], baseline: Sequence[FlightPrediction]) -> float:
+def log_unknown(
+    seen: Sequence[SeenFlight],
+    baseline: Sequence[FlightPrediction],
+    prior: Unlisted = USUAL.unlisted,
+    freedom: float = USUAL.likelihood.flight_freedom,
+) -> float:
     """Compute the log density of all marks if no known effect moved them."""
     if not seen:
         return 0.0
-    still = float(log_flights(seen, baseline).sum())
+    still = float(log_flights(seen, baseline, freedom).sum())
     gaps = np.concatenate([one.times - it.times[0] for one, it in zip(seen, baseline, strict=True)])
     errors = block_diag(*(it.covariance[0] for it in baseline))
-    shape, way = _offsets(seen)
+    shape, way = _offsets(seen, prior)
     moved = []
-    for scale in SCALES:
+    for scale in np.geomspace(prior.least_mark, prior.most_mark, SCALES):
         for which in (np.ones(way.size), way):
             kernel = scale**2 * shape * np.outer(which, which)
             moved.append(_normal(gaps, errors + kernel))
@@ -133,14 +146,16 @@ def log_unknown(seen: Sequence[SeenFlight], baseline: Sequence[FlightPrediction]
     return float(np.logaddexp(still, free) - np.log(2.0))
 
 
-def _offsets(seen: Sequence[SeenFlight]) -> tuple[Array, Array]:
+def _offsets(seen: Sequence[SeenFlight], prior: Unlisted) -> tuple[Array, Array]:
     """Return the correlation of unknown offsets, and which are of the displacement."""
     force = np.concatenate([np.full(s.places.size, np.log(s.profile.force)) for s in seen])
     places = np.concatenate([s.places for s in seen])
     way = (places < len(WAYS)).astype(float)
     where = np.stack([force, np.log(SHARES[places])], axis=1)
     square = ((where[:, None] - where[None]) ** 2).sum(axis=2)
-    alike = SMOOTH * np.exp(-0.5 * square / LENGTH**2) + (1.0 - SMOOTH) * np.eye(places.size)
+    smooth = prior.mark_smooth
+    near = np.exp(-0.5 * square / prior.mark_length**2)
+    alike = smooth * near + (1.0 - smooth) * np.eye(places.size)
     return alike * (way[:, None] == way), way
 
 

@@ -17,7 +17,6 @@ from dogshape.diagnosis.bench.flight_marks import SeenFlight
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
-    Rules,
     log_as_failed,
     log_engaged,
     log_sum,
@@ -38,6 +37,7 @@ from dogshape.diagnosis.likelihood.flight_likelihood import (
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array, Hypothesis, Table
 
 IMPOSSIBLE = -1e6  #: logarithm of a likelihood that is as good as nothing
@@ -121,7 +121,7 @@ class Problem:
 
     seen: Observed
     emulator: Emulator
-    rules: Rules
+    settings: Settings
     sense: Sense = "known"
 
     @cached_property
@@ -129,13 +129,13 @@ class Problem:
         """Prior of the model's discrepancy at the cells."""
         means = self.predictions(NONE, np.zeros((1, 0))).mean[:, 0]
         seen = self.seen
-        return discrepancy_prior(seen.mismatch, seen.force, means, self.rules.discrepancy)
+        return discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood)
 
     def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
         """Predict the times of all cells for values (m, p) of a hypothesis."""
         cells = range(self.seen.cells)
         return CellPredictions.of(
-            [self.emulator.at(hypothesis, values, k) for k in cells], self.rules
+            [self.emulator.at(hypothesis, values, k) for k in cells], self.settings.likelihood
         )
 
     @cached_property
@@ -171,7 +171,8 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     times = timed(problem.seen, predicted)
     table = (times.log + log_engaged(problem.seen, predicted, problem.seen.failed)).T.copy()
     if flown:
-        logs = log_flights(problem.flights, flown)
+        freedom = problem.settings.likelihood.flight_freedom
+        logs = log_flights(problem.flights, flown, freedom)
         table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
     as_failed = log_as_failed(problem.seen, predicted).T

@@ -18,9 +18,10 @@ from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 
-VISIBLE = 4.0  #: squared distance from which two predictions can be told apart
+VISIBLE = USUAL.decision.visible  #: squared distance from which predictions can be told apart
 
 
 @dataclass(frozen=True)

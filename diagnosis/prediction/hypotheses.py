@@ -2,9 +2,9 @@
 
 Each effect is part of the cause or not by itself, before the data are seen: most actuators have a
 dead time and most rings rub on their shafts, linkages often give way, all else is rare
-(``INCLUDED``). So a hypothesis is as probable as its effects being there and all others not.
-*Unknown* has its own probability. All pairs are tried; if none can have made the data but with a
-large discrepancy, the nearest are tried with each further effect.
+(``diagnosis.settings.Priors``). So a hypothesis is as probable as its effects being
+there and all others not. *Unknown* has its own probability. All pairs are tried; if none can have
+made the data but with a large discrepancy, the nearest are tried with each further effect.
 """
 
 from __future__ import annotations
@@ -16,19 +16,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.bench.sense import REVERSED, SHARES, Sense, both_senses, forward
+from dogshape.diagnosis.bench.sense import REVERSED, Sense, both_senses, forward
+from dogshape.diagnosis.settings import USUAL, Priors
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
+PRIORS = USUAL.priors
 UNKNOWN: Hypothesis = ("unknown",)
 NONE: Hypothesis = ()
-#: Probability of each effect to be part of the cause. Judged, not measured: every actuator has a
-#: dead time and every ring rubs on its shaft, whether or not a model has them; Bowden cables and
-#: levers, as those of the thesis' stand, give way; all else is rare.
-INCLUDED = {"actuation_delay": 0.3, "sleeve_friction": 0.3, "linkage_compliance": 0.1}
-RARE = 0.05  #: the same of an effect that is not among these
-UNLISTED = 0.15  #: probability of *unknown*
 TRIED = 7  #: values of each parameter that are tried for whether there are such benches
 
 
@@ -98,15 +94,15 @@ def _bounded(effect: Effect, setting: Setting) -> bool:
     return not all(_possible(effect, setting, row) for row in grid)
 
 
-def pairs_of(effects: Sequence[str]) -> tuple[Hypothesis, ...]:
+def pairs_of(effects: Sequence[str], priors: Priors = PRIORS) -> tuple[Hypothesis, ...]:
     """Return all pairs of effects, the likeliest before the data first."""
     those = sorted(name for name in effects if name != REVERSED)
-    return tuple(sorted(itertools.combinations(those, 2), key=lambda pair: -log_odds(pair)))
+    return tuple(sorted(itertools.combinations(those, 2), key=lambda pair: -log_odds(pair, priors)))
 
 
-def log_odds(hypothesis: Hypothesis) -> float:
+def log_odds(hypothesis: Hypothesis, priors: Priors = PRIORS) -> float:
     """Compute the logarithm of the prior probability of some effects over that of none."""
-    chances = [INCLUDED.get(name, RARE) for name in forward(hypothesis)]
+    chances = [priors.effect(name) for name in forward(hypothesis)]
     return sum(math.log(p / (1.0 - p)) for p in chances)
 
 
@@ -115,13 +111,14 @@ def spaces_of(
     setting: Setting,
     pairs: Sequence[Hypothesis] | None = None,
     sense: Sense = "known",
+    priors: Priors = PRIORS,
 ) -> tuple[Space, ...]:
     """List the spaces of none, each effect, and the pairs (all by default).
 
     Behind them stand those with the reversed sense (``diagnosis.bench.sense``).
     """
     single = [(name,) for name in sorted(effects)]
-    pairs = pairs_of(list(effects)) if pairs is None else pairs
+    pairs = pairs_of(list(effects), priors) if pairs is None else pairs
     return spaces_for(both_senses([NONE, *single, *pairs], effects, sense), effects, setting)
 
 
@@ -155,18 +152,20 @@ def without(hypothesis: Hypothesis, some: Hypothesis) -> Hypothesis:
     return tuple(name for name in hypothesis if name not in some)
 
 
-def priors_of(hypotheses: Sequence[Hypothesis], sense: Sense = "known") -> dict[Hypothesis, float]:
+def priors_of(
+    hypotheses: Sequence[Hypothesis], sense: Sense = "known", priors: Priors = PRIORS
+) -> dict[Hypothesis, float]:
     """Return the prior probability of each hypothesis, which add to one.
 
     What is left of the plain sense's goes to the reversed one, hypothesis by hypothesis.
     """
-    share = SHARES[sense] if any(REVERSED in h for h in hypotheses) else 0.0
+    share = priors.reversed(sense) if any(REVERSED in h for h in hypotheses) else 0.0
     raw = {
-        h: (share if REVERSED in h else 1.0 - share) * math.exp(log_odds(h))
+        h: (share if REVERSED in h else 1.0 - share) * math.exp(log_odds(h, priors))
         for h in hypotheses
         if h != UNKNOWN
     }
-    unlisted = UNLISTED if UNKNOWN in hypotheses else 0.0
+    unlisted = priors.unlisted if UNKNOWN in hypotheses else 0.0
     whole = sum(raw.values())
     known = {h: (1.0 - unlisted) * weight / whole for h, weight in raw.items()}
     return known | ({UNKNOWN: unlisted} if unlisted else {})

@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 
 ROOT5 = 5.0**0.5
 SHORT = 0.1  #: length of steps
-LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)
+LENGTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  #: lengths of curves, over the prior
 STEPS = (1e-4, 1e-3, 0.01, 0.05, 0.2)  #: shares of the variance that steps may have
 SIZES = np.geomspace(1e-3, 3.0, 12)  #: standard deviations that the logarithm may have
 USUAL = (0.2, 1.5)  #: median of that deviation, and spread of its logarithm

@@ -192,6 +192,12 @@ class InferenceRecord(Section):
     bounds: dict[str, BoundRow] = key("bound of each effect on its own")
     facts: list[FactRow] = key("facts from readings at rest")
     sensitivity: dict[str, list[ReadingRow]] = key("answers under other priors and counts")
+    settings: dict[str, dict[str, Any]] | None = key(
+        "constants that the answer was decided with, by section (`docs/diagnosis_model.md`); "
+        "absent in earlier versions",
+        "",
+        None,
+    )
 
 
 class FindingRow(Section):

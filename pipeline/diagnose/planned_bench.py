@@ -12,9 +12,9 @@ from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.inference.shift_plan import ShiftPlan, field_of, shift_plan
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
 from dogshape.pipeline.diagnose.bench_study import rounded
@@ -75,7 +75,7 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
         )
     effects = load(means.effects)
     emulator, flights = emulator_of(bench, effects, means)
-    problem = Problem(observe(bench), emulator, Rules(), bench.mismatch_sense)
+    problem = Problem(observe(bench), emulator, USUAL, bench.mismatch_sense)
     field = field_of(problem, effects, setting_of(bench))
     flights.save()
     return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)

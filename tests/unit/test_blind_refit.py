@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.validation.blind.pair_refit import Refit, Seen, errors_of, left_by, left_of

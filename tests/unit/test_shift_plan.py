@@ -24,10 +24,10 @@ from dogshape.diagnosis.inference.shift_plan import (
     steadiest,
     visits,
 )
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, score
 from dogshape.diagnosis.prediction.hypotheses import spaces_for
+from dogshape.diagnosis.settings import Rules, Settings
 from dogshape.sim.shift.clutch import OperatingPoint
 from tests.conftest import Said
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
@@ -43,7 +43,7 @@ def _field(
     rules: Rules = PLAIN,
 ) -> Field:
     bench = bench_of({}, np.random.default_rng(1), points=points)
-    problem = Problem(observe(bench), Toy(points), rules)
+    problem = Problem(observe(bench), Toy(points), Settings(rules))
     return field_of(problem, {name: EFFECTS[name] for name in names}, setting_of(bench))
 
 
@@ -223,7 +223,7 @@ def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_data() -> N
             for k, (point, mean) in enumerate(zip(points, means, strict=True), start=2)
         ]
         bench = Bench("drawn", "", CLUTCH, gather(readings), None, Sensor())
-        problem = Problem(observe(bench), Toy(points), PLAIN)
+        problem = Problem(observe(bench), Toy(points), Settings(PLAIN))
         none = score(problem, spaces[0], np.zeros((1, 0)))
         late = score(problem, spaces[1], np.array([[delay / 0.25]]))
         odds.append(float(late.whole[0] - none.whole[0]))

@@ -16,7 +16,6 @@ from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sam
 from dogshape.diagnosis.inference.next_test import Outcome, expected_information
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
-    Rules,
     log_times,
     sample_spread,
 )
@@ -26,6 +25,7 @@ from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Row
 from dogshape.diagnosis.likelihood.signature import squared
 from dogshape.diagnosis.prediction.hypotheses import spaces_of
 from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array
 from dogshape.validation.nested_sampling import nested, nested_evidence
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
@@ -78,7 +78,7 @@ def test_nested_sampling_finds_it_too() -> None:
 def test_quadrature_agrees_with_nested_sampling_on_the_toy(names: tuple[str, ...]) -> None:
     points = points_of()[::5]
     bench = bench_of({"delay_s": 0.05}, np.random.default_rng(1), points=points)
-    problem = Problem(observe(bench), Toy(points), Rules())
+    problem = Problem(observe(bench), Toy(points), USUAL)
     effects = {name: EFFECTS[name] for name in names}
     space = spaces_of(effects, setting_of(bench), pairs=[])[1]
     found = evidence(problem, space)

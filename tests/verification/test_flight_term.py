@@ -16,11 +16,11 @@ from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.parameter_intervals import intervals
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.unknown import unknown
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.likelihood.flight_likelihood import log_flights, log_unknown, to_cells
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, Space
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
 from tests.flying import EFFECTS, FlightOnly, flying_bench
 from tests.toy import Toy
@@ -50,7 +50,7 @@ def _named(name: str) -> Bench:
 
 
 def _problem(bench: Bench) -> Problem:
-    return Problem(observe(bench), EMULATOR, Rules())
+    return Problem(observe(bench), EMULATOR, USUAL)
 
 
 def _scored(bench: Bench, names: tuple[str, ...] = RIVALS) -> dict[Hypothesis, Scored]:
@@ -160,7 +160,7 @@ def test_the_marks_of_the_force_show_what_acts(plain: Bench) -> None:
 
 def test_an_emulator_without_flight_leaves_traces_out(plain: Bench) -> None:
     toy = Toy(tuple(cell.point for cell in plain.cells))
-    problem = Problem(observe(plain), toy, Rules())
+    problem = Problem(observe(plain), toy, USUAL)
     assert problem.flights == ()
     assert problem.summary(NONE, _NOTHING).flight is None
     assert unknown(problem, plain).flight == 0.0

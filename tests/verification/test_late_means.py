@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, time_score
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, time_score
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.settings import Rules
 from dogshape.validation.blind.baselines import deviance
 
 LATE, BEHIND, WIDE, CELLS = 0.06, 0.1, 0.03, 4000

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules, timed
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, timed
 from dogshape.diagnosis.likelihood.discrepancy import (
     Discrepancy,
     Slopes,
@@ -17,6 +17,7 @@ from dogshape.diagnosis.likelihood.discrepancy import (
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.prediction.outliers import bulk, outlier_counts, outlier_statistics
 from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 from tests.toy import bench_of, points_of
@@ -27,7 +28,7 @@ MEANS = np.array([0.15, 0.12, 0.09, 0.05])
 
 
 def _prior(scale: float = 0.05) -> Discrepancy:
-    return discrepancy_prior(SLIPS, FORCES, MEANS, scale)
+    return discrepancy_prior(SLIPS, FORCES, MEANS, Rules(discrepancy=scale))
 
 
 def _members(prior: Discrepancy) -> list[tuple[float, Array]]:

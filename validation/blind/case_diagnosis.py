@@ -9,10 +9,10 @@ from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.diagnosis import diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import FlightEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
+from dogshape.diagnosis.settings import USUAL, Rules, Settings
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
@@ -35,7 +35,7 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     """
     bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
     bare, flights = emulator_of(bench, effects, means)
-    found = _with_plain(bench, bare, effects, None)
+    found = _with_plain(bench, bare, effects, USUAL.likelihood)
     if sealed.manifest_of(folder.parent.parent).get("engine", "mujoco") == "mujoco":
         emulator = Moved(bare, *_engines_apart(folder, bare))
         found["told"] = _with_plain(bench, emulator, effects, RULES)
@@ -51,10 +51,10 @@ def seen_by(folder: Path, jobs: int = 0) -> Seen:
 
 
 def _with_plain(
-    bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules | None
+    bench: Bench, emulator: FlightEmulator, effects: Mapping[str, Effect], rules: Rules
 ) -> dict[str, Any]:
     """Diagnose with one emulator, and name the cause by the baselines."""
-    found = diagnose(bench, emulator, effects, rules=rules).as_dict()
+    found = diagnose(bench, emulator, effects, settings=Settings(rules)).as_dict()
     return {**found, "plain": plain(bench, emulator, effects)}
 
 

@@ -7,7 +7,7 @@ delay of MuJoCo's shifts, outliers aside, is added to all predictions of that op
 residual offset where effects act is the common error ``REST``.
 
 The offset can only be measured on a stand without effects, which no real stand is: there the common
-error of ``diagnosis.likelihood.cell_likelihood.Rules`` covers all of it.
+error of ``diagnosis.settings.Rules`` covers all of it.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.likelihood.cell_likelihood import Rules
 from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.prediction.prediction import FlightEmulator, Marks, Prediction
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile

@@ -10,7 +10,7 @@ data, at even angles and so without scatter, and :math:`\bar m` the partner's me
 of the diagnosis, at its true values :math:`\theta^*` and at others within its prior. The offset of
 both engines at the true values cancels. *C* has all errors of a diagnosis without that offset:
 sampling of the case's number of shifts, emulation and simulation of the pair
-(``diagnosis.likelihood.cell_likelihood.Rules``), and those that operating points have in common.
+(``diagnosis.settings.Rules``), and those that operating points have in common.
 
 :math:`\tfrac12 \Delta\chi^2` is the expected logarithm of the likelihood ratio of the pair over its
 partner alone: where it is small no method with these errors can tell them apart by means. Its root
@@ -29,10 +29,11 @@ from typing import Any
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Rules
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator
+from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.setting import Setting
@@ -123,7 +124,7 @@ def errors_of(seen: Seen, case: Record, places: Sequence[int], counts: Array) ->
     base = seen.predictions(NONE, np.zeros((1, 0)), places)
     mismatch = np.array([seen.settings[k].point.mismatch for k in places])
     force = np.array([seen.settings[k].point.profile.force for k in places])
-    prior = discrepancy_prior(mismatch, force, base.mean[:, 0], seen.rules.discrepancy)
+    prior = discrepancy_prior(mismatch, force, base.mean[:, 0], seen.rules)
     joint = np.nan_to_num(predicted.common)
     with np.errstate(divide="ignore"):
         own = predicted.sd[:, 0] ** 2 / counts + predicted.error[:, 0] ** 2
