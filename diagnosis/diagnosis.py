@@ -140,6 +140,7 @@ class Diagnosis:
                     "name": t.name,
                     "information_nats": t.information,
                     "chance_to_settle": t.settles if t.information is not None else None,
+                    "misleads": t.misleads if t.information is not None else None,
                     "hours": t.hours,
                 }
                 for t in self.tests[:8]
@@ -259,7 +260,16 @@ def diagnose(
     limits = settings.decision
     parts = confusion(known, metric, ranking.folded, plain, limits)
     standing = Standing(
-        bench, problem.seen, scored, ranking.free, posterior, effects, ranking.leading
+        bench,
+        problem.seen,
+        scored,
+        ranking.free,
+        posterior,
+        effects,
+        ranking.leading,
+        parts,
+        problem.emulator,
+        settings,
     )
     gaps = _gaps(standing, ranking)
     hidden = invisible(list(scored.values()), metric, limits.visible)

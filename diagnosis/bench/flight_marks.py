@@ -82,9 +82,7 @@ def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
 
 def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFlight:
     traces = [trace for place in cells for trace in bench.cells[place].traces]
-    gap = bench.clutch.dog.axial_gap
-    table = [trace_marks(trace, profile, gap) for trace in traces]
-    joined = [_joined([row[k] for row in table]) for k in range(SIZE)]
+    joined = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
     places = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
     known = [one for one in joined if one is not None]
     times = np.array([one.time for one in known])
@@ -107,6 +105,14 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
         np.where(way, FLOOR, 0.0),
     ]
     return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
+
+
+def joined_marks(
+    traces: Sequence[BenchTrace], profile: ForceProfile, gap: float
+) -> list[Mark | None]:
+    """Return all marks of some traces of one profile together; None where there is none."""
+    table = [trace_marks(trace, profile, gap) for trace in traces]
+    return [_joined([row[k] for row in table]) for k in range(SIZE)]
 
 
 def _joined(marks: Sequence[Mark | None]) -> Mark | None:

@@ -1,21 +1,18 @@
-"""Next bench test: the one with the most information about the cause for its cost.
+"""Next bench test: the one with the most worth to the decision for its cost.
 
-A test has an outcome, a vector that each hypothesis predicts with a mean and a variance. Its
-expected information is the mutual information of cause and outcome,
+A test has an outcome that each hypothesis predicts, *unknown* and what only looks like a hypothesis
+too (``diagnosis.inference.outcome``).
 
-.. math:: I = H(p) - E_y H(p | y),
-
-with the hypotheses' probabilities *p* and outcomes *y* drawn from their mixture.
-
-If no hypothesis has more than 0.8, tests are ranked by the chance that the true one has it
-afterwards, minus 4 % per hour of work: a cheap test that settles nothing would lead by nats an
-hour. Otherwise tests are ranked by nats an hour; if nothing is left to learn, the direct test of
-the named cause leads. If no known effect fits, no outcome can be predicted: the test is then
-traces at the operating point with the largest residual.
+Unless the decision is settled, tests are ranked by the chance that it is afterwards, minus 4 % per
+hour of work: a cheap test that settles nothing would lead by nats an hour. Otherwise tests are
+ranked by nats an hour; if nothing is left to learn, the direct test of the named cause leads.
+Either way a test that misleads in more than 5 % comes behind those that are worth their cost and do
+not. If no known effect fits, the test is traces at the operating point with the largest residual.
 
 Direct tests come from the effects. Their outcome is the effects' parameters, as shares of the
 priors, to a twentieth. Effects that share a test share its outcome: a slow push shows friction and
-detent. Generic tests are more shifts at an operating point.
+detent. Generic tests are more shifts at an operating point, and traces of a force profile
+(``diagnosis.inference.flight_outcome``).
 """
 
 from __future__ import annotations
@@ -25,16 +22,20 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.bench.sense import REVERSED, SHARES, forward
+from dogshape.diagnosis.inference.classes import Confusion
+from dogshape.diagnosis.inference.flight_outcome import flight_outcome, tabulated
+from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.inference.posterior import Probabilities
+from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.unknown import Unknown
-from dogshape.diagnosis.inference.verdict import NAMED
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
+from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean, number
@@ -42,10 +43,12 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.units import RPM
 
 EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
-DRAWN = 400  #: outcomes drawn
 HOUR = 0.04  #: chance to settle that an hour of work has to earn
 LEAST = 1e-3  #: probability from which a hypothesis takes part
 WORTH = 0.02  #: nats below which nothing is to be learnt
+MISLED = 0.05  #: chance to mislead above which a test yields to others
+ABSENT = 0.5  #: chance that a direct test finds nothing of an unknown cause
+FLOWN = 10  #: most plausible hypotheses of which flights are predicted; of more none are
 SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
 TRACING, TRACED = 1.5, 10  #: hours to set up the recording of traces, and shifts recorded
 DIRECT = 3.0  #: hours of a direct test that is not in the table
@@ -73,21 +76,13 @@ GENERIC = {"more shifts": SETUP, "traces": TRACING}
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """Predicted outcome of a test: mean and variance, (hypotheses, d)."""
-
-    mean: Array
-    variance: Array
-
-
-@dataclass(frozen=True)
 class Asked:
     """Quantity that a test measures.
 
     Parameters
     ----------
     kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
-        ``traces`` where no hypothesis predicts the outcome.
+        ``traces`` for the marks of the flight in more of them.
     parameters : that a direct test measures, in the order of its outcome.
     point : mismatch in rad/s and force in N of shifts or traces.
     shifts : that are made.
@@ -113,9 +108,11 @@ class Asked:
 class NextTest:
     """Test with its expected information, nats, and its cost in hours.
 
-    ``settles`` is the chance that the true hypothesis has 0.8 afterwards. ``information`` is None
-    where no hypothesis predicts it, as is ``outcome``; else ``outcome`` has a row for each of
-    ``hypotheses``: shares of the priors for a direct test, s for more shifts.
+    ``settles`` is the chance that the decision is settled afterwards, ``misleads`` that something
+    wrong is named, ``decided`` whether it is settled before. ``information`` is None where no
+    hypothesis predicts the outcome, as is ``outcome``; else ``hypotheses`` are those that do: in
+    shares of the priors for a direct test, else in s. ``odds`` are of something that looks like a
+    hypothesis to that hypothesis.
     """
 
     name: str
@@ -127,6 +124,9 @@ class NextTest:
     hypotheses: tuple[Hypothesis, ...] = ()
     outcome: Outcome | None = None
     settles: float = 0.0
+    misleads: float = 0.0
+    decided: bool = False
+    odds: tuple[float, ...] = ()
 
     @property
     def value(self) -> float:
@@ -138,44 +138,41 @@ class NextTest:
         """Information an hour, nats."""
         return (self.information or 0.0) / self.hours
 
+    @property
+    def sound(self) -> bool:
+        """Test that it is worth its cost and hardly misleads."""
+        worth = (self.information or 0.0) > WORTH if self.decided else self.value > 0.0
+        return worth and self.misleads <= MISLED
+
     def as_dict(self) -> dict[str, Any]:
         """Write the measured quantity and the prediction of each hypothesis."""
         record = {"name": self.name, **self.asked.as_dict()}
         if self.outcome is not None:
-            rows = zip(self.hypotheses, self.outcome.mean, self.outcome.variance, strict=True)
-            record["foretold"] = [
-                {"effects": list(h), "mean": _short(mean), "sd": _short(np.sqrt(variance))}
-                for h, mean, variance in rows
-            ]
+            record["misleads"] = self.misleads
+            record["foretold"] = [self._row(k) for k in range(self.outcome.owner.size)]
         return record
+
+    def _row(self, place: int) -> dict[str, Any]:
+        """Write one density of the predicted outcome."""
+        assert self.outcome is not None
+        whole, owner = self.outcome.covariance[place], int(self.outcome.owner[place])
+        row: dict[str, Any] = {
+            "effects": list(self.hypotheses[owner]),
+            "mean": _short(self.outcome.mean[place]),
+            "sd": _short(np.sqrt(np.diag(whole))),
+        }
+        if self.outcome.share[place] < 1.0:
+            row["share"] = float(self.outcome.share[place])
+        if self.asked.kind == "traces":
+            row["covariance"] = [_short(line) for line in whole]
+        if self.outcome.read[owner] and self.odds[owner] > 0.0:
+            row["imitator_odds"] = self.odds[owner]
+        return row
 
 
 def _short(values: Array) -> list[float]:
     """Return values to six digits, which records need no more of."""
     return [float(f"{value:.6g}") for value in values]
-
-
-def expected_information(
-    probabilities: Array, outcome: Outcome, seed: int = 1
-) -> tuple[float, float]:
-    """Compute the mutual information of hypothesis and outcome, nats, and the chance to settle."""
-    generator = np.random.default_rng(seed)
-    width = np.sqrt(outcome.variance)
-    # As many draws of each hypothesis as its probability: less noise than drawing which.
-    counts = np.maximum(1, np.round(DRAWN * probabilities)).astype(int)
-    gain = settled = 0.0
-    log_prior = np.log(probabilities)
-    for place, count in enumerate(counts):
-        drawn = outcome.mean[place] + width[place] * generator.standard_normal(
-            (count, width.shape[1])
-        )
-        score = (drawn[:, None] - outcome.mean) / width
-        log = (-0.5 * score**2 - np.log(width)).sum(axis=2)
-        own = log[:, place] - logsumexp(log + log_prior, axis=1)
-        gain += probabilities[place] * float(own.mean())
-        after = own + log_prior[place]
-        settled += probabilities[place] * float((after > np.log(NAMED)).mean())
-    return max(0.0, gain), settled
 
 
 @dataclass(frozen=True)
@@ -189,11 +186,21 @@ class Standing:
     posterior: Probabilities
     effects: Mapping[str, Effect]
     leading: Hypothesis
+    confusion: Confusion
+    emulator: Emulator
+    settings: Settings = USUAL
 
     @property
     def plausible(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that take part."""
-        return tuple(h for h, p in self.posterior.items() if p > LEAST)
+        """Hypotheses that take part, *unknown* among them."""
+        return tuple(h for h, p in self.posterior.items() if p > LEAST or h == UNKNOWN)
+
+    def decision(self, hypotheses: Sequence[Hypothesis]) -> Decision:
+        """Return the decision between some hypotheses."""
+        # Nothing is impossible before a test, least of all what nobody thought of.
+        shares = np.array([max(self.posterior[h], 1e-9) for h in hypotheses])
+        measured = [fact.effect for fact in facts_of(self.bench)]
+        return Decision.of(hypotheses, shares, self.confusion, measured)
 
     @property
     def setting(self) -> Setting:
@@ -229,48 +236,99 @@ def hours_of(bench: Bench, name: str) -> float:
 def choose(standing: Standing) -> tuple[NextTest, ...]:
     """Rank the tests, the best first."""
     names = standing.plausible
-    shares = np.array([standing.posterior[h] for h in names])
-    shares = shares / shares.sum()
-    tests = [_judged(shares, test) for test in (*_direct(standing), *_more(standing))]
-    # Where nothing is in doubt the test that shows the cause directly confirms it.
-    named = set(names[int(np.argmax(shares))])
-    # So does the one that shows the sense, on which all sizes rest where it was not noted.
-    named |= {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
-    tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not named & set(t.shows), t.hours))
-    if shares.max() <= NAMED:
-        tests.sort(key=lambda t: -t.value)
-    unknown = names[int(np.argmax(shares))] == UNKNOWN and possible(standing.bench, "traces")
-    first = _look(standing) if unknown else []
-    return (*first, *tests)
+    decision = standing.decision(names)
+    predicted = (*_direct(standing), *_more(standing), *_traces(standing))
+    tests = [_judged(standing, test) for test in predicted]
+    top = names[int(np.argmax(decision.probabilities))]
+    if decision.settled():
+        # What the sense rests on that nobody noted comes first: it costs least. Where nothing is in
+        # doubt the test that shows the cause directly confirms it.
+        blind = {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
+        tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not set(top) & set(t.shows), t.hours))
+        tests.sort(key=lambda t: (not blind & set(t.shows), not t.sound))
+    else:
+        tests.sort(key=lambda t: (not t.sound, -t.value))
+    first = _look(standing) if top == UNKNOWN and possible(standing.bench, "traces") else []
+    return (*first, *(test for test in tests if test.name not in {one.name for one in first}))
 
 
-def _judged(shares: Array, test: NextTest) -> NextTest:
-    """Add the expected information of a test and its chance to settle the cause."""
+def _judged(standing: Standing, test: NextTest) -> NextTest:
+    """Add the worth of a test: information, and chances to settle the decision or to mislead."""
     assert test.outcome is not None
-    nats, settles = expected_information(shares, test.outcome)
-    return replace(test, information=nats, settles=settles)
+    decision = standing.decision(test.hypotheses)
+    worth = decision.worth(test.outcome, test.shows)
+    return replace(
+        test,
+        information=worth.information,
+        settles=worth.settles,
+        misleads=worth.misleads,
+        decided=decision.settled(),
+        odds=tuple(decision.imitated.tolist()),
+    )
 
 
 def _look(standing: Standing) -> list[NextTest]:
     """Return the test that shows where along the shift an unknown gap arises, if there is any."""
-    predicted, seen = mean_prediction(standing, standing.leading), standing.seen
-    residual = seen.time - predicted.mean
-    score = abs(residual) / np.sqrt(
-        predicted.variance + predicted.single / np.maximum(1.0, seen.shifts)
-    )
+    residual, score = _missed(standing)
     if not np.isfinite(score).any():
         return []
     place = int(np.nanargmax(score))
+    where = _where(standing.bench, place)
+    more = (
+        f"at {where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} "
+        "ms."
+    )
+    return [_traced(standing, place, more)]
+
+
+def _missed(standing: Standing) -> tuple[Array, Array]:
+    """Compute the residuals of the leading hypothesis, in s and in standard errors."""
+    predicted, seen = mean_prediction(standing, standing.leading), standing.seen
+    residual = seen.time - predicted.mean
+    shifts = np.maximum(1.0, seen.shifts)
+    return residual, abs(residual) / np.sqrt(predicted.variance + predicted.single / shifts)
+
+
+def _traced(standing: Standing, place: int, more: str) -> NextTest:
+    """Return the test of traces at an operating point, of which nothing is predicted."""
     cell, where = standing.bench.cells[place], _where(standing.bench, place)
     before = " more" if cell.traces else ""
     name = f"traces of {TRACED}{before} shifts at {where}"
-    how = (
-        f"Record displacement, force and both speeds over time of {TRACED}{before} shifts at "
-        f"{where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} ms."
-    )
+    how = f"Record displacement, force and both speeds over time of {TRACED}{before} shifts {more}"
     asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
     hours = hours_of(standing.bench, "more shifts") + hours_of(standing.bench, "traces")
-    return [NextTest(name, how, None, hours + SHIFT * TRACED, asked)]
+    return NextTest(name, how, None, hours + SHIFT * TRACED, asked)
+
+
+def _traces(standing: Standing) -> list[NextTest]:
+    """List the traces whose marks of the flight can be predicted, at the least force.
+
+    There flights take longest. More traces of a profile that has some tell little: what they err
+    is common to all of them.
+    """
+    cells = standing.bench.cells
+    traced = {cell.point.profile for cell in cells if cell.traces}
+    places = [k for k, cell in enumerate(cells) if cell.point.profile not in traced]
+    limits = standing.settings.decision
+    known = tuple(h for h in standing.plausible if standing.posterior[h] > limits.plausible)
+    those = tuple(dict.fromkeys((*known, UNKNOWN)))
+    if (
+        not isinstance(standing.emulator, FlightEmulator)
+        or not possible(standing.bench, "traces")
+        or not places
+        or len(those) > FLOWN
+        or sum(standing.posterior[h] for h in those) < limits.credible
+        or not all(tabulated(h) for h in known)
+    ):
+        return []
+    least = min(cells[k].point.profile.force for k in places)
+    score = np.nan_to_num(_missed(standing)[1])
+    near = [k for k in places if cells[k].point.profile.force == least]
+    place = max(near, key=lambda k: float(score[k]))
+    profile = cells[place].point.profile
+    outcome = flight_outcome(standing.emulator, those, standing.scored, profile, TRACED)
+    more = f"at {_where(standing.bench, place)}; causes differ in the flight up to the first touch."
+    return [replace(_traced(standing, place, more), hypotheses=those, outcome=outcome)]
 
 
 def _point(bench: Bench, place: int) -> tuple[float, float]:
@@ -319,13 +377,13 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
         [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0] for effect in effects
     ]
     absent = np.concatenate(neutral)
-    means, variances = [], []
-    for hypothesis in standing.plausible:
+    rows: list[tuple[int, float, Array, Array]] = []
+    for order, hypothesis in enumerate(standing.plausible):
+        if hypothesis == UNKNOWN:
+            rows += [(order, *row) for row in _anything(standing, effects, absent)]
+            continue
         mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
-        start = 0
-        for effect in effects:
-            place = slice(start, start + len(_read(effect)))
-            start = place.stop
+        for effect, place in _places(effects):
             if effect.name in hypothesis and not effect.parameters:
                 mean[place] = 1.0
             elif effect.name in hypothesis:
@@ -334,9 +392,39 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
                 weights = found.weights()
                 mean[place] = weights @ shares
                 variance[place] += weights @ (shares - mean[place]) ** 2
-        means.append(mean)
-        variances.append(variance)
-    return Outcome(np.array(means), np.array(variances))
+        rows.append((order, 1.0, mean, variance))
+    owner, share, mean, variance = (np.array([row[k] for row in rows]) for k in range(4))
+    names = {effect.name for effect in effects}
+    read = np.array([bool(names & set(forward(h))) for h in standing.plausible])
+    return Outcome(owner, share, mean, variance[:, None, :] * np.eye(absent.size), read)
+
+
+def _places(effects: Sequence[Effect]) -> list[tuple[Effect, slice]]:
+    """Return the places of each effect in the outcome of the test that effects share."""
+    ends = np.cumsum([0, *(len(_read(effect)) for effect in effects)]).tolist()
+    return [(effect, slice(*ends[k : k + 2])) for k, effect in enumerate(effects)]
+
+
+def _anything(
+    standing: Standing, effects: Sequence[Effect], absent: Array
+) -> list[tuple[float, Array, Array]]:
+    """List the densities of a direct test under an unknown cause: share, mean and variance.
+
+    It shows nothing, or else looks like one of the effects, with any value within its prior. An
+    unknown cause is none of the sense of rotation.
+    """
+    found = []
+    for effect, place in _places(effects):
+        mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
+        mean[place] = 0.5 if effect.parameters else 1.0
+        # A normal density as wide as the prior.
+        variance[place] += 1.0 / 12.0 if effect.parameters else 0.0
+        share = (1.0 - ABSENT) / len(effects)
+        if effect.name == REVERSED:
+            share = SHARES[standing.bench.mismatch_sense] / len(effects)
+        found.append((share, mean, variance))
+    nothing = 1.0 - sum(share for share, _, _ in found)
+    return [(nothing, absent, np.full(absent.size, EXACT**2)), *found]
 
 
 def _more(standing: Standing) -> list[NextTest]:
@@ -357,7 +445,7 @@ def _more(standing: Standing) -> list[NextTest]:
             how = f"Record {count} more shifts at {where}, each with its own time."
             if np.isfinite(mean).all() and np.isfinite(variance).all():
                 asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
-                outcome = Outcome(mean, variance)
+                outcome = Outcome.normal(mean, variance)
                 hours = setup + SHIFT * count
                 test = NextTest(name, how, None, hours, asked, (), standing.plausible, outcome)
                 found.append(test)
@@ -406,9 +494,14 @@ def why(test: NextTest, posterior: Probabilities, effects: Mapping[str, Effect])
     if test.information < WORTH or len(doubt) < 2:
         return f"{test.how} It would confirm the finding from outside ({cost})."
     those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    if max(posterior.values()) > NAMED:
+    if test.decided:
         return f"{test.how} It tells most for its cost, open are {those} ({cost})."
+    wrong = (
+        f", and names a wrong one with {100.0 * test.misleads:.0f} %"
+        if test.misleads > MISLED
+        else ""
+    )
     return (
-        f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost}); "
-        f"open are {those}."
+        f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost})"
+        f"{wrong}; open are {those}."
     )

@@ -136,7 +136,7 @@ def log_unknown(
     still = float(log_flights(seen, baseline, freedom).sum())
     gaps = np.concatenate([one.times - it.times[0] for one, it in zip(seen, baseline, strict=True)])
     errors = block_diag(*(it.covariance[0] for it in baseline))
-    shape, way = _offsets(seen, prior)
+    shape, way = unknown_offsets(seen, prior)
     moved = []
     for scale in np.geomspace(prior.least_mark, prior.most_mark, SCALES):
         for which in (np.ones(way.size), way):
@@ -146,7 +146,7 @@ def log_unknown(
     return float(np.logaddexp(still, free) - np.log(2.0))
 
 
-def _offsets(seen: Sequence[SeenFlight], prior: Unlisted) -> tuple[Array, Array]:
+def unknown_offsets(seen: Sequence[SeenFlight], prior: Unlisted) -> tuple[Array, Array]:
     """Return the correlation of unknown offsets, and which are of the displacement."""
     force = np.concatenate([np.full(s.places.size, np.log(s.profile.force)) for s in seen])
     places = np.concatenate([s.places for s in seen])

@@ -83,8 +83,18 @@ class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
     effects: list[str] = key("effects by name; empty for none")
-    mean: list[float] = key("predicted outcome: shares of the priors, or s for more shifts")
+    mean: list[float] = key("predicted outcome: shares of the priors, or s for shifts and traces")
     sd: list[float] = key("standard deviation, in the same unit")
+    share: float | None = key(
+        "share of the hypothesis that predicts this; absent where it is all of it", SHARE, None
+    )
+    covariance: list[list[float]] | None = key("covariance of the marks of traces", "s^2", None)
+    imitator_odds: float | None = key(
+        "odds of something outside the list that looks like the hypothesis in shifts, but predicts "
+        "what `unknown` does; absent where it predicts the same as the hypothesis",
+        "1",
+        None,
+    )
 
 
 class NextTestRow(Section):
@@ -96,8 +106,17 @@ class NextTestRow(Section):
     mismatch_rpm: float | None = key("mismatch of shifts or traces", "1/min", None)
     force_N: float | None = key("shift force of shifts or traces", "N", None)
     shifts: int | None = key("number of shifts", "", None)
+    misleads: float | None = key(
+        "chance that something wrong is named afterwards; absent in earlier versions, and where "
+        "nothing is predicted",
+        SHARE,
+        None,
+    )
     foretold: list[PredictedRow] | None = key(
-        "outcome that each plausible hypothesis predicts; absent where none can", "", None
+        "outcome that each plausible hypothesis predicts, in rows of normal densities; absent "
+        "where none can",
+        "",
+        None,
     )
     why: str = key("reason of the choice, in words")
 
@@ -107,8 +126,9 @@ class MenuRow(Section):
 
     name: str = key("name of the test")
     information_nats: float | None = key("expected information about the cause", "nat")
-    chance_to_settle: float | None = key(
-        "chance that the true hypothesis is named afterwards", SHARE
+    chance_to_settle: float | None = key("chance that the decision is settled afterwards", SHARE)
+    misleads: float | None = key(
+        "chance that something wrong is named afterwards; absent in earlier versions", SHARE, None
     )
     hours: float = key("work", "h")
 

@@ -45,7 +45,9 @@ def test_the_stand_has_a_dead_time_and_a_drag_and_something_that_is_open(
     assert len(leading["effects"]) == 3
     assert 0.055 < leading["parameters"]["delay_s"]["mean"] < 0.105
     assert leading["predictive_p"] > 0.01
-    assert stand["next_test"]["name"] == "force at the sleeve over time"
+    # Its open third effects act before the first touch, which traces show.
+    assert stand["next_test"]["name"].startswith("traces of 10 shifts at ")
+    assert stand["next_test"]["misleads"] < 0.05
 
 
 def test_what_is_said_of_the_stand_is_said_for_either_sense(stand: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
+from dogshape.diagnosis.bench.flight_marks import SIZE, WAYS
 from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.inference.next_test import EXACT
 from dogshape.pipeline.cli.tables.blind_tables import score_table
@@ -24,7 +25,9 @@ from dogshape.validation.blind.advised_test import (
     Stage,
     judged_by_test,
     more_shifts,
+    more_traces,
     outcome_of,
+    settled_figures,
     shares_of,
     updated,
 )
@@ -107,10 +110,44 @@ def test_what_stands_in_the_class_of_the_truth_settles_it_too() -> None:
     assert (found.wrong, found.settled, found.exact) == (False, True, False)
 
 
-def test_traces_settle_nothing() -> None:
+def test_a_negative_reading_settles_nothing_wrongly() -> None:
+    """A lag is read where something else looks like one: a rival is not the cause for that."""
+    mass = ("moving_mass",)
+    case = _case({}, outside={"speed_ripple": 0.5})
+    result = _direct({LAG: [0.0, 0.7], mass: [0.0, 0.0], ("unknown",): [0.0, 0.0]})
+    for one, chance in zip(result["hypotheses"], (0.85, 0.13, 0.02), strict=True):
+        one["probability"] = chance
+    assert _told(case, result).wrong
+    for row in result["next_test"]["foretold"][:1]:
+        row["imitator_odds"] = 0.1
+    anything = {"effects": ["unknown"], "mean": [0.0, 0.5], "sd": [ERROR, 0.3], "share": 0.5}
+    result["next_test"]["foretold"][2]["share"] = 0.5
+    result["next_test"]["foretold"].append(anything)
+    found = _told(case, result)
+    assert (found.top, found.wrong) == (None, False)
+    assert found.chances[("unknown",)] > 0.04
+
+
+def test_covariances_and_marks_that_are_not_shown() -> None:
+    """Two marks err together: their sum tells nothing, their difference all."""
+    whole = [[1.0, 0.99], [0.99, 1.0]]
+    rows = [
+        {"effects": ["a"], "mean": [0.0, 0.0], "sd": [1.0, 1.0], "covariance": whole},
+        {"effects": ["b"], "mean": [0.0, 1.0], "sd": [1.0, 1.0], "covariance": whole},
+    ]
+    even = {("a",): 0.5, ("b",): 0.5}
+    assert updated(even, rows, [3.0, 3.0])[("a",)] > 0.999
+    # The odds of the second mark alone are those of normal densities at 3.
+    alone = updated(even, rows, [math.nan, 3.0])
+    assert alone[("b",)] / alone[("a",)] == pytest.approx(math.exp(2.5))
+
+
+def test_traces_that_nothing_predicts_settle_nothing() -> None:
     test = {"name": "traces of 10 shifts", "kind": "traces", "shifts": 10}
     found = _told(LATE, _direct({("unknown",): [0.0, 0.0]}) | {"next_test": test})
     assert (found.outcome, found.top, found.settled, found.wrong) == ((), None, False, False)
+    figures = settled_figures(1, [found])
+    assert (figures["judged"], figures["settled"]) == (0, share([False]))
 
 
 def test_what_is_absent_reads_as_the_diagnosis_foretells_it() -> None:
@@ -166,6 +203,21 @@ def test_more_shifts_are_made_at_the_operating_point_of_the_test() -> None:
     assert 0.1 + 0.0196 < time < 0.3
     with pytest.raises(StorageError, match=r"at 250 1/min .* remove the results"):
         outcome_of("case_00", LATE, test | {"mismatch_rpm": 250.0}, STAGE)
+
+
+def test_traces_show_the_marks_of_the_flight_with_the_truth() -> None:
+    """A dead time moves all marks of the displacement; the force is the signal's."""
+    needed(engine_available(), "mujoco")
+    free, late = (np.array(more_traces(t, STAND, FAST, 2, 5)) for t in (Truth(), Truth(delay=0.1)))
+    shown = np.isfinite(free[: len(WAYS)])
+    assert shown.sum() >= 3
+    moved = (late - free)[: len(WAYS)][shown]
+    assert moved == pytest.approx(np.full(moved.size, 0.1), abs=2e-3)
+    # So short a shift ends before the force has risen far.
+    assert (late - free)[len(WAYS)] == pytest.approx(0.0, abs=1e-3)
+    assert more_traces(Truth(), replace(STAND, timeout=0.01), FAST, 2, 5) == ()
+    test = {"kind": "traces", "mismatch_rpm": 249.0, "force_N": 641.5, "shifts": 2}
+    assert len(outcome_of("case_00", LATE, test, STAGE)) == SIZE
 
 
 def test_the_record_of_a_diagnosis_has_what_is_needed_to_judge_its_test() -> None:

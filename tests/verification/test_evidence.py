@@ -12,8 +12,9 @@ from scipy.stats import norm
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.inference.classes import Confusion
 from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sampled
-from dogshape.diagnosis.inference.next_test import Outcome, expected_information
+from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
     log_times,
@@ -23,7 +24,7 @@ from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Rows
 from dogshape.diagnosis.likelihood.signature import squared
-from dogshape.diagnosis.prediction.hypotheses import spaces_of
+from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, spaces_of
 from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array
@@ -160,10 +161,14 @@ def _with_singles(times: np.ndarray) -> Observed:
 def test_information_of_a_perfect_test_is_the_entropy_and_of_none_nothing() -> None:
     shares = np.array([0.2, 0.3, 0.5])
     entropy = -float((shares * np.log(shares)).sum())
-    far = Outcome(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1)))
-    same = Outcome(np.zeros((3, 1)), np.ones((3, 1)))
-    assert expected_information(shares, far) == pytest.approx((entropy, 1.0), rel=1e-6)
-    assert expected_information(shares, same) == pytest.approx((0.0, 0.0), abs=1e-12)
+    names = (("axial_gap",), ("free_play",), UNKNOWN)
+    # Without imitators, which a test of shifts cannot tell from what they imitate.
+    decision = replace(Decision.of(names, shares, Confusion((), np.zeros((0, 0)), ())), odds=0.0)
+    far = decision.worth(Outcome.normal(np.array([[0.0], [100.0], [200.0]]), np.ones((3, 1))))
+    assert (far.information, far.settles) == pytest.approx((entropy, 1.0), rel=1e-6)
+    same = decision.worth(Outcome.normal(np.zeros((3, 1)), np.ones((3, 1))))
+    assert (same.information, same.settles) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert far.misleads == same.misleads == 0.0
 
 
 def test_squared_distances() -> None:

@@ -2,14 +2,17 @@ r"""Check of the advised test: does its outcome settle an ambiguous case.
 
 The outcome *y* of the test comes from the case's truth, never from the diagnosis. A direct test
 reads the true parameters as shares of their priors, with an error of a twentieth. More shifts are
-made by the same engine with other draws, and their mean is read. The predictions of the hypotheses,
-normal densities in the record of the diagnosis, then count by Bayes:
+made by the same engine with other draws, and their mean is read; of traces the marks of the flight.
+The predictions of the hypotheses, mixtures of normal densities in the record of the diagnosis, then
+count by the update with which the test was chosen (``diagnosis.inference.outcome``):
 
-.. math:: p'(h) \propto p(h) \prod_k N(y_k; \mu_{hk}, \sigma_{hk}).
+.. math:: p'(h) \propto p(h) \sum_j w_{hj} N(y; \mu_{hj}, \Sigma_{hj}),
+
+and what something that looks like *h* has beyond its odds goes to *unknown*.
 
 The case is *settled* if the truth, or a member of its class, then leads with more than 0.8, and
-*wrongly settled* if any other hypothesis does. No hypothesis predicts traces, so traces settle
-nothing here.
+*wrongly settled* if any other hypothesis does. Where nothing known fits no hypothesis predicts
+traces, so that these settle nothing here.
 """
 
 from __future__ import annotations
@@ -23,12 +26,17 @@ from zlib import crc32
 
 import numpy as np
 
+from dogshape.diagnosis.bench.flight_marks import joined_marks
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.inference.outcome import Outcome, probabilities_after
+from dogshape.diagnosis.prediction.hypotheses import UNKNOWN
 from dogshape.sim.errors import StorageError
-from dogshape.sim.units import RPM
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.case_marks import Names, class_of, names_of
-from dogshape.validation.blind.data import draws
+from dogshape.validation.blind.data import draws, trace_rows
 from dogshape.validation.blind.intervals import share
-from dogshape.validation.blind.mujoco_shift import Engine
+from dogshape.validation.blind.mujoco_shift import Engine, Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
 from dogshape.validation.blind.true_effects import FIELDS, RANGES, SWITCHES, truth_of
 
@@ -55,7 +63,8 @@ class Advised:
     Parameters
     ----------
     test, kind : its name, and one of ``KINDS``.
-    outcome : shares of the priors, or one mean time in s; empty where nothing came out.
+    outcome : shares of the priors, one mean time or the marks of the flight in s, NaN for a mark
+        that traces do not show; empty where nothing came out.
     truth, group : the true hypothesis, and all that stands in its class, itself too.
     chances : probabilities after the test; empty without an outcome.
     """
@@ -72,6 +81,11 @@ class Advised:
         """The most probable hypothesis after the test, if it has more than ``SURE``."""
         best = max(self.chances, key=lambda h: self.chances[h], default=None)
         return best if best is not None and self.chances[best] > SURE else None
+
+    @property
+    def judged(self) -> bool:
+        """Test that the outcome was predicted and came out."""
+        return bool(self.chances)
 
     @property
     def settled(self) -> bool:
@@ -94,7 +108,7 @@ class Advised:
         return {
             "test": self.test,
             "kind": self.kind,
-            "outcome": list(self.outcome),
+            "outcome": [None if np.isnan(one) else one for one in self.outcome],
             "top": None if best is None else list(best),
             "probability": None if best is None else self.chances[best],
             "settled": self.settled,
@@ -153,10 +167,10 @@ def stage_of(folder: Path, key: Record, name: str) -> Stage:
 def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
     """Simulate the advised test of a case, by its truth and its diagnosis.
 
-    ``stage`` is asked where the test needs one; traces need none.
+    ``stage`` is asked where the record predicts the outcome.
     """
     test = result["next_test"]
-    outcome = () if test["kind"] == "traces" else outcome_of(name, case, test, stage())
+    outcome = outcome_of(name, case, test, stage()) if "foretold" in test else ()
     truth = names_of(case["causes"])
     chances = {names_of(h["effects"]): float(h["probability"]) for h in result["hypotheses"]}
     return Advised(
@@ -170,7 +184,7 @@ def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], 
 
 
 def outcome_of(name: str, case: Record, test: Record, stage: Stage) -> tuple[float, ...]:
-    """Return the outcome of a direct test or of more shifts; empty where no shift engaged.
+    """Return the outcome of a test; empty where no shift engaged.
 
     The same name and seed of a case give the same outcome.
     """
@@ -180,7 +194,8 @@ def outcome_of(name: str, case: Record, test: Record, stage: Stage) -> tuple[flo
         exact = shares_of(truth, stage.stand, test["parameters"])
         return tuple(float(s) for s in generator.normal(exact, ERROR))
     seed = int(generator.integers(2**31))
-    return more_shifts(truth, stage.stand, _point_of(test, stage), test["shifts"], seed)
+    made = more_traces if test["kind"] == "traces" else more_shifts
+    return made(truth, stage.stand, _point_of(test, stage), test["shifts"], seed)
 
 
 def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
@@ -213,12 +228,39 @@ def more_shifts(
     truth: Truth, stand: Stand, point: Point, count: int, seed: int
 ) -> tuple[float, ...]:
     """Return the mean time in s of those of ``count`` new shifts that engage, if any does."""
+    times = [shift.time for shift in _new_shifts(truth, stand, point, count, seed)]
+    engaged = [time for time in times if time is not None]
+    return (float(np.mean(engaged)),) if engaged else ()
+
+
+def more_traces(
+    truth: Truth, stand: Stand, point: Point, count: int, seed: int
+) -> tuple[float, ...]:
+    """Return the marks of the flight in s of ``count`` new shifts, NaN for those not shown.
+
+    Empty where no shift engages or no mark is shown.
+    """
+    generator = np.random.default_rng(seed)
+    shifts = _new_shifts(truth, stand, point, count, seed, keep=True)
+    tables = [trace_rows(point, shift, generator) for shift in shifts]
+    units = (1.0, MM, 1.0, RPM, RPM)
+    traces = [
+        BenchTrace(Path("trace"), *(table * units).T) for table in tables if table is not None
+    ]
+    if not traces:
+        return ()
+    marks = joined_marks(traces, ForceProfile(point.force, point.rise), stand.gap)
+    found = tuple(np.nan if mark is None else mark.time for mark in marks)
+    return () if np.isnan(found).all() else found
+
+
+def _new_shifts(
+    truth: Truth, stand: Stand, point: Point, count: int, seed: int, *, keep: bool = False
+) -> list[Shift]:
     engine = Engine(stand, truth)
     # They come after the series, when all that drifts away is gone.
     mine = [replace(d, fade=1.0 - truth.drift) for d in draws(truth, stand, 1, count, seed)[0]]
-    times = [shift.time for shift in (engine.shift(point, draw) for draw in mine)]
-    engaged = [time for time in times if time is not None]
-    return (float(np.mean(engaged)),) if engaged else ()
+    return [engine.shift(point, draw, keep) for draw in mine]
 
 
 def _point_of(test: Record, stage: Stage) -> Point:
@@ -240,26 +282,42 @@ def updated(
     Parameters
     ----------
     chances : before, by hypothesis.
-    predictions : ``effects``, ``mean`` and ``sd`` of each plausible hypothesis.
-    outcome : as many values as each mean has.
+    predictions : densities of each plausible hypothesis, as the record has them.
+    outcome : as many values as each mean has; NaN counts as not measured.
     """
-    logs = {}
+    by_name: dict[Names, list[Record]] = {}
     for one in predictions:
-        mean, sd = np.array(one["mean"]), np.array(one["sd"])
-        score = (np.array(outcome) - mean) / sd
-        prior = max(1e-300, chances.get(names_of(one["effects"]), 0.0))
-        logs[names_of(one["effects"])] = float(np.log(prior) - np.sum(0.5 * score**2 + np.log(sd)))
-    largest = max(logs.values(), default=0.0)
-    raw = {h: float(np.exp(log - largest)) for h, log in logs.items()}
-    return {h: weight / sum(raw.values()) for h, weight in raw.items()}
+        by_name.setdefault(names_of(one["effects"]), []).append(one)
+    if not by_name:
+        return {}
+    names, known = list(by_name), np.isfinite(outcome)
+    rows = [row for mine in by_name.values() for row in mine]
+    whole = [row.get("covariance", np.diag(np.square(row["sd"]))) for row in rows]
+    density = Outcome(
+        owner=np.repeat(np.arange(len(names)), [len(mine) for mine in by_name.values()]),
+        share=np.array([row.get("share", 1.0) for row in rows]),
+        mean=np.array([row["mean"] for row in rows])[:, known],
+        covariance=np.array(whole)[:, known][:, :, known],
+        read=np.zeros(len(names), dtype=bool),
+    )
+    odds = np.array([float(mine[0].get("imitator_odds", 0.0)) for mine in by_name.values()])
+    log = density.log_density(np.array([outcome])[:, known])
+    # Without odds it does not matter where *unknown* stands.
+    unknown = names.index(names_of(UNKNOWN)) if odds.any() else 0
+    before = np.array([max(1e-300, chances.get(name, 0.0)) for name in names])
+    after = probabilities_after(before / before.sum(), log, odds, unknown)[0]
+    return dict(zip(names, after.tolist(), strict=True))
 
 
 def settled_figures(ambiguous: int, tests: Sequence[Advised]) -> Record:
-    """Compute the figures of some ambiguous cases, of which ``tests`` predict a test."""
+    """Compute the figures of some ambiguous cases, of which ``tests`` have a test.
+
+    A test whose outcome nothing predicts is not judged, and counts as not settled.
+    """
     by_kind = {kind: [t for t in tests if t.kind == kind] for kind in KINDS}
     return {
         "ambiguous": ambiguous,
-        "judged": len(tests),
+        "judged": sum(t.judged for t in tests),
         "settled": share(t.settled for t in tests),
         "settled_as_truth": share(t.exact for t in tests),
         "wrongly_settled": share(t.wrong for t in tests),

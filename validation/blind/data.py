@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.cases import Case
@@ -25,6 +26,8 @@ SAMPLING = 2000.0  #: 1/s, of traces
 NOISE = (5e-3, 0.3)  #: standard deviation of a trace's displacement in mm and speeds in 1/min
 AFTER = 0.005  #: s that a trace goes on after its shift
 HEAD = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged", "trace")
+
+Rows = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -160,16 +163,26 @@ def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[st
 def _write_trace(path: Path, case: Case, point: Point, shift: Shift, number: int) -> None:
     """Write a time series from time zero on, sampled and with noise; the force is the signal's."""
     path.parent.mkdir(exist_ok=True)
+    generator = np.random.default_rng((case.seed, number))
+    rows = trace_rows(point, shift, generator)
+    if rows is None:
+        return
+    head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
+    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
+
+
+def trace_rows(point: Point, shift: Shift, generator: np.random.Generator) -> Rows | None:
+    """Return a sampled trace with noise: s, mm, N and both speeds in 1/min, (n, 5).
+
+    None for a shift that did not engage, or whose motion was not kept.
+    """
     motion, end = shift.motion, shift.time
     if motion is None or end is None:
-        return
+        return None
     times = np.arange(0.0, end + AFTER, 1.0 / SAMPLING)
-    generator = np.random.default_rng((case.seed, number))
     columns = [np.interp(times, motion[:, 0], motion[:, k]) for k in (1, 3, 4)]
     noise = generator.normal(size=(3, len(times)))
     way = columns[0] / MM + NOISE[0] * noise[0]
     speeds = [one / RPM + NOISE[1] * noise[k] for k, one in enumerate(columns[1:], 1)]
     force = [signal(Truth(), point, time) for time in times]
-    rows = np.stack([times, way, np.array(force), *speeds], axis=1)
-    head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
-    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
+    return np.stack([times, way, np.array(force), *speeds], axis=1)
