@@ -77,6 +77,8 @@ CHOSEN = {
         EXACT | of the prior | judged |
         HOUR | probability an hour | judged |
         WORTH | nat | judged |
+        MISLED | probability | judged |
+        ABSENT | probability | judged | nobody knows what it is
         SETUP | h | judged | a stand of this kind
         SHIFT | h | judged | a stand of this kind
         TRACING | h | judged | a stand of this kind
@@ -85,6 +87,8 @@ CHOSEN = {
         HOURS | h | judged | `[[tests]]` of bench.toml has those of a stand
         GENERIC | h | judged | `[[tests]]` of bench.toml has those of a stand
         MORE | shifts | judged |""",
+    "inference.outcome": "IMITATED | probability | measured | one set of withheld effects",
+    "inference.flight_outcome": "STEP | s | judged | 1 kHz",
     "inference.shift_plan": """
         LOT | shifts | judged | a spread wants some
         VISITS | visits | judged | drift shows in three means""",
@@ -98,7 +102,7 @@ NUMERICAL = {
     "prediction.combination": "LEAST_SUM of a ratio, LEAST of ln time",
     "prediction.level_curves": "FLOOR of a mean",
     "prediction.hypotheses": "TRIED values",
-    "prediction.emulator": "SHARES shares, LEAST of a mean, NONE of a mean",
+    "prediction.emulator": "SHARES shares, LEAST of a mean, NONE of a mean, PROBES values",
     "prediction.levels": "CANDIDATES power of two, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
     "prediction.flight": "TIGHT 1, STEP s",
@@ -116,7 +120,9 @@ NUMERICAL = {
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",
     "inference.static_readings": "SURE standard errors",
-    "inference.next_test": "DRAWN outcomes, LEAST probability",
+    "inference.next_test": "LEAST probability, FLOWN hypotheses",
+    "inference.outcome": "DRAWN outcomes",
+    "inference.flight_outcome": "DRAWN values, TABULATED effects",
     "inference.shift_plan": "LOTS lots, TRUTHS values, RIVALS values",
 }
 #: Numbers that are no constants of the model.

@@ -258,7 +258,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Keys of `result.json`": "units and meanings of keys",
     },
     "docs/surrogate.md": {
-        **dict.fromkeys(("", "Data", "Expectation over a mix"), DEFINITIONS),
+        **dict.fromkeys(("", "Data", "Two levels", "Expectation over a mix"), DEFINITIONS),
         "Where to simulate next": TABLES,
         "Asking": TABLES,
     },
