@@ -1,6 +1,6 @@
 """Foreseen against true time left, at each tenth of a run.
 
-    python -m benchmarks.forecasts
+    python -m benchmarks.forecasts [drake] [screened] [fit]
 
 A study of small size with Drake, one with screens by the compiled engine, and the simulations of a
 surrogate. What is foreseen is what the command line would show when so much of the time is over.
@@ -10,9 +10,10 @@ does not count.
 
 from __future__ import annotations
 
+import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -78,23 +79,25 @@ def _study(name: str, values: tuple[str, ...], folder: Path) -> Callable[[Progre
     )
 
 
-def main() -> None:
-    """Print the table."""
+def main(names: Sequence[str]) -> None:
+    """Print the table of some runs; of all without names."""
     forecast.CLOCK = time.process_time
     with tempfile.TemporaryDirectory(prefix="dogshape-") as made:
         root = Path(made)
         fitted = load_study("mq200_paper", FITTED)
         runs = {
-            "study, Drake": _study("mq200_paper", SMALL, root / "small"),
-            "study, screened": _study("mq200", SCREENED, root / "screened"),
-            "fit, two levels": lambda progress: fill(
+            "drake": _study("mq200_paper", SMALL, root / "small"),
+            "screened": _study("mq200", SCREENED, root / "screened"),
+            "fit": lambda progress: fill(
                 fitted, StudyFolder(root / "fit"), 1, None, progress, levels=2
             ),
         }
         print("processor time left, foreseen : true, and their ratio; one worker")
         for name, work in runs.items():
+            if names and name not in names:
+                continue
             told = measured(work)
-            print(f"{name}, {told.end:.0f} s to the end of the simulations")
+            print(f"{name}: {told.end:.0f} s to the end of the simulations")
             ratios = []
             for tenth in TENTHS:
                 foreseen, true = told.at(tenth / 10.0)
@@ -104,4 +107,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])
