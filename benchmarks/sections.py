@@ -93,6 +93,15 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"precision below 1 %", "advice"),
         ),
     },
+    "docs/simulation.md": {
+        "Rounded edges": (
+            (r"(?:45|90)°|d\^1\.5|2 s\)", "the formulas"),
+            (r"an edge of 0\.3 mm|gives 20 N/mm", "a row of the table"),
+            (r"\| 0(?:\.\d)? \||edges of 0\.\d mm", "radii of the table"),
+            (r"28 operating points|24 angles|of each 672", "size of the table"),
+            (r"at 0\.3 mm one shift", "lost shifts of the table's last row"),
+        ),
+    },
     "docs/search.md": {
         "How sure the front is": ((r"5 and 95 %|\(0\.2\)|96 angles", "rules of replication"),),
         "Against other samplers": (
@@ -250,6 +259,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Operating points": DEFINITIONS,
         "Uncertainty": ONCE,
         "Mechanism and effects": DEFINITIONS,
+        "Rounded edges": DEFINITIONS,
         "Further loads": DEFINITIONS,
         "Wear over the life": DEFINITIONS,
         "Shift control as variables": DEFINITIONS,

@@ -29,6 +29,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
+def _absent() -> Any:
+    """Return the default of a key that is no part of a file's hash unless it is given."""
+    return Field(default=None, exclude_if=lambda value: value is None)
+
+
 class DogSection(Section):
     """Geometry of the dogs of both rings."""
 
@@ -40,6 +45,7 @@ class DogSection(Section):
     outer_diameter_mm: float
     inner_diameter_mm: float
     axial_gap_mm: float
+    edge_radius_mm: float | None = _absent()
 
     def dog(self) -> Dog:
         """Build the dog; what cannot be a dog raises InputError or GeometryError."""
@@ -58,11 +64,6 @@ class OutputSection(Section):
     """The ring that it engages."""
 
     inertia_kgm2: float
-
-
-def _absent() -> Any:
-    """Return the default of a key that is no part of a file's hash unless it is given."""
-    return Field(default=None, exclude_if=lambda value: value is None)
 
 
 class MechanismSection(Section):

@@ -69,10 +69,12 @@ from dataclasses import dataclass
 
 from scipy.optimize import brentq
 
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.impact import restitution
-from dogshape.sim.shift.mesh import Vertices, corners, dog_planes, dog_solid
+from dogshape.sim.shift.mesh import corners, dog_solid
+from dogshape.sim.shift.planes import Vertices, dog_planes
+from dogshape.sim.units import MM
 
 IMPEDANCE = 1e-3  #: d above
 SLIP_DAMPING = 1.5  #: damping of friction times the step
@@ -163,6 +165,10 @@ def solver_reference(settings: EngineSettings, ratio: float) -> tuple[float, flo
 def model_text(clutch: Clutch, settings: EngineSettings) -> str:
     """Return the model as MJCF; its ``solref`` is a stand-in for that of the operating point."""
     dog, rings, count = clutch.dog, clutch.rings, clutch.dog.count
+    if dog.edge_radius > 0.0:
+        rule = "the second engine has sharp edges (0 mm)"
+        radius, remedy = dog.edge_radius / MM, "leave dog.edge_radius_mm out"
+        raise InputError(refusal("dog.edge_radius_mm", radius, "mm", rule, remedy))
     step = settings.time_step
     long_dog = dog_planes(dog)
     for end in ("inner", "outer"):

@@ -232,10 +232,11 @@ class ToleranceSection(Section):
 
 
 class WearSection(Section):
-    """Wear of the faces over the life (``sim.strength.wear``): one of both keys."""
+    """Wear over the life (``sim.strength.wear``): of faces by one of two keys, and of edges."""
 
     rate_mm3_Nm: float | None = _unless_given()
     crest_loss_mm: float | None = _unless_given()
+    edge_radius_mm: float | None = _unless_given()
 
 
 class VariablesSection(Section):

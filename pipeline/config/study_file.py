@@ -424,11 +424,12 @@ def _strike(file: StudyFile, points: Sequence[OperatingPoint]) -> Strike | None:
 def wear_of(file: StudyFile) -> Wear | None:
     """Build what wears the dogs; None for a study that does not say."""
     given = None if file.wear is None else file.wear.model_dump()
-    keys = ("rate_mm3_Nm", "crest_loss_mm")
+    keys = ("rate_mm3_Nm", "crest_loss_mm", "edge_radius_mm")
     if given is None:
         return None
-    rate, lost = (None if given.get(k) is None else to_si(k, given[k]) for k in keys)
-    return Wear(rate, lost)
+    wear = Wear(*(None if given.get(k) is None else to_si(k, given[k]) for k in keys))
+    wear.edges(file.dog.dog(), 1.0)
+    return wear
 
 
 def _tolerances(file: StudyFile) -> Tolerances:

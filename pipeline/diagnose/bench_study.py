@@ -48,6 +48,7 @@ def study_of(bench: Bench, name: str) -> Data:
             "outer_diameter_mm": rounded(dog.outer_diameter / MM),
             "inner_diameter_mm": rounded(dog.inner_diameter / MM),
             "axial_gap_mm": rounded(dog.axial_gap / MM),
+            **({"edge_radius_mm": rounded(dog.edge_radius / MM)} if dog.edge_radius else {}),
         },
         "sliding": {"mass_kg": rings.mass, "inertia_kgm2": rings.sliding_inertia},
         "output": {"inertia_kgm2": rings.output_inertia},

@@ -27,7 +27,7 @@ from dogshape.sim.files import naming
 from dogshape.sim.part.profile import Corner, Lines, between, dog_corners, require_room
 from dogshape.sim.part.solid import require_body
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Vertices
+from dogshape.sim.shift.planes import Vertices
 from dogshape.sim.units import MM
 
 BEYOND = 0.02e-3  #: how far the shell reaches beyond the annulus, m; less than a land

@@ -13,7 +13,7 @@ import numpy as np
 
 from dogshape.pipeline.export import svg
 from dogshape.pipeline.export.svg import Point
-from dogshape.sim.shift.flank import crest_loss
+from dogshape.sim.shift.flank import crest_loss, tip_radius
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
@@ -61,10 +61,11 @@ def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
     )
 
 
-def rounded(points: Sequence[Point], radius: float) -> str:
-    """Write path commands through ``points`` with every inner corner rounded, px."""
+def rounded(points: Sequence[Point], radii: Sequence[float]) -> str:
+    """Write path commands through ``points`` with each inner corner rounded, px."""
     commands = [f"M{points[0][0]:.2f},{points[0][1]:.2f}"]
-    for before, here, after in zip(points[:-2], points[1:-1], points[2:], strict=True):
+    corners = zip(points[:-2], points[1:-1], points[2:], radii, strict=True)
+    for before, here, after, radius in corners:
         back, ahead = math.dist(before, here), math.dist(here, after)
         u = ((before[0] - here[0]) / back, (before[1] - here[1]) / back)
         v = ((after[0] - here[0]) / ahead, (after[1] - here[1]) / ahead)
@@ -110,7 +111,9 @@ class _Sheet:
         """Draw the dog with the slots beside it and the ends of its neighbours."""
         dog, reach = self.dog, 0.775 * self.dog.pitch
         points = [(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
-        curve = rounded([self.at(*p) for p in points], self.limits.root_radius * self.scale)
+        root = self.limits.root_radius
+        radii = [root, *(2 * [tip_radius(dog, root)]), root] * 5
+        curve = rounded([self.at(*p) for p in points], [r * self.scale for r in radii[1:-1]])
         right, left = self.at(points[-1][0], self.underside), self.at(points[0][0], self.underside)
         closing = f"L{right[0]:.2f},{right[1]:.2f} L{left[0]:.2f},{left[1]:.2f} Z"
         frame = (self.at(-reach, 0.0)[0], self.at(reach, 0.0)[0])
@@ -132,7 +135,7 @@ class _Sheet:
         below = self.at(0.0, -half)[1]
         right, left = self.at(0.775 * dog.pitch, 0.0)[0], self.at(-0.775 * dog.pitch, 0.0)[0]
         at, next_root = self.at, (root_t[0] - dog.pitch, -half)
-        over = (dog.height - crest_loss(dog, self.limits.root_radius)) / MM
+        over = (dog.height - crest_loss(dog, tip_radius(dog, self.limits.root_radius))) / MM
         level = (
             (tip_b, crest, at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)),
             (root_b, root_t, below + 36.0, _follows("root", dog.root_width)),
@@ -174,6 +177,9 @@ class _Sheet:
         chamfer = (180.0, 180.0 + dog.chamfer / DEG)
         traction, braking = (-90.0, -90.0 + dog.traction / DEG), (-90.0 - dog.braking / DEG, -90.0)
         radius_words = "roots and tip edges R " + self.size("root_radius", radius)
+        if dog.edge_radius > 0.0:
+            edges = f"tip edges R {dog.edge_radius / MM:.2f}"
+            radius_words = f"roots R {self.size('root_radius', radius)}, {edges}"
         return [
             svg.angle(corner, chamfer, 0.55 * dog.tip_width * self.scale,
                       self.slope("chamfer", "chamfer \u03b1"), (self.centre[0] - 90.0, top)),

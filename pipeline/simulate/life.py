@@ -47,14 +47,15 @@ def life_of(study: Setup, params: Mapping[str, float], wear: Wear, executor: Exe
             loss += wear.loss(worn(new, loss), energy, friction, shifts)
         if wear.crest_loss is not None:
             loss = stage * wear.crest_loss
-        worn_so_far = {"life": stage, "crest_loss_mm": loss / MM}
-        found.append({**worn_so_far, **_stage(own, new, loss, executor)})
+        edges = wear.edges(new, stage)
+        dog = replace(worn(new, loss) if loss else new, edge_radius=edges)
+        worn_so_far = {"life": stage, "crest_loss_mm": loss / MM, "edge_radius_mm": edges / MM}
+        found.append({**worn_so_far, **_stage(own, new, dog, executor)})
         before = stage
     return found
 
 
-def _stage(study: Setup, new: Dog, loss: float, executor: Executor) -> Row:
-    dog = worn(new, loss) if loss else new
+def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor) -> Row:
     plan = whole_plan(study, study.file.search.confirm_angles)
     seed = study.file.expectation.seed + NEW_ANGLES
     blocks = blocks_of(study, study.clutch.with_dog(dog), plan, seed)

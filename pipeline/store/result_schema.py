@@ -219,6 +219,7 @@ class LifeStage(Section):
 
     life: float = key("share of the life", SHARE)
     crest_loss_mm: float = key("height that the crest has lost", "mm")
+    edge_radius_mm: float = key("radius of its edges; 0 is sharp", "mm", 0.0)
     chamfer_deg: float = key("what is left of the chamfer", "deg")
     expected_shift_time_s: float = key("mean shift time over the operating points", "s")
     standard_error_s: float | None = key("its standard error", "s")

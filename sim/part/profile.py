@@ -12,13 +12,14 @@ the sharp slot of the other. Tips rounded with :math:`\rho` are all that a ball 
 radius :math:`\rho` can reach from inside the dog, and a slot filled with
 :math:`\rho` is all that it can reach inside the slot: the smaller body stays
 inside the larger. This holds while the roundings leave some face and flank and
-the fillets some floor, which :func:`largest_root_radius` sees to.
+the fillets some floor, which :func:`largest_root_radius` sees to. Tips with an edge radius of their
+own, larger than the fillets', are smaller still.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -27,9 +28,10 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from dogshape.sim.errors import GeometryError, refusal
-from dogshape.sim.shift.flank import LAND
-from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Plane, Vertices, dog_planes, flank_line, rotation
+from dogshape.sim.shift.flank import tip_radius
+from dogshape.sim.shift.geometry import LAND, Dog
+from dogshape.sim.shift.mesh import rotation
+from dogshape.sim.shift.planes import Plane, Vertices, dog_planes, flank_line
 
 #: Radii below this, m, are lost in the precision of a CAD kernel or an STL file.
 SMALLEST = 1e-6
@@ -105,7 +107,8 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     planes = dog_planes(dog)
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
     faces = [floor, planes["braking"], planes["face"], planes["traction"], floor]
-    radii = (-root_radius, root_radius, root_radius, -root_radius)
+    tip = tip_radius(dog, root_radius)
+    radii = (-root_radius, tip, tip, -root_radius)
     return tuple(_corner(a, b, r) for (a, b), r in zip(pairwise(faces), radii, strict=True))
 
 
@@ -204,7 +207,7 @@ def require_sharp(dog: Dog) -> None:
     one the face has fallen less than twice as far as at the mean radius, where
     ``Dog`` allows half of the height.
     """
-    left = lands(dog, 0.0)
+    left = lands(replace(dog, edge_radius=0.0), 0.0)
     if left.min() > 0.0:
         return
     end, face = np.unravel_index(int(left.argmin()), left.shape)

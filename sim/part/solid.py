@@ -20,7 +20,7 @@ the median plane they add below it.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -36,7 +36,8 @@ from dogshape.sim.part.profile import (
     require_room,
 )
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Cells, Mesh, Vertices, rotation
+from dogshape.sim.shift.mesh import Cells, Mesh, rotation
+from dogshape.sim.shift.planes import Vertices
 
 __all__ = ["largest_root_radius", "mated", "part_volume", "ring_part"]
 
@@ -53,7 +54,7 @@ def ring_part(
 
     Parameters
     ----------
-    root_radius : of fillets and rounded tips, m; 0 gives sharp corners.
+    root_radius : of fillets, and of tips without a radius of their own, m; 0 gives sharp corners.
     body : thickness of the ring below the floors of the slots, m.
     segments : flat strips of each fillet and rounding.
     step : largest angle between neighbouring lines, rad; volume errs by step²/6.
@@ -182,7 +183,7 @@ def part_volume(dog: Dog, root_radius: float, body: float) -> float:
     require_room(dog, root_radius)
     ring = dog.outer_radius**2 - dog.inner_radius**2
     tooth = 0.25 * dog.pitch_angle * dog.height * ring - chamfer_volume(dog)
-    if root_radius > 0.0:
+    if root_radius > 0.0 or dog.edge_radius > 0.0:
         tooth -= sum(corner_volume(dog, corner) for corner in dog_corners(dog, root_radius))
     return math.pi * ring * body + dog.count * tooth
 
@@ -195,7 +196,7 @@ def chamfer_volume(dog: Dog) -> float:
     """
     half = 0.5 * dog.radial_width
     radii = dog.mean_radius + half * _NODES
-    corner = dog_corners(dog, 0.0)[1]
+    corner = dog_corners(replace(dog, edge_radius=0.0), 0.0)[1]
     line = Lines(corner.axis[None, :], corner.direction[None, :])
     areas = np.array([r * _chamfer_area(dog, r, line.at(r)[0]) for r in radii.tolist()])
     return float(half * (_WEIGHTS @ areas))

@@ -3,8 +3,8 @@ r"""Contact of one dog with the opposite ring, plane by plane, and the motion it
 The rings stay coaxial, so the motion has two degrees of freedom: the relative angle
 :math:`\varphi` and the axial distance *Z* of the median planes. Each touching surface of a rigid
 dog is a plane quadrilateral (``sim.shift.mesh.rigid_dog``). Below the skin of the compliant dog
-the pressure is stiffness times the least of three depths :math:`d_i = o_i - n_i \cdot p`, one for
-each plane that touches.
+the pressure is stiffness times the least of the depths :math:`d_i = o_i - n_i \cdot p`, one for
+each plane that touches: three, or more where edges are rounded.
 
 In the frame of the compliant dog the quadrilateral is cut to the region where :math:`d_i` is the
 least depth and positive. What is left is a convex polygon with a pressure that is linear over
@@ -42,7 +42,7 @@ from numba import njit
 #: its normal and the pressure's gradient, at least (112.5 degrees).
 OPPOSED = math.cos(0.625 * math.pi)
 MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
-ROOM = 12  #: corners of a cut quadrilateral, at most
+ROOM = 9  #: corners of a quadrilateral cut by the planes of a dog, at most, beyond their number
 VALUES = 3  #: place for values at corners behind a polygon and two cut ones
 #: Angles of both rings, way, their rates; way and speed of the actuator; angle and rate of what is
 #: behind the sliding ring's shaft and the output ring's.
@@ -70,6 +70,12 @@ STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Dr
 
 
 @njit(cache=True, error_model="numpy")
+def workspace(planes):
+    """Make room for the polygons of a dog with a number of planes that touch."""
+    return np.empty((VALUES + 1, ROOM + planes, 3 + planes))
+
+
+@njit(cache=True, error_model="numpy")
 def _cut(work, here, count, a, b):
     """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; b < 0: than 0.
 
@@ -88,18 +94,19 @@ def _cut(work, here, count, a, b):
     if not less:
         return count, here
     there = 2 if here == 1 else 1
+    columns = work.shape[2]
     kept, last = 0, count - 1
     before = values[last, 0]
     for i in range(count):
         value = values[i, 0]
         if (value > 0.0) != (before > 0.0):
             share = before / (before - value)
-            for column in range(6):
+            for column in range(columns):
                 start = work[here, last, column]
                 work[there, kept, column] = start + share * (work[here, i, column] - start)
             kept += 1
         if value > 0.0:
-            for column in range(6):
+            for column in range(columns):
                 work[there, kept, column] = work[here, i, column]
             kept += 1
         before = value
@@ -131,7 +138,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     speed : of the sliding ring into engagement, m/s.
     surfaces : of ``PlanarClutch``.
     law : of ``PlanarClutch``; equal coefficients select the law of Drake's continuous plant.
-    work : room for polygons, (VALUES + 1, ROOM, 6): whole, two cut ones, and values at corners.
+    work : of ``workspace``: a whole polygon, two cut ones, and values at corners.
 
     Returns
     -------
@@ -148,7 +155,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
         if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
         c, s = math.cos(place), math.sin(place)
-        for quad in range(3):
+        for quad in range(surfaces[1].shape[0]):
             if _meets(quad, c, s, distance, surfaces, work):
                 force, moment = _surface(quad, c, s, turn, speed, surfaces, law, work)
                 axial += force
@@ -160,14 +167,15 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
 def _meets(quad, c, s, distance, surfaces, work):
     """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
 
-    ``work[0]`` gets corners and their depths below the three planes, m.
+    ``work[0]`` gets corners and their depths below all planes, m.
     """
     corners, normals, offsets = surfaces[0], surfaces[1], surfaces[2]
+    planes = normals.shape[0]
     for i in range(4):
         x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
         work[0, i, 0], work[0, i, 1], work[0, i, 2] = c * x - s * y, -(s * x + c * y), distance - z
-    for turn in range(3):
-        plane = (quad + turn) % 3  # its like is the one that it most often lies outside of
+    for turn in range(planes):
+        plane = (quad + turn) % planes  # its like is the one that it most often lies outside of
         nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
         deepest = -1.0
         for i in range(4):
@@ -180,13 +188,16 @@ def _meets(quad, c, s, distance, surfaces, work):
 
 
 @njit(cache=True, error_model="numpy")
-def _is_least_somewhere(work, column, one, other):
-    """Decide whether a depth may be the least; not where another is at every corner."""
-    first, second = False, False
-    for i in range(4):
-        first |= work[0, i, one] > work[0, i, column]
-        second |= work[0, i, other] > work[0, i, column]
-    return first and second
+def _is_least_somewhere(work, plane, planes):
+    """Decide whether a plane's depth may be the least; not where another is at every corner."""
+    column = 3 + plane
+    for other in range(plane + 1, plane + planes):
+        depth, more = 3 + other % planes, False
+        for i in range(4):
+            more |= work[0, i, depth] > work[0, i, column]
+        if not more:
+            return False
+    return True
 
 
 @njit(cache=True, error_model="numpy")
@@ -196,19 +207,19 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
     mx = c * normals[quad, 0] - s * normals[quad, 1]
     my = -(s * normals[quad, 0] + c * normals[quad, 1])
     normal = (mx, my, -normals[quad, 2])
+    planes = normals.shape[0]
     axial, torque = 0.0, 0.0
-    for plane in range(3):
+    for plane in range(planes):
         along = mx * normals[plane, 0] + my * normals[plane, 1] + normal[2] * normals[plane, 2]
         if -along <= OPPOSED:
             continue
-        column, one, other = 3 + plane, 3 + (plane + 1) % 3, 3 + (plane + 2) % 3
-        if not _is_least_somewhere(work, column, one, other):
+        if not _is_least_somewhere(work, plane, planes):
             continue
+        column = 3 + plane
         count, where = _cut(work, 0, 4, column, -1)
-        if count > 2:
-            count, where = _cut(work, where, count, one, column)
-        if count > 2:
-            count, where = _cut(work, where, count, other, column)
+        for other in range(plane + 1, plane + planes):
+            if count > 2:
+                count, where = _cut(work, where, count, 3 + other % planes, column)
         for i in range(1, count - 1):
             force, moment = _triangle(work, where, i, column, normal, turn, speed, law)
             axial += force
@@ -560,7 +571,7 @@ def advance(
     tuple
         Why it ended, time, next step, number of recorded steps, evaluations.
     """
-    work = np.empty((VALUES + 1, ROOM, 6))
+    work = workspace(surfaces[1].shape[0])
     k1, k2, k3, k4 = np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE)
     trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
     stages = (k1, k2, k3, k4)

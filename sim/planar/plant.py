@@ -11,14 +11,11 @@ from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
-from dogshape.sim.shift.mesh import dog_planes, rigid_dog
+from dogshape.sim.shift.mesh import rigid_dog, touching_quads
+from dogshape.sim.shift.planes import touching_planes
 
 Floats = NDArray[np.float64]
 Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
-
-TOUCHING = ("traction", "face", "braking")
-#: Corners of the same three surfaces in ``rigid_dog``.
-QUADS = ((5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2))
 
 
 @dataclass(frozen=True)
@@ -28,8 +25,8 @@ class PlanarClutch:
     Parameters
     ----------
     clutch : what is simulated.
-    surfaces : corners of the rigid surfaces, m, (3, 4, 3); outward normals, (3, 3); offsets of the
-        compliant dog's planes, m, (3,); lean of a traction and a braking flank, rad/m, (2,);
+    surfaces : corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the
+        compliant dog's planes, m, (p,); lean of a traction and a braking flank, rad/m, (2,);
         pitch, rad; gap and travel, m.
     numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
     law : of the contact, (5,).
@@ -48,10 +45,10 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
 
 def surfaces_of(dog: Dog) -> Surfaces:
     """Describe where dogs touch (``PlanarClutch.surfaces``)."""
-    vertices, planes = rigid_dog(dog).vertices, dog_planes(dog)
-    corners = np.array([vertices[list(quad)] for quad in QUADS])
-    normals = np.array([planes[name].normal for name in TOUCHING])
-    offsets = np.array([planes[name].offset for name in TOUCHING])
+    vertices, planes = rigid_dog(dog).vertices, touching_planes(dog)
+    corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
+    normals = np.array([plane.normal for plane in planes])
+    offsets = np.array([plane.offset for plane in planes])
     lean = np.tan([dog.traction, dog.braking]) / dog.outer_radius
     return corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
 

@@ -1,10 +1,11 @@
 r"""Where two flanks touch at full depth.
 
-Both tip edges of a dog are rounded with the root radius :math:`\varrho`, so that they clear
-the fillets of the other ring. A rounding takes from its flank, along the shaft,
-:math:`a = \varrho \cos\beta \cot(\psi/2)`, :math:`\psi` being the angle of the material at
-the edge: :math:`90° + \beta - \alpha` at the crest, :math:`90° + \alpha + \gamma` at the
-braking edge. Either ring lacks it at its own tip, so the height that touches is
+Both tip edges of a dog are rounded with the edge radius :math:`\varrho`, or where the dog has none
+with the root radius, so that they clear the fillets of the other ring. A rounding takes from its
+flank, along the shaft, :math:`a = \varrho \cos\beta \cot(\psi/2)`, :math:`\psi` being the angle
+of the material at the edge: :math:`90° + \beta - \alpha` at the crest,
+:math:`90° + \alpha + \gamma` at the braking edge. Either ring lacks it at its own tip, so the
+height that touches is
 
 - traction: :math:`h - 2 a_\beta`, both crests being on that side;
 - braking, at radius *r*: :math:`h - 2 (d(r) + a_\gamma)`, :math:`d(r)` the depth at
@@ -24,11 +25,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import LAND, Dog
 
 Flank = Literal["traction", "braking"]
 FLANKS: tuple[Flank, ...] = ("traction", "braking")
-LAND = 5e-5  #: m of every face that roundings and fillets leave
 
 
 def side_angle(dog: Dog, flank: Flank) -> float:
@@ -60,6 +60,11 @@ class FlankContact:
         return self.low + share * self.height
 
 
+def tip_radius(dog: Dog, root_radius: float) -> float:
+    """Return the radius with which tip edges are made, m: their own, or that of the roots."""
+    return dog.edge_radius or root_radius
+
+
 @lru_cache(maxsize=1024)  # each check of a design asks for the same two
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
@@ -74,13 +79,12 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
 def _lost(dog: Dog, root_radius: float, flank: Flank, radius: float) -> float:
     """Return the height that a flank lacks at its tip, m."""
     drop = dog.edge_drop_at(radius) if flank == "braking" else 0.0
-    return drop + root_radius * math.cos(side_angle(dog, flank)) * _cut(dog, flank)
+    return drop + tip_radius(dog, root_radius) * math.cos(side_angle(dog, flank)) * _cut(dog, flank)
 
 
 def _cut(dog: Dog, flank: Flank) -> float:
     """Compute the lengths that a tip's rounding takes along its sides, over its radius."""
-    corner = dog.traction - dog.chamfer if flank == "traction" else dog.chamfer + dog.braking
-    return 1.0 / math.tan(0.25 * math.pi + 0.5 * corner)
+    return dog.edge_cuts[FLANKS.index(flank)]
 
 
 def crest_loss(dog: Dog, root_radius: float) -> float:
@@ -91,6 +95,16 @@ def crest_loss(dog: Dog, root_radius: float) -> float:
     corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
     half = corner + 0.5 * (dog.traction - dog.chamfer)
     return root_radius * (math.sin(corner + middle) / math.sin(half) - 1.0)
+
+
+def crest_setback(dog: Dog, radius: float) -> float:
+    """Compute how far the ridge of a rounded crest stands behind the sharp one, m.
+
+    Along the circumference at the mean radius.
+    """
+    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
+    half = corner + 0.5 * (dog.traction - dog.chamfer)
+    return radius * math.cos(corner + middle) / math.sin(half)
 
 
 def crest_cut(dog: Dog, root_radius: float) -> float:
@@ -104,11 +118,12 @@ def _fillet(lean: float) -> float:
 
 
 def root_radius_room(dog: Dog) -> float:
-    """Return the largest radius for which fillets and roundings fit side by side, m.
+    """Return the largest radius of roots for which fillets and roundings fit side by side, m.
 
     On floor and face at the inner radius, where they are narrowest, on the traction flank,
     and on the braking flank at the outer radius, where it is lowest. Widths are taken along
-    the circumference; ``sim.part.profile`` has the same between planes.
+    the circumference; ``sim.part.profile`` has the same between planes. Roundings have the same
+    radius, or that of the dog's edges.
     """
     slope = math.tan(dog.chamfer)
     narrow, low = dog.tip_width_at(dog.inner_radius), dog.edge_drop_at(dog.outer_radius)
@@ -117,12 +132,13 @@ def root_radius_room(dog: Dog) -> float:
     )
     fillets = _fillet(dog.traction), _fillet(dog.braking)
     cuts = _cut(dog, "traction"), _cut(dog, "braking")
-    rooms = (
-        (narrow, sum(fillets)),
-        (face, sum(cuts)),
-        (dog.height / math.cos(dog.traction), fillets[0] + cuts[0]),
-        ((dog.height - low) / math.cos(dog.braking), fillets[1] + cuts[1]),
-    )
+    flanks = [dog.height / math.cos(dog.traction), (dog.height - low) / math.cos(dog.braking)]
+    rooms = [(narrow, sum(fillets))]
+    own = dog.edge_radius > 0.0
+    for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
+        rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
+    if not own:
+        rooms.append((face, sum(cuts)))
     return max(0.0, min((length - LAND) / taken for length, taken in rooms))
 
 

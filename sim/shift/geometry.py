@@ -16,6 +16,9 @@ lets mating flanks touch all over (Jasný thesis 2019, figure 24b).
 :math:`z = h/2`, falling by :math:`\alpha` towards the braking flank. The crest
 is parallel to the median plane, so the dog is equally high over its length.
 
+*Edges*: crest and braking edge are sharp, or rounded with one radius. All lengths are those of the
+sharp dog, to the intersection of its faces, as a drawing has them.
+
 Widths are measured along the circumference at the mean radius:
 
 .. math::
@@ -33,6 +36,8 @@ from dataclasses import dataclass
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_between
 from dogshape.sim.units import DEG, MM, from_si, unit_of
 
+LAND = 5e-5  #: m of every face that roundings and fillets leave
+SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
 _ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
 _LENGTHS = {
@@ -40,6 +45,7 @@ _LENGTHS = {
     "outer_diameter_mm": (5e-3, 2.0),
     "inner_diameter_mm": (2e-3, 2.0),
     "axial_gap_mm": (0.0, 0.1),
+    "edge_radius_mm": (0.0, 0.01),
 }
 
 
@@ -55,13 +61,15 @@ class Dog:
     height : crest above root, m.
     outer_diameter, inner_diameter : of the toothed annulus, m.
     axial_gap : between the crests of the two rings before the shift, m.
+    edge_radius : of crest and braking edge, m; 0 is sharp.
 
     Raises
     ------
     InputError
         A value is not finite, negative or outside its mathematical range.
     GeometryError
-        The flanks meet below the tip, or the chamfer eats the braking flank.
+        The flanks meet below the tip, the chamfer eats the braking flank, or the roundings of the
+        edges leave nothing of face or flanks.
     """
 
     count: int
@@ -72,10 +80,12 @@ class Dog:
     outer_diameter: float
     inner_diameter: float
     axial_gap: float
+    edge_radius: float = 0.0
 
     def __post_init__(self) -> None:
         _require_numbers(self)
         _require_shape(self)
+        _require_edges(self)
 
     @property
     def mean_radius(self) -> float:
@@ -170,6 +180,35 @@ class Dog:
         return self.height - self.edge_drop
 
     @property
+    def edge_cuts(self) -> tuple[float, float]:
+        """Lengths that a rounding of crest and braking edge takes along its sides, over its radius.
+
+        ``cot(psi/2)`` with the angle of the material, 90 degrees + traction - chamfer at the crest
+        and 90 degrees + chamfer + braking at the braking edge.
+        """
+        corners = (self.traction - self.chamfer, self.chamfer + self.braking)
+        crest, braking = (1.0 / math.tan(0.25 * math.pi + 0.5 * corner) for corner in corners)
+        return crest, braking
+
+    @property
+    def edge_room(self) -> float:
+        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m.
+
+        The face is narrowest at the inner radius, the braking flank lowest at the outer one.
+        """
+        narrow = self.tip_width_at(self.inner_radius)
+        drop = self.edge_drop_at(self.inner_radius)
+        face = (narrow + drop * math.tan(self.braking)) / math.cos(self.chamfer)
+        low = self.height - self.edge_drop_at(self.outer_radius)
+        crest, braking = self.edge_cuts
+        rooms = (
+            (face, crest + braking),
+            (self.height / math.cos(self.traction), crest),
+            (low / math.cos(self.braking), braking),
+        )
+        return max(0.0, min((length - LAND) / taken for length, taken in rooms))
+
+    @property
     def travel(self) -> float:
         """Axial way from the start of the shift to full depth, m."""
         return self.axial_gap + self.height
@@ -239,3 +278,16 @@ def _require_shape(dog: Dog) -> None:
         remedy = "use a smaller chamfer, more dogs or a higher dog"
         message = refusal("height of the braking flank", low * 1e3, "mm", rule, remedy)
         raise GeometryError(message)
+
+
+def _require_edges(dog: Dog) -> None:
+    if dog.edge_radius == 0.0:
+        return
+    radius, room = dog.edge_radius / MM, dog.edge_room / MM
+    if radius < SHARPEST / MM:
+        rule = f"an edge is sharp (0 mm) or at least {SHARPEST / MM:.4g} mm round"
+        raise InputError(refusal("dog.edge_radius_mm", radius, "mm", rule, "correct the radius"))
+    if radius > room:
+        rule = f"it must be at most {room:.4g} mm to leave {LAND / MM:.2g} mm of face and flanks"
+        remedy = "use a smaller radius, fewer dogs or wider tips"
+        raise GeometryError(refusal("dog.edge_radius_mm", radius, "mm", rule, remedy))

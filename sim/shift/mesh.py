@@ -16,7 +16,8 @@ Contact needs one rigid and one compliant side:
   depth, and where two of them meet it is the smaller depth that counts. The body
   reaches beyond the dog inwards, outwards and below the root, half as far again
   from the apex as the dog itself: down to a third of the apex's depth the
-  pyramids of the three faces cover all that can be touched.
+  pyramids of the three faces cover all that can be touched. Rounded edges add
+  prisms (``sim.shift.rounded``).
 """
 
 from __future__ import annotations
@@ -30,9 +31,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.planes import (
+    Plane,
+    Vertices,
+    dog_planes,
+    face_plane,
+    flank_line,
+    touching_planes,
+)
+from dogshape.sim.shift.rounded import body, skin_lines, triangulated
 
-Vertices = NDArray[np.float64]  #: (n, 3), m
 Cells = NDArray[np.int64]  #: (m, 3) triangles or (m, 4) tetrahedra
+Quad = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -52,59 +62,6 @@ class Mesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
 
-@dataclass(frozen=True)
-class Plane:
-    """Half-space ``normal . x <= offset`` with an outward unit normal (3,)."""
-
-    normal: NDArray[np.float64]
-    offset: float
-
-    def moved(self, distance: float) -> Plane:
-        """Return the plane moved outwards by ``distance``, m."""
-        return Plane(self.normal, self.offset + distance)
-
-
-def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
-    """Return directions along and across the radial line of a flank, each (3,).
-
-    ``side`` is +1 for the traction and -1 for the braking flank; the second
-    direction points out of the dog.
-    """
-    quarter = 0.25 * dog.pitch_angle
-    along = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
-    across = np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
-    return along, across
-
-
-def dog_planes(dog: Dog) -> dict[str, Plane]:
-    """Return the six planes that bound a dog: two flanks, face, root, inner, outer."""
-    half = 0.5 * dog.height
-    axis = np.array([0.0, 0.0, 1.0])
-    _, across_t = flank_line(dog, +1)
-    _, across_b = flank_line(dog, -1)
-    lean = {"traction": (across_t, dog.traction), "braking": (across_b, dog.braking)}
-    planes = {
-        name: Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
-        for name, (across, angle) in lean.items()
-    }
-    planes["face"] = _face_plane(dog)
-    planes["root"] = Plane(-axis, half)
-    quarter = 0.25 * dog.pitch_angle
-    radial = np.array([1.0, 0.0, 0.0])
-    planes["inner"] = Plane(-radial, -dog.inner_radius * math.cos(quarter))
-    planes["outer"] = Plane(radial, dog.outer_radius)
-    return planes
-
-
-def _face_plane(dog: Dog) -> Plane:
-    """Return the plane through the crest that falls by the chamfer towards braking."""
-    half = 0.5 * dog.height
-    _, across = flank_line(dog, +1)
-    crest = -half * math.tan(dog.traction) * across + np.array([0.0, 0.0, half])
-    normal = np.array([0.0, 0.0, math.cos(dog.chamfer)]) - math.sin(dog.chamfer) * across
-    return Plane(normal, float(normal @ crest))
-
-
 _HEXAHEDRON = list(itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer")))
 
 
@@ -122,9 +79,11 @@ def rigid_dog(dog: Dog) -> Mesh:
     """Return traction flank, face and braking flank of one dog, normals outwards.
 
     The edges lie on the inner and outer radius, measured along the radial line
-    of either flank, so that flanks are parallelograms.
+    of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
     """
-    face = _face_plane(dog)
+    if dog.edge_radius > 0.0:
+        return Mesh(skin_lines(dog).reshape(-1, 3), _in_triangles(touching_quads(dog)))
+    face = face_plane(dog)
     points = []
     for side, angle in ((-1, dog.braking), (+1, dog.traction)):
         along, across = flank_line(dog, side)
@@ -133,17 +92,30 @@ def rigid_dog(dog: Dog) -> Mesh:
             start = radius * along
             top = (face.offset - face.normal @ start) / (face.normal @ slope)
             points += [start - 0.5 * dog.height * slope, start + top * slope]
-    quads = [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
-    triangles = [tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))]
-    return Mesh(np.array(points), np.array(triangles))
+    return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
+
+
+def touching_quads(dog: Dog) -> list[Quad]:
+    """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
+    if dog.edge_radius == 0.0:
+        return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
+    last = 2 * len(touching_planes(dog)) - 2
+    return [(i, i + 1, i + 3, i + 2) for i in range(last, -2, -2)]
+
+
+def _in_triangles(quads: list[Quad]) -> Cells:
+    return np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
 
 
 def dog_solid(dog: Dog) -> Mesh:
     """Return one dog as a closed surface: the rigid side with its ends and root."""
     skin = rigid_dog(dog)
-    quads = [(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)]
-    caps = [tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))]
-    return Mesh(skin.vertices, np.concatenate([skin.cells, np.array(caps)]))
+    caps = _in_triangles([(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)])
+    if dog.edge_radius > 0.0:
+        last = len(skin.vertices) - 1
+        ends = [(*range(2, last, 2), 0), (3, 1, *range(last, 3, -2)), (0, last - 1, last, 1)]
+        caps = np.array([(e[0], a, b) for e in ends for a, b in itertools.pairwise(e[1:])])
+    return Mesh(skin.vertices, np.concatenate([skin.cells, caps]))
 
 
 def ring_of(dog: Dog, one: Mesh) -> Mesh:
@@ -181,7 +153,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
     Few and large cells are right here: the pressure is linear in each, so a finer
-    mesh has the same field and only costs more.
+    mesh has the same field and only costs more. Rounded edges add prisms (``sim.shift.rounded``).
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
@@ -191,22 +163,18 @@ def compliant_dog(dog: Dog) -> Mesh:
         "root": 1.5 * reach - apex[2] - 0.5 * dog.height,
     }
     skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in dog_planes(dog).items()}
+    if dog.edge_radius > 0.0:
+        vertices, cells = body(dog, skin, apex)
+        return Mesh(vertices, _oriented(vertices, cells))
     vertices = np.concatenate([corners(skin), apex[None, :]])
-    cells = [(*triangle, 8) for face in _FACES for triangle in _triangulate(face)]
+    cells = [(*triangle, 8) for face in _FACES for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))
 
 
 _FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
-def _triangulate(face: tuple[int, int, int, int]) -> list[tuple[int, int, int]]:
-    """Cut a quadrilateral through its lowest corner, the same on both sides of it."""
-    start = face.index(min(face))
-    a, b, c, d = face[start:] + face[:start]
-    return [(a, b, c), (a, c, d)]
-
-
-def _oriented(vertices: Vertices, cells: list[tuple[int, int, int, int]]) -> Cells:
+def _oriented(vertices: Vertices, cells: list[tuple[int, ...]]) -> Cells:
     array = np.array(cells, dtype=np.int64)
     edges = vertices[array[:, 1:]] - vertices[array[:, :1]]
     flipped = np.linalg.det(edges) < 0.0

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.flank import crest_loss, crest_setback
 from dogshape.sim.shift.trace import Series, Trace
 
 Flags = NDArray[np.bool_]
@@ -77,14 +78,21 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
     """Mark positions in which two crests cross within both dogs, at their depth, (n,).
 
     Crests are straight; where their overlap is zero at the mean radius they stand
-    ``height tan(traction) / radius`` out of parallel. There the common normal is the axis, and
-    friction holds whatever the chamfer (``benchmarks/crest_hang.py``).
+    ``height tan(traction) / radius`` out of parallel, rounded ones more by what they stand back.
+    There the common normal is the axis, and
+    friction holds whatever the chamfer (``benchmarks/crest_hang.py``). Ridges of rounded crests
+    stand lower and farther back, and friction holds their slopes up to its angle beyond
+    (``benchmarks/edge_radius.py``).
     """
-    dog = clutch.dog
-    crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
+    dog, radius = clutch.dog, clutch.dog.edge_radius
+    back = 2.0 * crest_setback(dog, radius)
+    crossing = (dog.height * math.tan(dog.traction) + back) / dog.mean_radius
+    slope = math.sin(math.atan(clutch.contact.static_friction))
+    beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
     overlap, _ = face_overlap(clutch, relative_angle)
-    near = np.abs(displacement - dog.axial_gap) < CREST_DEPTH
-    flags: Flags = near & (np.abs(overlap) <= 0.5 * crossing * dog.radial_width)
+    depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
+    near = np.abs(depth) < CREST_DEPTH
+    flags: Flags = near & (np.abs(overlap - back) <= beyond)
     return flags
 
 

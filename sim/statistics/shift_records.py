@@ -27,7 +27,7 @@ def clutch_record(clutch: Clutch) -> Record:
 
     The limit of steps is named only where it is not the usual one, which then is no part of a
     key; the limit of time never is, since a shift that it ends is not kept (``unfinished``). A
-    mechanism is named where there is one.
+    mechanism and a radius of edges are named where there are some.
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
@@ -39,6 +39,7 @@ def clutch_record(clutch: Clutch) -> Record:
         "outer_diameter_mm": dog.outer_diameter / MM,
         "inner_diameter_mm": dog.inner_diameter / MM,
         "axial_gap_mm": dog.axial_gap / MM,
+        **({} if dog.edge_radius == 0.0 else {"edge_radius_mm": dog.edge_radius / MM}),
         "sliding_mass_kg": rings.mass,
         "sliding_inertia_kgm2": rings.sliding_inertia,
         "output_inertia_kgm2": rings.output_inertia,
@@ -81,7 +82,7 @@ def inputs(
 
 
 #: Keys that a record may have and need not.
-OPTIONAL = ("max_steps", "force_delay_s", "force_lag_s", *MECHANISM_KEYS)
+OPTIONAL = ("max_steps", "edge_radius_mm", "force_delay_s", "force_lag_s", *MECHANISM_KEYS)
 
 #: Keys of a record that say how its factors are distributed; a certain shift has none.
 UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)

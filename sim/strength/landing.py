@@ -1,9 +1,10 @@
 r"""Dog on dog: what a face and its edge bear at the hardest landing of the simulation.
 
 The simulation gives the load per length of the dogs, :math:`w = F/(N b)`, for each class of
-overlap *L* of the faces (``sim.shift.loads``). Crests are rounded with the root radius
-:math:`\varrho`, which takes :math:`c = \varrho \cot(\psi/2)` from either face, :math:`\psi`
-being the angle at the crest (``sim.shift.flank``). What is flat then is :math:`L - 2 c`:
+overlap *L* of the faces (``sim.shift.loads``). Crests are rounded with the edge radius
+:math:`\varrho`, or where the dog has none with the root radius, which takes
+:math:`c = \varrho \cot(\psi/2)` from either face, :math:`\psi` being the angle at the crest
+(``sim.shift.flank``). What is flat then is :math:`L - 2 c`:
 
 - flat enough, the case bears a mean pressure :math:`p = w/(L - 2 c)` up to its yield stress,
   a third of the hardness, and the core below it, the load having spread by the case
@@ -37,8 +38,8 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from dogshape.sim.shift.flank import LAND, crest_cut
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.flank import crest_cut, tip_radius
+from dogshape.sim.shift.geometry import LAND, Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import Limits
@@ -129,7 +130,7 @@ def landing_checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, .
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
-    radius = limits.root_radius
+    radius = tip_radius(dog, limits.root_radius)
     lost = 2.0 * crest_cut(dog, radius)
     spread = 2.0 * limits.material.case_depth
     classes = [

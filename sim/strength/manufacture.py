@@ -27,7 +27,8 @@ class ManufacturingLimits:
         that is narrowest, at the inner radius.
     cutter_reach : depth of the slot over the width of its floor; a slender cutter bends.
     flank_height : of the braking flank, the lower one.
-    root_radius : with which roots are filleted and tip edges rounded.
+    root_radius : with which roots are filleted, and tip edges rounded that have no radius of
+        their own.
     chamfer_share : depth of the face at its edge over the height of the dog.
     module : mean diameter over count; smaller dogs lose their shape in hardening.
     rim : thickness of the ring behind the roots; None for one that is thick enough.
@@ -109,6 +110,15 @@ _RULES = {
             False,
         ),
         (
+            "edge_clearance",
+            "radius of the tip edges, which meet the root fillets of the other ring",
+            "R of the edges, at least that of the roots",
+            "geometry: a ball that fits into the tip fits into the slot",
+            "mm",
+            "root_radius_mm",
+            False,
+        ),
+        (
             "chamfer_share",
             "depth of the face at its edge over the height of the dog",
             "d/h",
@@ -135,12 +145,16 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     inner = dog.inner_radius
     slot = dog.pitch_angle * inner - dog.root_width_at(inner)
     lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
+    edges: tuple[Check, ...] = ()
+    if dog.edge_radius > 0.0:
+        edges = (_length("edge_clearance", dog.edge_radius, limits.root_radius),)
     return (
         _length("tip_width", dog.tip_width_at(inner), limits.tip_width),
         _length("slot_width", slot, limits.slot_width),
         Check(_RULES["cutter_reach"], dog.height / slot, limits.cutter_reach),
         _length("flank_height", lowest, limits.flank_height),
         _length("root_radius", root_radius_room(dog), limits.root_radius),
+        *edges,
         Check(_RULES["chamfer_share"], dog.edge_drop / dog.height, limits.chamfer_share),
         _length("module", 2.0 * dog.mean_radius / dog.count, limits.module),
     )
@@ -175,6 +189,7 @@ _REMEDIES = {
     "cutter_reach": "use fewer or lower dogs or smaller side angles",
     "flank_height": "use a smaller chamfer, more dogs or a higher dog",
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
+    "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
     "chamfer_share": "use a smaller chamfer, more dogs or a higher dog",
     "module": "use fewer dogs or a larger diameter",
 }

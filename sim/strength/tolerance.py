@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
 from dogshape.sim.shift.flank import FLANKS, flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import SHARPEST, Dog
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
 
@@ -99,7 +99,6 @@ class Spread:
 
 Floats = NDArray[np.float64]
 SIDES = (-1.0, 1.0)
-SHARPEST = 2e-5  #: m of root radius; no edge is sharper
 Values = Callable[[Dog, float], Sequence[float]]  #: of a dog and its root radius in m
 
 

@@ -15,9 +15,12 @@ chamfer flattens.
 *Shape.* Both crests stand lower by :math:`\Delta`. Travel and median plane stay: a pair with the
 axial gap :math:`g + 2\Delta`, the height :math:`h - 2\Delta` that overlaps, and the depth
 :math:`d - \Delta` of the face at its braking edge, which stays where it was. Once the chamfer is
-gone the whole face sinks. Not in it: rounding of the edge itself, for which the simulated dog has
-no radius, chips, and the floor of the slot, which stands deeper by :math:`\Delta` than that of the
-shorter dog.
+gone the whole face sinks. Not in it: chips, and the floor of the slot, which stands deeper by
+:math:`\Delta` than that of the shorter dog.
+
+*Edges.* A rounding takes :math:`\varrho^2 (\cot\tfrac{\psi}{2} - \tfrac{\pi - \psi}{2})` from the
+section of an edge of the angle :math:`\psi`. Landings that each take the same from the edges so let
+the square of the radius grow evenly, from the new dog's to the one measured at the end of the life.
 
 Specific wear rates, mm3/(N m): :math:`K/(3 H)` with *K* of 2e-6 (well lubricated) to 2e-4 (hardly)
 for like metals and 7 GPa of hardness is 1e-7 to 1e-5 (Rabinowicz, *Friction and Wear of Materials*,
@@ -29,26 +32,30 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from dogshape.sim.errors import InputError, require_between
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.shift.geometry import SHARPEST, Dog
 from dogshape.sim.units import MM
 
 
 @dataclass(frozen=True)
 class Wear:
-    """Cause of the wear of faces: a rate or a measured loss, the other None.
+    """Cause of the wear of faces, a rate or a measured loss, and what it leaves of the edges.
 
     Parameters
     ----------
     rate : specific wear rate, m3/(N m).
     crest_loss : height that the crest lost at the end of the life, as measured, m.
+    edge_radius : of crest and braking edge at the end of the life, as measured, m; None where they
+        stay as they are. With it faces need not wear.
     """
 
     rate: float | None = None
     crest_loss: float | None = None
+    edge_radius: float | None = None
 
     def __post_init__(self) -> None:
-        if (self.rate is None) == (self.crest_loss is None):
+        given = [v for v in (self.rate, self.crest_loss) if v is not None]
+        if len(given) != 1 and (given or self.edge_radius is None):
             raise InputError(
                 "[wear] needs one of wear.rate_mm3_Nm (Archard) and wear.crest_loss_mm (measured); "
                 "give one and not both"
@@ -59,6 +66,9 @@ class Wear:
         if self.crest_loss is not None:
             lost, remedy = self.crest_loss / MM, "give the height in mm"
             require_between("wear.crest_loss_mm", lost, 0.0, 2.0, remedy)
+        if self.edge_radius is not None:
+            radius, remedy = self.edge_radius / MM, "give the radius in mm"
+            require_between("wear.edge_radius_mm", radius, SHARPEST / MM, 10.0, remedy)
 
     def loss(self, dog: Dog, energy: float, friction: float, shifts: float) -> float:
         """Compute the height that ``shifts`` take from the crest of a dog, m.
@@ -75,6 +85,17 @@ class Wear:
         work = shifts * energy / friction
         volume = self.rate * work / (2.0 * dog.count * dog.radial_width)
         return 2.0 * volume / dog.face_width
+
+    def edges(self, dog: Dog, share: float) -> float:
+        """Compute the radius of a dog's edges at a share of the life, m."""
+        if self.edge_radius is None:
+            return dog.edge_radius
+        if self.edge_radius < dog.edge_radius:
+            rule = f"edges do not get sharper than dog.edge_radius_mm = {dog.edge_radius / MM:.6g}"
+            radius, remedy = self.edge_radius / MM, "give the radius at the end of the life"
+            raise InputError(refusal("wear.edge_radius_mm", radius, "mm", rule, remedy))
+        new, old = dog.edge_radius**2, self.edge_radius**2
+        return math.sqrt(new + share * (old - new))
 
 
 def worn(dog: Dog, loss: float) -> Dog:

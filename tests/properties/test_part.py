@@ -14,9 +14,9 @@ import pytest
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part.profile import SMALLEST, Lines, dog_corners, lands, profile
 from dogshape.sim.part.solid import largest_root_radius, mated, part_volume, ring_part
-from dogshape.sim.shift.flank import LAND
-from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Mesh, Plane, dog_planes, rotation
+from dogshape.sim.shift.geometry import LAND, Dog
+from dogshape.sim.shift.mesh import Mesh, rotation
+from dogshape.sim.shift.planes import Plane, dog_planes
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import needed

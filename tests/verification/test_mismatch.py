@@ -17,8 +17,8 @@ from benchmarks.mismatch import picture
 from dogshape.pipeline.export.named_drawing import named_svg
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
-from dogshape.sim.shift.mesh import dog_planes
 from dogshape.sim.shift.phases import face_overlap
+from dogshape.sim.shift.planes import dog_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
 

@@ -51,7 +51,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
     plant.start(OperatingPoint(1.0, _profile()), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)
-    rng, work, errors = np.random.default_rng(2), np.zeros((kernel.VALUES + 1, kernel.ROOM, 6)), []
+    rng, work, errors = np.random.default_rng(2), kernel.workspace(len(mine.surfaces[1])), []
     while len(errors) < 60:
         angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
         way = rng.uniform(0.98 * dog.axial_gap, dog.travel)

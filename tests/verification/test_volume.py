@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.profile import LAND, dog_corners, lands
+from dogshape.sim.part.profile import dog_corners, lands
 from dogshape.sim.part.solid import (
     chamfer_volume,
     corner_volume,
@@ -17,7 +17,7 @@ from dogshape.sim.part.solid import (
     part_volume,
     ring_part,
 )
-from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.geometry import LAND, Dog, section
 from dogshape.sim.shift.mesh import Mesh, to_stl
 from dogshape.sim.units import DEG, MM
 

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import load_study, wear_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.life import STAGES, life_checks, life_of
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.shift.geometry import section
+from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.wear import Wear, worn
 from dogshape.sim.units import MM
@@ -112,9 +112,44 @@ def test_checks_of_the_root_keep_the_worse_of_worn_and_new() -> None:
             assert check.margin <= new[name].margin
 
 
+def test_the_square_of_the_edges_radius_grows_evenly() -> None:
+    """Equal shares of the life take equal areas from the section of an edge."""
+    dog, wear = replace(DOG, edge_radius=0.1 * MM), Wear(edge_radius=0.3 * MM)
+    radii = [wear.edges(dog, share) for share in (0.0, 0.5, 1.0)]
+    areas = [math.dist(*section_cut(dog, radius)) for radius in radii]
+    assert areas[1] - areas[0] == pytest.approx(areas[2] - areas[1])
+    assert [radii[0], radii[2]] == pytest.approx([0.1 * MM, 0.3 * MM])
+    with pytest.raises(InputError, match="edges do not get sharper"):
+        wear.edges(replace(DOG, edge_radius=0.4 * MM), 0.5)
+
+
+def section_cut(dog: Dog, radius: float) -> tuple[tuple[float], tuple[float]]:
+    """Return the kite of an edge's section and the sector that the rounding leaves of it, m2."""
+    arc = 0.5 * math.pi - (dog.traction - dog.chamfer)
+    return (radius**2 * dog.edge_cuts[0],), (0.5 * radius**2 * arc,)
+
+
+def test_a_life_has_rounder_edges() -> None:
+    """The last stage is a dog of its own with the edges of the end; the first is the new one."""
+    study = load_study("mq200_paper", [*QUICK, "wear.edge_radius_mm=0.4"])
+    wear = wear_of(study.file)
+    assert wear is not None
+    rows = life_of(study, study.prototype, wear, scratch_executor())
+    assert [row["edge_radius_mm"] for row in rows] == pytest.approx(
+        [0.0, 0.4 * math.sqrt(0.5), 0.4]
+    )
+    assert [row["crest_loss_mm"] for row in rows] == [0.0, 0.0, 0.0]
+    sets = [*QUICK, "dog.edge_radius_mm=0.4", "wear.crest_loss_mm=0.0"]
+    other = load_study("mq200_paper", sets)
+    (first, *_) = life_of(other, other.prototype, Wear(crest_loss=0.0), scratch_executor())
+    assert rows[-1]["expected_shift_time_s"] == pytest.approx(first["expected_shift_time_s"])
+    assert rows[-1]["expected_shift_time_s"] != rows[0]["expected_shift_time_s"]
+
+
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
+        ("wear.edge_radius_mm=0.001", "wear.edge_radius_mm is 0.001 mm"),
         ("wear={rate_mm3_Nm=1e-6, crest_loss_mm=0.1}", "give one and not both"),
         ("wear={}", "give one and not both"),
         ("wear.rate_mm3_Nm=1.0", "wear.rate_mm3_Nm is 1 mm3/(N m), but it must lie"),

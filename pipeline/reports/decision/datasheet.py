@@ -69,11 +69,13 @@ def dimensions_of(dog: Dog, limits: Limits) -> list[tuple[str, str, str]]:
     radius = known.get("root_radius")
     rows.append(
         (
-            "root and tip radius R",
+            "root and tip radius R" if dog.edge_radius == 0.0 else "root radius R",
             f"{limits.root_radius / MM:.2f} mm",
             "ISO 2768-f" if radius is None else f"± {radius / MM:.2f} mm",
         )
     )
+    if dog.edge_radius > 0.0:
+        rows.append(("radius of the tip edges", f"{dog.edge_radius / MM:.2f} mm", "ISO 2768-f"))
     follows = (
         ("travel to full depth", dog.travel),
         ("tip width at the inner radius", dog.tip_width_at(dog.inner_radius)),

@@ -1,0 +1,412 @@
+"""Rounded edges: geometry, contact on a line, both engines, and crests that hang."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import dogshape.sim.shift.planes
+from benchmarks.crest_hang import DESIGNS
+from benchmarks.edge_radius import (
+    WIDER,
+    LineContact,
+    bed_energy,
+    line_load,
+    ridges_of,
+    rounded,
+    share_held,
+)
+from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.sim.engines import engage
+from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.part.profile import dog_corners, largest_root_radius
+from dogshape.sim.part.solid import part_volume, ring_part
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.actuation import LaggedProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.flank import (
+    FLANKS,
+    crest_loss,
+    crest_setback,
+    flank_contact,
+    root_radius_room,
+)
+from dogshape.sim.shift.geometry import LAND, Dog
+from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.shift.mesh import compliant_dog, dog_solid, pressure_apex, rigid_dog
+from dogshape.sim.shift.passing import penetration
+from dogshape.sim.shift.planes import DEVIATION, dog_planes, rounded_edges, touching_planes
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.shift_records import clutch_record
+from dogshape.sim.strength.dog_strength import Limits
+from dogshape.sim.strength.landing import demand_of, edge_pressure
+from dogshape.sim.strength.manufacture import (
+    ManufacturingLimits,
+    manufacturing_checks,
+    require_makeable,
+)
+from dogshape.sim.strength.notch import notch_factor
+from dogshape.sim.units import DEG, MM
+from tests.conftest import dog_of
+
+Point = Callable[[float, float], OperatingPoint]
+RADII = (0.02 * MM, 0.1 * MM, 0.3 * MM)
+SHAPES = [(8, 12, 22, 3.7, 15), (2, 4, 5, 1.6, 6), (6, 29, 29, 5.5, 10), (15, 7, 25, 2.0, 34)]
+
+
+@pytest.mark.parametrize("radius", RADII)
+def test_planes_of_an_edge_touch_its_cylinder_and_stand_out_by_a_micrometre(
+    prototype: Dog, radius: float
+) -> None:
+    dog = replace(prototype, edge_radius=radius)
+    planes = dog_planes(dog)
+    faces = (planes["traction"], planes["face"], planes["braking"])
+    for edge, before, after in zip(rounded_edges(dog), faces, faces[1:], strict=False):
+        around = [before, *edge.planes, after]
+        for plane in around:
+            assert plane.offset - plane.normal @ edge.axis == pytest.approx(radius, abs=1e-15)
+            assert plane.normal @ edge.direction == pytest.approx(0.0, abs=1e-14)
+        leans = [float(a.normal @ b.normal) for a, b in pairwise(around)]
+        assert leans == pytest.approx([leans[0]] * len(leans))
+        out = radius * (1.0 / math.cos(0.5 * math.acos(leans[0])) - 1.0)
+        assert 0.0 < out <= DEVIATION
+
+
+def test_the_ridge_is_where_the_closed_form_has_it(prototype: Dog) -> None:
+    """Top of the cylinder against the sharp crest, in the frame of the traction flank."""
+    radius = 0.3 * MM
+    crest, _ = rounded_edges(replace(prototype, edge_radius=radius))
+    quarter = 0.25 * prototype.pitch_angle
+    across = np.array([-math.sin(quarter), math.cos(quarter), 0.0])
+    lower = 0.5 * prototype.height - (crest.axis[2] + radius)
+    back = -0.5 * prototype.height * math.tan(prototype.traction) - crest.axis @ across
+    assert lower == pytest.approx(crest_loss(prototype, radius), rel=1e-9)
+    assert back == pytest.approx(crest_setback(prototype, radius), rel=1e-9)
+
+
+@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_pressure_of_a_rounded_dog_is_its_depth(
+    prototype: Dog, shape: tuple[float, ...], radius: float
+) -> None:
+    """Tetrahedra fill the convex body, and the pressure that Drake takes from distances is depth.
+
+    Points on each surface, moved in by up to a third of the apex's depth.
+    """
+    dog = replace(dog_of(prototype, shape), edge_radius=radius)
+    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
+    cells = mesh.vertices[mesh.cells]
+    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
+    assert (volumes > 0.0).all()
+    assert volumes.sum() == pytest.approx(ConvexHull(mesh.vertices).volume, rel=1e-9)
+    assert mesh.vertices[-1] == pytest.approx(apex)
+    # Vertices: those of the skin, of either axis (ends on the skin, the others within), apex.
+    field = np.zeros(len(mesh.vertices))
+    field[-1] = full
+    field[[-8, -7, -4, -3]] = radius
+    planes, rng, skin = touching_planes(dog), np.random.default_rng(3), rigid_dog(dog)
+    corners = skin.vertices[skin.cells]
+    inverse = np.linalg.inv(
+        np.concatenate([cells.transpose(0, 2, 1), np.ones((len(cells), 1, 4))], axis=1)
+    )
+    for triangle in corners:
+        for weights in rng.dirichlet(np.ones(3), 4):
+            inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
+            inward /= np.linalg.norm(inward)
+            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
+            depth = min(plane.offset - plane.normal @ place for plane in planes)
+            shares = inverse @ [*place, 1.0]
+            found = np.flatnonzero((shares > -1e-7).all(axis=1))
+            if depth > 0.0:
+                pressure = shares[found[0]] @ field[mesh.cells[found[0]]]
+                assert pressure == pytest.approx(depth, abs=1e-9)
+
+
+def test_a_rounded_solid_is_closed_and_lacks_the_corners(prototype: Dog) -> None:
+    radius = 0.3 * MM
+    dog = replace(prototype, edge_radius=radius)
+    solid = dog_solid(dog)
+    edges: dict[tuple[int, int], int] = {}
+    for a, b, c in solid.cells.tolist():
+        for edge in ((a, b), (b, c), (c, a)):
+            edges[edge] = edges.get(edge, 0) + 1
+    assert all(edges.get((b, a)) == n == 1 for (a, b), n in edges.items())
+    arcs = (0.5 * math.pi - (dog.traction - dog.chamfer), 0.5 * math.pi - dog.chamfer - dog.braking)
+    taken = sum(cut - 0.5 * arc for cut, arc in zip(dog.edge_cuts, arcs, strict=True))
+    lost = dog_solid(prototype).volume - solid.volume
+    assert lost == pytest.approx(radius**2 * taken * dog.radial_width, rel=0.05)
+
+
+@pytest.fixture
+def _exact(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let planes stand out of an edge by a fiftieth of a micrometre, for comparison with arcs."""
+    monkeypatch.setattr(dogshape.sim.shift.planes, "DEVIATION", 2e-8)
+
+
+def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:
+    """Load along and across the axis on a dog without friction, N, ridges ``aside`` of each other.
+
+    By the compiled engine; ``aside`` and ``depth`` in m.
+    """
+    dog, plant = clutch.dog, planar_clutch(clutch)
+    place = 2.0 * crest_setback(dog, dog.edge_radius) + aside - dog.crest_overlap
+    way = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius) + depth
+    law, work = plant.law.copy(), kernel.workspace(len(plant.surfaces[1]))
+    law[2] = law[4] = 0.0
+    axial, torque = kernel.contact(
+        place / dog.mean_radius, dog.travel - way, 0.0, 0.0, plant.surfaces, law, work
+    )
+    return axial, torque / dog.mean_radius
+
+
+@pytest.mark.usefixtures("_exact")
+def test_two_ridges_press_as_cylinders_on_a_bed(clutch: Clutch) -> None:
+    """Force per length 4/3 k sqrt(2 R) d^1.5 with half of their radius, on dogs too short to cross.
+
+    That is Hertz's parabola on springs: the width of contact is 2 sqrt(2 R d), and the force
+    two thirds of the largest pressure over it.
+    """
+    radius, short = 0.3 * MM, 0.1 * MM
+    dog = replace(clutch.dog, outer_diameter=48 * MM + short, inner_diameter=48 * MM - short)
+    own = rounded(clutch.with_dog(dog), radius)
+    for depth in (5e-6, 10e-6):
+        half = math.sqrt(2.0 * (0.5 * radius) * depth)
+        peak = own.contact.stiffness * depth
+        axial, across = _pressed(own, 0.0, depth)
+        assert axial == pytest.approx(2.0 / 3.0 * peak * 2.0 * half * short, rel=0.01)
+        assert abs(across) < 0.02 * axial
+    assert _pressed(own, 0.0, -1e-7) == (0.0, 0.0)
+
+
+@pytest.mark.usefixtures("_exact")
+@pytest.mark.parametrize("aside", [-0.15, -0.05, 0.0, 0.05, 0.2])
+def test_forces_beside_the_ridge_are_those_of_sections(clutch: Clutch, aside: float) -> None:
+    """Load along and across the axis against sums over the exact profile, arcs and faces."""
+    own = rounded(clutch, 0.3 * MM)
+    along, across = ridges_of(own).pressed(aside * MM, 40e-6, 200)
+    axial, tangential = _pressed(own, aside * MM, 40e-6)
+    assert axial == pytest.approx(along, rel=0.01)
+    assert tangential == pytest.approx(across, abs=0.01 * along)
+
+
+def test_forces_of_single_states_are_those_of_drake(clutch: Clutch) -> None:
+    """As with sharp edges: nine in ten within 0.03 %."""
+    own = rounded(clutch, 0.2 * MM)
+    plant, mine, dog = ClutchPlant(own), planar_clutch(own), own.dog
+    plant.start(OperatingPoint(1.0, LaggedProfile(469.0, 0.1766)), 0.1)
+    carriage = plant.plant.GetBodyByName("carriage").model_instance()
+    port = plant.plant.get_generalized_contact_forces_output_port(carriage)
+    rng, work = np.random.default_rng(2), kernel.workspace(len(mine.surfaces[1]))
+    errors: list[float] = []
+    while len(errors) < 60:
+        angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
+        way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
+        if not 0.0 < penetration(dog, np.array([way]), np.array([angle]))[0] < 1e-4:
+            continue
+        output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
+        plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])
+        plant.plant.SetVelocities(plant.plant_context, [output, speed, sliding])
+        _, axial, torque = port.Eval(plant.plant_context)
+        found = kernel.contact(
+            angle, dog.travel - way, output - sliding, speed, mine.surfaces, mine.law, work
+        )
+        given = np.array([-axial, torque / dog.mean_radius])
+        own_force = np.array([found[0], found[1] / dog.mean_radius])
+        if np.hypot(*given) > 1e-6:
+            errors.append(float(np.hypot(*(own_force - given)) / np.hypot(*given)))
+    assert np.quantile(errors, 0.5) < 1e-5
+    assert np.quantile(errors, 0.9) < 3e-4
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.3])
+def test_both_engines_shift_alike(clutch: Clutch, point: Point, radius: float) -> None:
+    own = rounded(clutch, radius * MM)
+    fast = own.with_engine("planar")
+    for mismatch, force, degrees in ((10, 469.0, 9.0), (50, 315.5, 15.0), (149, 641.5, 3.0)):
+        here = point(mismatch, force)
+        mine, drake = (engage(one, here, degrees * DEG) for one in (fast, own))
+        assert mine.outcome is drake.outcome
+        assert mine.shift_time == pytest.approx(drake.shift_time, rel=5e-3)
+        assert mine.shift_time != engage(clutch.with_engine("planar"), here, degrees * DEG)
+
+
+def test_a_vanishing_radius_is_a_sharp_edge(clutch: Clutch, point: Point) -> None:
+    """Times go to those of sharp edges as the radius does."""
+    fast = clutch.with_engine("planar")
+    cases = [(10, 469.0, 15.0), (25, 235.2, 9.0), (50, 469.0, 18.0), (100, 469.0, 12.0)]
+
+    def times(radius: float) -> np.ndarray:
+        found = [
+            engage(rounded(fast, radius), point(m, f), d * DEG).shift_time for m, f, d in cases
+        ]
+        return np.array(found, dtype=float)
+
+    sharp = times(0.0)
+    apart = [float(np.abs(times(r * MM) / sharp - 1.0).max()) for r in (0.2, 0.02)]
+    assert apart[1] < 0.01
+    assert apart[1] < 0.25 * apart[0]
+
+
+def test_a_rounded_crest_lands_later_by_what_it_lost(clutch: Clutch, point: Point) -> None:
+    """Ridge on ridge: the first touch is at the gap and twice the loss of height."""
+    own = rounded(clutch.with_engine("planar"), 0.3 * MM)
+    dog = own.dog
+    angle = (2.0 * crest_setback(dog, dog.edge_radius) - dog.crest_overlap) / dog.mean_radius
+    found = engage(own, point(0.0, 235.2), angle)
+    free = found.trace.displacement[: int(np.argmax(found.trace.contact_force > 1.0)) + 1]
+    wanted = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius)
+    assert free[-2] < wanted + 1e-6
+    assert free[-1] > wanted - 2.0 * DEVIATION
+    assert free[-1] - dog.axial_gap > 0.06 * MM
+
+
+def test_friction_holds_rounded_slopes_beyond_the_crossing(clutch: Clutch) -> None:
+    """Stiff dogs: W + 4 R sin rho, and W grows with what the ridges stand back."""
+    own = rounded(clutch, 0.3 * MM)
+    stiff = replace(ridges_of(own), stiffness=5e16)
+    sharp = own.dog.height * math.tan(own.dog.traction) / own.dog.mean_radius * own.dog.radial_width
+    assert stiff.stiff_window(0.1) > 2.0 * sharp
+    assert stiff.window(15.0, 0.1) == pytest.approx(stiff.stiff_window(0.1), rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["prototype", "lean"])
+def test_shifts_hang_over_the_window_of_the_closed_form(
+    clutch: Clutch, point: Point, name: str
+) -> None:
+    """Landed without mismatch all over the window, with little creep.
+
+    Those hang that creep does not lead out of the window in time, and none that friction does not
+    hold; sharp crests would hang over their crossing at most.
+    """
+    firm = replace(clutch.contact, stiction_velocity=2e-5)
+    dog = replace(dog_of(clutch.dog, DESIGNS[name]), edge_radius=0.3 * MM)
+    own, here = replace(clutch.with_dog(dog), contact=firm), point(0.0, 235.2)
+    ridges, each = ridges_of(own), 235.2 / dog.count
+    over, friction = WIDER * ridges.stiff_window(0.1), firm.dynamic_friction
+    hung, _ = share_held(own, here, over, 24)
+    left = own.timeout - here.profile.rise
+    least = ridges.hung_window(each, friction, firm.stiction_velocity, left)
+    most, step = ridges.window(each, friction), over / 24
+    sharp = dog.height * math.tan(dog.traction) / dog.mean_radius * dog.radial_width
+    assert least - step < hung < most + step
+    assert least > 0.9 * sharp
+    assert hung > sharp
+
+
+def test_sharp_records_are_as_they_were_and_rounded_ones_say_so(clutch: Clutch) -> None:
+    assert "edge_radius_mm" not in clutch_record(clutch)
+    assert clutch_record(rounded(clutch, 0.2 * MM))["edge_radius_mm"] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("radius", "kind", "words"),
+    [
+        (-0.1, InputError, "dog.edge_radius_mm is -0.1 mm"),
+        (0.01, InputError, "an edge is sharp (0 mm) or at least 0.02 mm round"),
+        (20.0, InputError, "dog.edge_radius_mm is 20 mm"),
+        (3.0, GeometryError, "dog.edge_radius_mm is 3 mm, but it must be at most 2.425 mm"),
+    ],
+)
+def test_radii_that_are_none_are_refused(
+    prototype: Dog, radius: float, kind: type[Exception], words: str
+) -> None:
+    with pytest.raises(kind) as refused:
+        replace(prototype, edge_radius=radius * MM)
+    assert words in str(refused.value)
+
+
+def test_the_largest_radius_leaves_a_land(prototype: Dog) -> None:
+    """Two roundings on the face at the inner radius, where it is narrowest."""
+    dog = replace(prototype, edge_radius=prototype.edge_room)
+    mesh = rigid_dog(dog)
+    inner = mesh.vertices[::2]
+    widths = np.linalg.norm(np.diff(inner, axis=0), axis=1)
+    assert LAND <= widths[1 + len(rounded_edges(dog)[1].planes)] < 0.1 * dog.edge_radius
+    with pytest.raises(GeometryError):
+        replace(dog, edge_radius=1.001 * dog.edge_radius)
+
+
+def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) -> None:
+    """Root fillets stay; tips, what touches and what lands follow the edge radius."""
+    root, tip = 0.3 * MM, 0.5 * MM
+    dog = replace(prototype, edge_radius=tip)
+    fine = {"segments": 16, "step": 0.5 * DEG}
+    both, roots = (ring_part(d, r, 3 * MM, **fine) for d, r in ((prototype, tip), (dog, root)))
+    assert roots.volume == pytest.approx(part_volume(dog, root, 3 * MM), rel=1e-3)
+    radii = [corner.radius for corner in dog_corners(dog, root)]
+    assert radii == pytest.approx([-root, tip, tip, -root])
+    # Larger fillets of the same tips add matter.
+    assert roots.volume < both.volume
+    limits = Limits()
+    for flank in FLANKS:
+        assert flank_contact(dog, root, flank) == flank_contact(prototype, tip, flank)
+        # The root keeps its own radius; its load acts where the flank touches.
+        assert notch_factor(dog, root, flank) == notch_factor(prototype, root, flank)
+    drawn = dimensioned_svg(dog, limits)
+    assert "roots R 0.30 ±0.05, tip edges R 0.50" in drawn
+    assert "roots and tip edges R 0.30" in dimensioned_svg(prototype, limits)
+    edge = Landing((5e4, *(0.0 for _ in OVERLAPS[1:])))
+    sharp, round_ = (demand_of(one, edge, limits).edge for one in (prototype, dog))
+    assert round_ == pytest.approx(sharp * math.sqrt(root / tip))
+
+
+def test_edges_must_clear_the_fillets(prototype: Dog) -> None:
+    limits = ManufacturingLimits()
+    names = {check.name for check in manufacturing_checks(prototype, limits)}
+    assert "edge_clearance" not in names
+    for radius, passes in ((0.2, False), (0.3, True), (0.5, True)):
+        dog = replace(prototype, edge_radius=radius * MM)
+        (check,) = (c for c in manufacturing_checks(dog, limits) if c.name == "edge_clearance")
+        assert check.passed is passes
+    with pytest.raises(GeometryError, match=r"use a larger dog\.edge_radius_mm"):
+        require_makeable(replace(prototype, edge_radius=0.2 * MM), limits)
+
+
+def test_roots_have_the_room_that_edges_leave(prototype: Dog) -> None:
+    """Flat flanks: the height is shared by a fillet and a rounding."""
+    low = replace(prototype, chamfer=0.0, traction=0.0, braking=0.0, height=1.0 * MM)
+    dog = replace(low, edge_radius=0.6 * MM)
+    assert root_radius_room(dog) == pytest.approx(0.4 * MM - LAND)
+    assert largest_root_radius(dog) == pytest.approx(0.4 * MM - LAND, abs=1e-8)
+
+
+@pytest.mark.parametrize("load", [1e4, 1e5])
+def test_edges_of_steel_are_a_line_contact(load: float) -> None:
+    """Hertz's balance and pressure, and stiffness and energy against differences and sums."""
+    radius = 0.3 * MM
+    line = LineContact(radius, load)
+    assert line.pressure == pytest.approx(edge_pressure(load, radius))
+    assert 0.5 * math.pi * line.half_width * line.pressure == pytest.approx(load)
+    step = 1e-4 * load
+    more, less = (LineContact(radius, load + s).approach for s in (step, -step))
+    assert line.stiffness == pytest.approx(2.0 * step / (more - less), rel=1e-6)
+    loads = np.linspace(0.0, load, 20_001)[1:]
+    depths = np.array([LineContact(radius, w).approach for w in loads.tolist()])
+    assert line.energy == pytest.approx(float(np.trapezoid(loads, depths)), rel=1e-3)
+    # Far stiffer than the bed: some 1e8 N/m for each dog of 4 mm, as an edge of 0.3 mm has.
+    assert 1.5e8 < line.stiffness * 4 * MM < 2.5e8
+
+
+def test_a_blow_of_equal_energy_is_harder_on_a_line(clutch: Clutch) -> None:
+    """The bed's energy against its force summed over depth in the engine; then the exchange."""
+    radius, load, bed = 0.3 * MM, 2e4, clutch.contact.stiffness
+    depth = (0.75 * load / (bed * math.sqrt(radius))) ** (2.0 / 3.0)
+    depths = np.linspace(0.0, depth, 2001)
+    loads = 4.0 / 3.0 * bed * math.sqrt(radius) * depths**1.5
+    assert bed_energy(load, radius, bed) == pytest.approx(
+        float(np.trapezoid(loads, depths)), rel=1e-4
+    )
+    column = bed * clutch.dog.tip_width
+    found = line_load(load, radius, bed, column)
+    line = LineContact(radius, found)
+    assert line.energy + 0.5 * found**2 / column == pytest.approx(bed_energy(load, radius, bed))
+    assert 2.0 < found / load < 6.0
+    # A dog as soft as the bed itself takes it all: nothing is harder.
+    assert line_load(load, radius, bed, load**2 / (2.0 * bed_energy(load, radius, bed))) < load
