@@ -14,6 +14,7 @@ from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
 from dogshape.sim.statistics.numerical_error import numerical_error
@@ -74,11 +75,8 @@ def evaluate(
         blocks_of(own, study.clutch.with_dog(dog), plan, seed, base)
         for own, dog, plan in zip(each, dogs, plans, strict=True)
     ]
-    other = reference_of(study) if REFERRED in estimated(study) else None
-    referred = [
-        [] if other is None else blocks_of(study, study.clutch.with_dog(other), plan, seed, base)
-        for plan in plans
-    ]
+    alike = {tuple(plan): _referred(study, plan, seed, base) for plan in plans}
+    referred = [alike[tuple(plan)] for plan in plans]
     # The same shifts of the reference belong to several designs: the journal holds each once.
     rows = executor.run([block for groups in (blocks, referred) for g in groups for block in g])
     taken = iter(rows)
@@ -115,8 +113,15 @@ def screen(
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
     own = None if operated is None else [replace(one, clutch=quick.clutch) for one in operated]
-    with executor.apart() as running:
+    with executor.apart(_referred(quick, whole_plan(quick, angles), seed)) as running:
         return [*evaluate(quick, dogs, running, plans, seed, operated=own)]
+
+
+def _referred(study: Setup, plan: Plan, seed: int, base: int | None = None) -> list[Block]:
+    """Return the blocks of the reference at a design's angles; none where nothing refers to it."""
+    if REFERRED not in estimated(study):
+        return []
+    return blocks_of(study, study.clutch.with_dog(reference_of(study)), plan, seed, base)
 
 
 def reference_of(study: Setup) -> Dog:

@@ -64,6 +64,7 @@ class Executor:
     quick: Progress = field(default=_silent)
     begun: Callable[[], None] | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
+    _again: dict[str, Record] = field(default_factory=dict, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
@@ -85,11 +86,17 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     @contextmanager
-    def apart(self) -> Iterator[Executor]:
-        """Give an executor whose journal is gone afterwards: for shifts quick to repeat."""
+    def apart(self, again: Sequence[Block] = ()) -> Iterator[Executor]:
+        """Give an executor whose journal is gone afterwards: for shifts quick to repeat.
+
+        Those of the blocks ``again``, which every call asks for, stay in memory for the next call.
+        """
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
+            journal.rows |= self._again
             yield Executor(journal, self.jobs, self.quick, self.cluster, begun=self.begun)
+            keys = {key for block in again for key in block.keys}.intersection(journal.finished)
+            self._again = {key: journal.rows[key] for key in keys}
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""

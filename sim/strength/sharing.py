@@ -49,6 +49,7 @@ two prototype dogs approach by 11.9 to 16.9 um under 417 N/mm, finer ones by 6.1
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -80,9 +81,9 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the gaps, ``wave`` the amplitude of their slow error,
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
-    gaps = _gaps(count, scatter, wave)
-    touching = np.arange(1, count + 1)
-    approach = _first((count + np.cumsum(gaps, axis=1)) / touching, gaps)
+    approach = _approach(
+        *_gaps(count, scatter, wave), lambda touching, total, _: (count + total) / touching
+    )
     return float(1.0 / approach.mean())
 
 
@@ -107,59 +108,36 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the faces, ``wave`` the amplitude of their slow error,
     both over the approach of perfect ones: sigma c/F_0 and a c/F_0.
     """
-    # A row a dog, the foremost first: few land, and rows of the others are not looked at.
-    if wave == 0.0:
-        size, gaps = scatter, _normal_rows(count)
-    else:
-        size, gaps = 1.0, _gaps(count, scatter, wave).T
-    found, left = np.empty(SAMPLES), np.arange(SAMPLES)
-    summed, squares, following = np.zeros(SAMPLES), np.zeros(SAMPLES), size * gaps[0]
-    for place in range(count):
-        here, touching = following, place + 1
-        summed, squares = summed + here, squares + here**2
-        mean = summed / touching
-        # The root is real up to the first number of dogs that fits.
+
+    def peak(touching: int, total: Floats, squares: Floats) -> Floats:
+        mean = total / touching
         spread = squares / touching - mean**2
-        approach = mean + np.sqrt(np.maximum(count / touching - spread, 0.0))
-        last = touching == count
-        following = np.full(left.size, np.inf) if last else size * gaps[touching, left]
-        fits = approach <= following
-        found[left[fits]] = approach[fits]
-        left, summed, squares, following = (
-            part[~fits] for part in (left, summed, squares, following)
-        )
-        if not left.size:
-            break
-    return float(1.0 / found.mean() ** 2)
+        # The root is real up to the first number of dogs that fits; none is looked at beyond.
+        root: Floats = np.sqrt(np.maximum(count / touching - spread, 0.0))
+        return mean + root
+
+    return float(1.0 / _approach(*_gaps(count, scatter, wave), peak).mean() ** 2)
 
 
-def _gaps(count: int, scatter: float, wave: float) -> Floats:
-    """Return gaps beyond the smallest, in their order, (samples, count).
+def _gaps(count: int, scatter: float, wave: float) -> tuple[float, Floats]:
+    """Return a scale, and gaps over it beyond the smallest, in their order, (count, samples).
 
     They are taken from the foremost before they are scaled, so that wide ones lose no digits.
     """
     if wave == 0.0:
-        return scatter * _normal_gaps(count)
+        return scatter, _normal_gaps(count)
     larger = max(scatter, wave)
     drawn, phase = _drawn(count)
     around = 2.0 * np.pi * (np.arange(count) / count + phase[:, None])
-    return larger * _from_foremost(scatter / larger * drawn + wave / larger * np.cos(around))
+    return larger, _from_foremost(scatter / larger * drawn + wave / larger * np.cos(around))
 
 
 @lru_cache(maxsize=64)
 def _normal_gaps(count: int) -> Floats:
-    """Return gaps of standard deviation 1 beyond the smallest, in their order, (samples, count)."""
+    """Return gaps of standard deviation 1 beyond the smallest, in their order, (count, samples)."""
     gaps = _from_foremost(_drawn(count)[0])
     gaps.flags.writeable = False
     return gaps
-
-
-@lru_cache(maxsize=64)
-def _normal_rows(count: int) -> Floats:
-    """Return the same, a row a dog, (count, samples)."""
-    rows = np.ascontiguousarray(_normal_gaps(count).T)
-    rows.flags.writeable = False
-    return rows
 
 
 def _drawn(count: int) -> tuple[Floats, Floats]:
@@ -169,16 +147,27 @@ def _drawn(count: int) -> tuple[Floats, Floats]:
 
 
 def _from_foremost(gaps: Floats) -> Floats:
-    ordered: Floats = np.sort(gaps, axis=1)
-    return ordered - ordered[:, :1]
+    """Order gaps (samples, count) and take them from the smallest, (count, samples)."""
+    ordered = np.ascontiguousarray(np.sort(gaps, axis=1).T)
+    return ordered - ordered[0]
 
 
-def _first(approach: Floats, gaps: Floats) -> Floats:
+def _approach(scale: float, gaps: Floats, of: Callable[[int, Floats, Floats], Floats]) -> Floats:
     """Return the approach of each sample with as many dogs as it touches, (samples,).
 
-    Column j of ``approach`` is that of the j + 1 foremost dogs, which holds while it does not
-    reach the next gap.
+    ``of`` gives it for a number of foremost dogs from the sums of their gaps and of their squares.
+    ``scale`` times ``gaps`` (count, samples) are the gaps. An approach holds while it does not
+    reach the next one.
     """
-    beyond = np.concatenate([gaps[:, 1:], np.full((len(gaps), 1), np.inf)], axis=1)
-    found: Floats = approach[np.arange(len(gaps)), (approach <= beyond).argmax(axis=1)]
+    found = np.empty(gaps.shape[1])
+    left = np.arange(gaps.shape[1])
+    here, total, squares = scale * gaps[0], 0.0 * gaps[0], 0.0 * gaps[0]
+    for touching in range(1, len(gaps) + 1):
+        total, squares = total + here, squares + here**2
+        found[left] = approach = of(touching, total, squares)
+        if touching < len(gaps):
+            here = scale * gaps[touching, left]
+            beyond = approach > here
+            left, here = left[beyond], here[beyond]
+            total, squares = total[beyond], squares[beyond]
     return found

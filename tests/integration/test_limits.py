@@ -15,10 +15,11 @@ from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
 from dogshape.pipeline.simulate.estimates import ESTIMATORS
 from dogshape.pipeline.simulate.evaluation import evaluate, reference_of, screen
-from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.landing import Demand, exceeded
 from tests.conftest import SMALL, Said, searching
@@ -139,6 +140,30 @@ def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
     assert found is not None
     assert found.measured == own.measured
     assert screen(study_with(), [dog], executor, 1) == [None]
+
+
+def test_a_screen_simulates_the_reference_once_for_all_rounds(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The next round simulates its own design alone, and says the same as a new executor."""
+    study = study_with("search.screen_angles=4", "search.limits.slower_than_reference_s=1.0")
+    one, other = (study.dog_with({"chamfer_deg": angle}) for angle in (10.0, 12.0))
+    asked: list[int] = []
+    simulate = Executor._simulate
+
+    def counted(self: Executor, blocks: list[Block]) -> Any:
+        asked.append(sum(len(block.angles) for block in blocks))
+        return simulate(self, blocks)
+
+    monkeypatch.setattr(Executor, "_simulate", counted)
+    executor, each = scratch_executor(1), 4 * len(study.points)
+    screen(study, [one], executor, 1)
+    (again,) = screen(study, [other], executor, 1)
+    assert asked == [2 * each, each]
+    (anew,) = screen(study, [other], scratch_executor(1), 1)
+    assert again is not None
+    assert anew is not None
+    assert (again.measured, again.estimates) == (anew.measured, anew.estimates)
 
 
 def test_a_search_keeps_its_limits(tmp_path: Path) -> None:

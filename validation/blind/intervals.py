@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
-
-Record = dict[str, Any]
 
 NORMAL = 1.959964  #: of a two-sided 95 % interval
 DRAWS = 2000  #: of a bootstrap
 
 
-def share(flags: Iterable[bool]) -> Record:
+class Interval(TypedDict):
+    """Value of ``n`` cases with the ends of its 95 % interval; None where there is no case."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+def share(flags: Iterable[bool]) -> Interval:
     """Compute a share with Wilson's 95 % interval: ``value``, ``low``, ``high``, ``n``."""
     given = list(flags)
     n = len(given)
@@ -27,17 +34,19 @@ def share(flags: Iterable[bool]) -> Record:
     return {"value": p, "low": max(0.0, middle - half), "high": min(1.0, middle + half), "n": n}
 
 
-def mean(values: Iterable[float | None], seed: int = 0) -> Record:
+def mean(values: Iterable[float | None], seed: int = 0) -> Interval:
     """Compute a mean with a bootstrap's 95 % interval; None among the values are left out."""
     return _bootstrap(values, np.mean, seed)
 
 
-def median(values: Iterable[float | None], seed: int = 0) -> Record:
+def median(values: Iterable[float | None], seed: int = 0) -> Interval:
     """Compute a median with a bootstrap's 95 % interval; None among the values are left out."""
     return _bootstrap(values, np.median, seed)
 
 
-def _bootstrap(values: Iterable[float | None], statistic: Callable[..., Any], seed: int) -> Record:
+def _bootstrap(
+    values: Iterable[float | None], statistic: Callable[..., Any], seed: int
+) -> Interval:
     given = np.array([v for v in values if v is not None], dtype=float)
     n = len(given)
     if n == 0:
@@ -49,7 +58,7 @@ def _bootstrap(values: Iterable[float | None], statistic: Callable[..., Any], se
     return {"value": float(statistic(given)), "low": float(low), "high": float(high), "n": n}
 
 
-def calibration(cases: list[list[tuple[float, bool]]], bins: int = 10, seed: int = 0) -> Record:
+def calibration(cases: list[list[tuple[float, bool]]], bins: int = 10, seed: int = 0) -> Interval:
     """Compute the expected calibration error of probabilities, by case, with its interval.
 
     Each case gives probabilities and whether each came true. The error is the mean distance of
