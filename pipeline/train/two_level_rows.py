@@ -96,7 +96,7 @@ def two_level_data(study: Setup, folder: StudyFolder) -> Dataset:
     cheap = ShiftJournal(folder.compiled).rows.values()
     dear = ShiftJournal(folder.pairs).rows.values()
     data = dataset_of(compiled(study), cheap)
-    found = discrepancy_of(_pairs(times_of(compiled(study), cheap), times_of(study, dear)))
+    found = discrepancy_of(pairs_of(times_of(compiled(study), cheap), times_of(study, dear)))
     corrected = found.corrected(data)
     levels: dict[str, Any] = {
         "planar": data.shifts,
@@ -141,7 +141,7 @@ def times_of(study: Setup, shifts: Iterable[Record]) -> Times:
     return found
 
 
-def _pairs(cheap: Times, dear: Times) -> list[Pair]:
+def pairs_of(cheap: Times, dear: Times) -> list[Pair]:
     """Pair the rows of both engines, where three of their angles engage in both."""
     pairs = []
     for (design, where), times in dear.items():
