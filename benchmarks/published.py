@@ -154,6 +154,11 @@ def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
     return lambda: _share(numbers(table, label), first)
 
 
+def _wide(label: str) -> Callable[[], Sequence[float]]:
+    """Give a share of the wide set with its interval, in percent."""
+    return lambda: [PERCENT * one for one in numbers("blind_wide", label)[:3]]
+
+
 def _score(label: str) -> Callable[[], Sequence[float]]:
     """Give a share of the diagnosis that is not told, with its interval, in percent."""
 
@@ -1032,6 +1037,23 @@ ENTRIES: list[Entry] = [
         "docs/blind.md",
         "(median; {:.1f} % root mean square)",
         lambda: numbers("blind_rest", "all cases:")[1:2],
+    ),
+    *(
+        Entry("docs/blind.md", text, _wide(label))
+        for label, text in (
+            ("none said: the true gap is within the margin", f"within the margin in {_SPAN},"),
+            ("true gap within the margin: none said", f"within it in {_SPAN}. No"),
+            ("all cases: all that is named is a cause", f"true in {_SPAN} of 33 cases"),
+            ("kind single: an effect named", f"anywhere in its prior in {_SPAN},"),
+            ("all cases: right   ", f"the truth leads in {_SPAN} of all"),
+            ("pairs: both causes found", f"both are found in {_SPAN},"),
+            ("all cases: named exactly, of what is named", f"the whole truth in {_SPAN} only"),
+        )
+    ),
+    Entry(
+        "docs/blind.md",
+        "the largest is {:.2f} margins",
+        lambda: numbers("blind_wide", "largest true gap where none is said:"),
     ),
     # docs/planar.md
     Entry(

@@ -170,6 +170,7 @@ OTHERS: dict[str, dict[str, str]] = {
         "Another clutch": TABLES,
         "Sets that were opened": "what each set showed; each has its table in the history",
         "The published score, and where it falls short": TABLES,
+        "The score of a wide set": TABLES,
         "Cost": ONCE,
     },
     "docs/diagnosis.md": {

@@ -16,7 +16,7 @@ from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import planar_clutch
 from dogshape.validation.blind import planar_shift
 from dogshape.validation.blind.cases import BEYOND, WIDE, WIDE_OUTSIDE, cases_of
-from dogshape.validation.blind.equivalence import equivalence_figures
+from dogshape.validation.blind.equivalence import equivalence_figures, true_means
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import Law, PlanarEngine
 from dogshape.validation.blind.sealed import Wanted, make
@@ -114,12 +114,10 @@ def test_a_wide_set_has_what_the_others_lack() -> None:
             assert not parameter.low <= value <= parameter.high
 
 
-def test_a_set_of_the_engine_keeps_the_true_means_in_its_key(tmp_path: Path) -> None:
+def test_a_set_is_of_an_engine_that_can_make_it(tmp_path: Path) -> None:
     wanted = Wanted(BENCH, "wide", "small", 3, "planar")
     manifest = make(tmp_path / "set", wanted)
     assert manifest["engine"] == "planar"
-    key = (tmp_path / "set" / "key.json").read_text()
-    assert '"even_s"' in key
     for other in ("published", "tuning"):
         with pytest.raises(InputError, match="makes wide sets only"):
             make(tmp_path / other, Wanted(BENCH, other, "small", 3, "planar"))
@@ -128,21 +126,28 @@ def test_a_set_of_the_engine_keeps_the_true_means_in_its_key(tmp_path: Path) -> 
 
 
 def test_none_is_right_where_the_true_gap_is_within_the_margin() -> None:
-    """Margins are 5 % of 100 ms; gaps of the bench have their scatter, true ones do not."""
-
-    def case(even: float) -> dict[str, object]:
-        return {"times_s": [[0.104, 0.106]] * 2, "even_s": [even, even]}
+    """Margins are 5 % of 100 ms."""
 
     def said(verdict: str) -> dict[str, object]:
         margin = {"margin_share": 0.05, "margin_least_s": 0.002}
-        where = [{"gap_s": 0.005}, {"gap_s": 0.005}]
-        return {"diagnosis": {"verdict": verdict, "discrepancy": margin, "where": where}}
+        return {"diagnosis": {"verdict": verdict, "discrepancy": margin}}
 
-    key = {"cases": {"a": case(0.104), "b": case(0.107), "c": case(0.101), "d": case(0.2)}}
+    true = {name: np.full(2, t) for name, t in zip("abcd", (0.104, 0.107, 0.101, 0.2), strict=True)}
     results = {"a": said("none"), "b": said("none"), "c": said("ambiguous"), "d": said("effect")}
-    found = equivalence_figures(key, results)
-    assert found is not None
+    found = equivalence_figures(true, np.array([0.1, 0.1]), results)
     assert (found["n"], found["within_of_said_none"]["value"]) == (4, 0.5)
     assert found["said_none_of_within"]["value"] == 0.5
     assert found["largest_ratio_of_said_none"] == pytest.approx(1.4)
-    assert equivalence_figures({"cases": {"a": {"times_s": [[0.1]]}}}, {"a": said("none")}) is None
+
+
+def test_true_means_have_the_effects_and_no_scatter() -> None:
+    points = (Point(25.0 * np.pi / 30.0, 641.5, 0.12614),)
+    delay = {"actuation_delay": {"delay_s": 0.05}}
+    cases = {
+        "plain": {"parameters": {}, "outside": {}},
+        "late": {"parameters": delay, "outside": {}},
+        "drift": {"parameters": {}, "outside": {"drift": 0.5}},
+    }
+    found = true_means(STAND, points, cases, "planar")
+    assert set(found) == {"plain", "late"}
+    assert found["late"] - found["plain"] == pytest.approx(0.05, abs=1e-4)

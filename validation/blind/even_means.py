@@ -14,12 +14,16 @@ ANGLES = 8  #: even ones, at each operating point
 
 
 def even_means(
-    stand: Stand, points: Sequence[Point], truth: Truth, name: str = "mujoco"
+    stand: Stand,
+    points: Sequence[Point],
+    truth: Truth,
+    name: str = "mujoco",
+    count: int = ANGLES,
 ) -> np.ndarray:
     """Return mean times at even angles, weighted as the truth draws them, s, (points,)."""
-    turns = (np.arange(ANGLES) + 0.5) / ANGLES
+    turns = (np.arange(count) + 0.5) / count
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
-    times = np.array(even_times(stand, points, ANGLES, truth, name), float)
+    times = np.array(even_times(stand, points, count, truth, name), float)
     having = np.isfinite(bulk(times))
     # Late shifts are left out, as in the size of a gap; where no shift engages there is no mean.
     share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)

@@ -77,6 +77,10 @@ class Seen:
             [self.emulator.at(hypothesis, values, k) for k in places], self.rules
         )
 
+    def simulated(self, points: Sequence[Sequence[float]]) -> Array:
+        """Return mean times without any effect and without late shifts, s, (points,)."""
+        return self.predictions(NONE, np.zeros((1, 0)), self.places(points)).mean[:, 0]
+
     def values(self, given: Record) -> Array:
         """List parameters by effect as the emulator takes them, (1, p)."""
         names = names_of(given)

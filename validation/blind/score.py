@@ -24,9 +24,10 @@ from dogshape.validation.blind.advised_test import (
     advised_tests,
     settled_figures,
     shifts_asked,
+    stage_of,
 )
 from dogshape.validation.blind.case_marks import Mark, Names, mark_of
-from dogshape.validation.blind.equivalence import equivalence_figures
+from dogshape.validation.blind.equivalence import equivalence_figures, true_means
 from dogshape.validation.blind.intervals import calibration, mean, median, share
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.pair_visibility import Sizes, partner_gaps, shifts_left
@@ -69,7 +70,11 @@ def score(
     key = opened(folder)
     if key.get("engine", "mujoco") != "mujoco":
         marks = [mark_of(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-        return {**scored(marks), "equivalence": equivalence_figures(key, results)}
+        first = next(iter(key["cases"]))
+        stage = stage_of(folder, key, first)
+        true = true_means(stage.stand, stage.points, key["cases"], key["engine"])
+        simulated = seen(folder / "cases" / first).simulated(key["points"])
+        return {**scored(marks), "equivalence": equivalence_figures(true, simulated, results)}
     if progress is not None:
         progress.extend(shifts_left(folder, key) + shifts_asked(results))
     advance = None if progress is None else progress.advance

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import secrets
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -30,7 +29,6 @@ from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.files import write_whole
 from dogshape.validation.blind.cases import Case, cases_of
 from dogshape.validation.blind.data import even_times, simulate, write_case
-from dogshape.validation.blind.even_means import even_means
 from dogshape.validation.blind.stand import Point, Stand, read_points, read_stand
 from dogshape.validation.blind.truth_engines import require_engine
 
@@ -41,7 +39,6 @@ Advance = Callable[[int], None]
 REFERENCE = {"small": 4, "full": 24}  #: even angles of the reference without any effect
 SMALL_FORCES = 2  #: a small set has so many forces, lowest and highest first
 MAKING = "making"
-CHEAP = "planar"  #: engine whose key has each case's means over even angles, too
 FORMAT = 1
 
 
@@ -89,22 +86,13 @@ def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = 
         reference = submit(even_times, stand, points, REFERENCE[wanted.size], None, engine)
         times = [future.result() for future in pending]
         free = reference.result()
-    even: list[Record] = [{} for _ in cases]
-    if wanted.engine == CHEAP:
-        # Without the scatter of the shifts; elsewhere these take longer than the set.
-        found = [even_means(stand, points, case.truth, CHEAP) for case in cases]
-        even = [{"even_s": [_known(one) for one in means.tolist()]} for means in found]
     truths = {
-        name: {**case.record(), "times_s": mine, **more}
-        for name, case, mine, more in zip(names, cases, times, even, strict=True)
+        name: {**case.record(), "times_s": mine}
+        for name, case, mine in zip(names, cases, times, strict=True)
     }
     manifest = _seal(folder, wanted, points, truths, free)
     rmtree(folder / MAKING, ignore_errors=True)
     return manifest
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _seal(
