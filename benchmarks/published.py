@@ -1051,6 +1051,11 @@ ENTRIES: list[Entry] = [
         )
     ),
     Entry(
+        "README.md",
+        "within its margin in {:.0f} % ({:.0f} to {:.0f}; 33 cases",
+        _wide("none said: the true gap is within the margin"),
+    ),
+    Entry(
         "docs/blind.md",
         "the largest is {:.2f} margins",
         lambda: numbers("blind_wide", "largest true gap where none is said:"),
