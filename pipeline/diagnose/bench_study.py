@@ -11,7 +11,7 @@ from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.units import DEG, MM, RPM
 
-Data = dict[str, Any]
+Data = dict[str, Any]  #: a TOML file as it is read
 CONTACT = "adams2019"  #: set that a data set's coefficients of friction replace
 #: Search ranges of angles, deg, and those of height and number over the bench's own.
 ANGLES = {"chamfer_deg": [0.0, 20.0], "traction_deg": [4.0, 30.0], "braking_deg": [4.0, 30.0]}

@@ -43,7 +43,7 @@ from dogshape.sim.units import RPM
 
 DRAWS = 200  #: of the posterior
 RARE = 0.005  #: probability below which a hypothesis is not drawn
-Data = dict[str, Any]
+Data = dict[str, Any]  #: a TOML file as it is read
 
 
 @dataclass(frozen=True)

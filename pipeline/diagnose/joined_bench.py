@@ -31,7 +31,7 @@ from dogshape.sim.texts import read_table
 
 DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
 NEAR = 0.05  #: share by which rise times of one mismatch and force differ by rounding alone
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a row of a table as it is read
 
 
 @dataclass(frozen=True)

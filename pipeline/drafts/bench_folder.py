@@ -41,7 +41,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a table of a TOML file
 TIMEOUTS = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  #: s, of which the first that holds all times is taken
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
 

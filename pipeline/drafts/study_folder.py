@@ -17,7 +17,7 @@ from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.texts import text_of
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a table of a TOML file
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
 # A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.

@@ -21,7 +21,7 @@ from dogshape.surrogate.covariance import Array, Mask, Term, starting
 from dogshape.surrogate.fitting import Effort, fit_process
 from dogshape.surrogate.process import Process, root_of
 
-Params = Mapping[str, Any]
+Params = Mapping[str, Any]  #: parameters of an Optuna trial
 EFFORT = Effort(rows=200, steps=30)  #: of a process over designs alone
 #: a smooth part, and a rough one that no other design predicts
 TERMS = (

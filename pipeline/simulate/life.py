@@ -29,6 +29,7 @@ from dogshape.sim.strength.wear import Wear, worn
 from dogshape.sim.units import DEG, MM
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life
+#: The part ``life`` of result.json, whose schema is ``pipeline.store.result_schema``.
 Row = dict[str, Any]
 
 

@@ -19,6 +19,7 @@ from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.sim.versions import versions
 
+#: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
 

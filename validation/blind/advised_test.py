@@ -40,7 +40,7 @@ from dogshape.validation.blind.mujoco_shift import Engine, Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
 from dogshape.validation.blind.true_effects import FIELDS, RANGES, SWITCHES, truth_of
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key and results of a set, as they are kept in JSON
 
 SURE = 0.8  #: probability above which a hypothesis counts as settled on
 ERROR = 0.05  #: standard error of a direct test, as share of a parameter's prior

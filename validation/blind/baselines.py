@@ -26,7 +26,7 @@ from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: part of the result of a case, as it is kept in JSON
 
 TRIED = (1, 41, 11)  #: values of each parameter, for none, one and two of them
 LEAST = 0.5e-3  #: s, the least spread of single shifts

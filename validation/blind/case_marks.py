@@ -22,7 +22,7 @@ from scipy.stats import chi2
 from dogshape.diagnosis.inference.classes import in_short
 from dogshape.diagnosis.prediction.outliers import Array, bulk
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 Names = tuple[str, ...]
 
 LEAST = 0.5e-3  #: s, the least spread of single shifts

@@ -20,7 +20,7 @@ from dogshape.validation.blind.intervals import share
 from dogshape.validation.blind.stand import Point, Stand
 from dogshape.validation.blind.true_effects import truth_of
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 
 ANGLES = 96  #: even angles; of eight a mean at slow points is off by as much as the margin
 

@@ -39,7 +39,7 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.setting import Setting
 from dogshape.validation.blind.case_marks import names_of, timely
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: a case of a key, as it is kept in JSON
 
 TRIED = (1, 65, 17)  #: values of each parameter at first, for none, one and two of them
 ROUNDS = 8  #: grids about the best so far, each a third as wide

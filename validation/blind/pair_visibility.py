@@ -31,7 +31,7 @@ from dogshape.validation.blind.sealed import Advance, ignore, manifest_of, pool,
 from dogshape.validation.blind.stand import Point, Stand
 from dogshape.validation.blind.true_effects import truth_of
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key of a set, as it is kept in JSON
 
 KEPT = "partners.json"  #: beside the cases
 

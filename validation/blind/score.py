@@ -33,7 +33,7 @@ from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.pair_visibility import Sizes, partner_gaps, shifts_left
 from dogshape.validation.blind.sealed import opened, results_of
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 
 VISIBLE = 2.0  #: sampling errors
 STRENGTHS = ("none", "barely", "clear", "gross")

@@ -32,7 +32,7 @@ from dogshape.validation.blind.data import even_times, simulate, write_case
 from dogshape.validation.blind.stand import Point, Stand, read_points, read_stand
 from dogshape.validation.blind.truth_engines import require_engine
 
-Record = dict[str, Any]
+Record = dict[str, Any]  #: key, manifest and results of a set, as they are kept in JSON
 Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 

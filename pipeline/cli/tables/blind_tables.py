@@ -10,7 +10,7 @@ from rich.console import Group, RenderableType
 
 from dogshape.pipeline.cli.console import columns
 
-Record = Mapping[str, Any]
+Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as it is printed in JSON
 
 
 def made_lines(folder: Path, manifest: Record) -> RenderableType:

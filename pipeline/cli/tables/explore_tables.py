@@ -10,7 +10,7 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.reports.kit.text import axis, in_ms
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a row of ``explore --json``
 
 
 def explored_text(record: Row) -> RenderableType:

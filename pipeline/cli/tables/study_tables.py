@@ -31,7 +31,7 @@ from dogshape.pipeline.reports.study.summary import (
 from dogshape.sim.shift.outcome import depends_on_clock
 from dogshape.surrogate.store import Stored
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
 
 def study_table(study: Setup, result: Row, report: Path | None) -> RenderableType:

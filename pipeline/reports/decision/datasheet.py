@@ -25,7 +25,7 @@ from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 #: Dimensions in the order of the sheet: field of the dog, words, and the unit's size and name.
 DIMENSIONS = (
     ("chamfer", "chamfer \u03b1", DEG, "°"),

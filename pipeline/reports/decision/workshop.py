@@ -31,7 +31,7 @@ from dogshape.sim.part.solid import ring_part
 from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.units import MM
 
-Row = dict[str, Any]
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 BODY = 3.0 * MM  #: thickness of a ring below its slots, m, as ``dogshape export`` has it
 NO_STEP = "no STEP file: it needs the extra [cad] (pip install 'dogshape[cad]')"
 
