@@ -204,9 +204,16 @@ def _within(found: Found) -> str:
 
 
 def _beside(found: Found) -> str:
-    """Describe what the simulation is off by beside the named effects."""
+    """Describe what the simulation is off by beside named effects, or how large an open gap is."""
     same = found.equivalence
-    if found.verdict.kind != "effect" or same is None:
+    if same is None or found.blind:
+        return ""
+    if found.verdict.kind == "ambiguous":
+        return (
+            f"Without the scatter of the shifts the gap is {_ranged(same.gap)}; within the margin, "
+            f"where nothing needs doing, it is with {chance(same.probability)}."
+        )
+    if found.verdict.kind != "effect":
         return ""
     return (
         f"Beside it the simulation is off by {_ranged(same.left)}, smoothly over the operating "
