@@ -29,8 +29,8 @@ takes, with *w* its load per length and *d* its depth, so peaks with more load o
 
 Printed are shares of a pitch that hang beside those of shifts without mismatch in the compiled
 engine, what a line contact makes of the load on edges, times and hangs of three designs at the
-operating points of the paper's study by the radius, what a finer polygon changes, and both engines
-on the same shifts. Takes some minutes.
+operating points of the paper's study by the radius, landings on steel edges, what a finer polygon
+changes, and both engines on the same shifts. Takes some minutes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,6 @@ from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 import dogshape.sim.shift.planes
 from benchmarks.common import paper_study, point_of
@@ -50,7 +49,9 @@ from benchmarks.contact_sets import kept
 from benchmarks.crest_hang import LONG, clutch_of, time_on_crests
 from benchmarks.ranking import expected
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
+from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.sim.engines import engage as engage_by
 from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import PlanarClutch, planar_clutch
@@ -58,13 +59,11 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.flank import crest_setback
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.expectation import Expectation
-from dogshape.sim.strength.landing import edge_pressure
-from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.sim.units import MM
+from dogshape.sim.strength.line_contact import LineContact, edge_pressure, line_load
+from dogshape.sim.units import MM, MPA
 
 Array = NDArray[np.float64]
 RADII = (0.0, 0.1, 0.2, 0.3)  #: mm
-MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 POINTS = 120  #: of a profile's arc, and of a radius along its faces
 HUNG = 40  #: shifts over a window
 WIDER = 1.6  #: of a window, over which shifts land
@@ -256,69 +255,6 @@ def windows(study: Setup) -> None:
             )
 
 
-@dataclass(frozen=True)
-class LineContact:
-    """Two like edges of steel under a load per length.
-
-    Parameters
-    ----------
-    radius : of either edge, m.
-    load : N/m.
-    """
-
-    radius: float
-    load: float
-
-    @property
-    def half_width(self) -> float:
-        """Half of the strip that touches (Hertz), m."""
-        return math.sqrt(4.0 * self.load * 0.5 * self.radius / (math.pi * MODULUS))
-
-    @property
-    def pressure(self) -> float:
-        """Largest pressure, Pa."""
-        return 2.0 * self.load / (math.pi * self.half_width)
-
-    @property
-    def approach(self) -> float:
-        """Approach of both cylinders' axes, m."""
-        return (
-            self.load
-            / (math.pi * MODULUS)
-            * (2.0 * math.log(4.0 * self.radius / self.half_width) - 1.0)
-        )
-
-    @property
-    def stiffness(self) -> float:
-        """Load per length over approach, for a small change of load, Pa."""
-        return math.pi * MODULUS / (2.0 * math.log(4.0 * self.radius / self.half_width) - 2.0)
-
-    @property
-    def energy(self) -> float:
-        """Energy per length that the contact stores, N."""
-        # w dz, with the logarithm's own part of 1/(4 pi E*).
-        return 0.5 * self.load * self.approach - self.load**2 / (4.0 * math.pi * MODULUS)
-
-
-def bed_energy(load: float, radius: float, stiffness: float) -> float:
-    """Return the energy per length of two edges on a bed of springs in Pa/m, N."""
-    depth = (0.75 * load / (stiffness * math.sqrt(radius))) ** (2.0 / 3.0)
-    return 0.4 * load * depth
-
-
-def line_load(load: float, radius: float, bed: float, dog: float) -> float:
-    """Return the load per length, N/m, of a line contact on a dog at the energy of a bed's load.
-
-    ``bed`` in Pa/m; ``dog`` the stiffness of a dog for each length, Pa.
-    """
-    energy = bed_energy(load, radius, bed)
-
-    def left(w: float) -> float:
-        return LineContact(radius, w).energy + 0.5 * w * w / dog - energy
-
-    return float(brentq(left, 1e-3 * load, 1e3 * load))
-
-
 def lines(study: Setup) -> None:
     """Print what a line contact makes of loads on edges."""
     dog, bed = study.clutch.dog, study.clutch.contact.stiffness
@@ -357,6 +293,27 @@ def times(angles: int, run: Executor) -> None:
     for radius in RADII:
         keys = {"dog.edge_radius_mm": radius, "manufacturing.root_radius_mm": radius or 0.3}
         print(row(radius, list(expected(keys, designs, angles, run).values())), flush=True)
+
+
+def steel(angles: int, run: Executor) -> None:
+    """Print the largest pressure on edges as simulated, and of the same blows on steel edges."""
+    name = f"edge pressure that one landing in a hundred exceeds, MPa, {angles} angles"
+    print(f"\n{name}: as simulated, and line contact")
+    designs = designs_of()
+    print("radius, mm" + "".join(f"{name:>22}" for name in designs) + "   limit")
+    for radius in (0.3, 0.5):
+        cells = {"bed": [], "line": []}  # type: dict[str, list[float]]
+        for contact, found in cells.items():
+            keys = {"manufacturing.root_radius_mm": radius, "load.edge_contact": contact}
+            study = load_study("mq200", {**keys, "solver.engine": "planar"})
+            dogs = [study.dog_with(design) for design in designs.values()]
+            plans = [whole_plan(study, angles)] * len(dogs)
+            for one in evaluate(study, dogs, run, plans, study.file.expectation.seed):
+                found.append(one.measured.demand.edge / MPA)
+        limit = study.limits.material.edge_pressure / MPA
+        pairs = zip(*cells.values(), strict=True)
+        told = "".join(f"{f'{bed:.0f} {line:.0f}':>22}" for bed, line in pairs)
+        print(f"{radius:<10}{told}{limit:8.0f}", flush=True)
 
 
 def row(radius: float, found: list[Expectation]) -> str:
@@ -415,7 +372,7 @@ def both(study: Setup, each: int = 1) -> None:
         )
 
 
-PARTS = ("windows", "lines", "times", "finer", "both")
+PARTS = ("windows", "lines", "times", "steel", "finer", "both")
 
 
 def main() -> None:
@@ -430,6 +387,7 @@ def main() -> None:
         "windows": partial(windows, study),
         "lines": partial(lines, study),
         "times": partial(times, given.angles, scratch_executor(given.jobs)),
+        "steel": partial(steel, 2 * given.angles, scratch_executor(given.jobs)),
         "finer": partial(finer, study),
         "both": partial(both, study),
     }

@@ -138,6 +138,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
             life = _life(confirmation, state, executor, progress)
     if state.shared:
         state = search.read(state.findings)  # with what the others told meanwhile
+    if state.shared or search.study.searches_operation:  # the folder's shifts do not say it
         write_json(folder.others, {"rows": state.rows})
     result = collect(state, journal, replication)
     if confirmation is not None:
@@ -172,9 +173,6 @@ def _learn(
     study: Setup, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
 ) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
-    if study.searches_operation:
-        say("no surrogate: it knows variables of the dog alone")
-        return
     try:
         stored = train(folder, say=say)
     except InputError as error:

@@ -5,7 +5,7 @@ Lengths, angles and speeds are in the unit that a key ends in.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
@@ -171,6 +171,9 @@ class LoadSection(Section):
     tilt_mrad: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
     landing_share: float | None = _unless_given()
+    edge_contact: Literal["bed", "line"] = Field(
+        default="bed", exclude_if=lambda value: value == "bed"
+    )
 
 
 class StrikeSection(Section):

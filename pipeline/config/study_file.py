@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,6 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads
-from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.passing import require_stiff_enough
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.shift_records import (
@@ -63,7 +62,8 @@ class Setup:
 
     ``variables`` maps each searched key of the dog to its range, in edge units; ``clutch`` has
     the mechanism and what effects make of the contact, ``actuation`` the way of the shift force;
-    ``uncertainty`` is None where nothing but the relative angle is uncertain.
+    ``uncertainty`` is None where nothing but the relative angle is uncertain. ``operation`` has the
+    searched keys of the operation, of the study as one design is operated; empty otherwise.
     """
 
     file: StudyFile
@@ -73,6 +73,7 @@ class Setup:
     variables: dict[str, tuple[float, float]]
     actuation: Actuation
     uncertainty: Uncertainty | None = None
+    operation: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -95,8 +96,8 @@ class Setup:
         if not given:
             return self
         points = operated_points(self.points, self.actuation, given)
-        limits = _limits(self.file, self.clutch.mechanism, points)
-        return replace(self, points=points, limits=limits)
+        limits = _limits(self.file, self.clutch, points)
+        return replace(self, points=points, limits=limits, operation=given)
 
     @property
     def retraction(self) -> float:
@@ -288,7 +289,7 @@ def build_study(file: StudyFile) -> Setup:
     points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
-    limits = _limits(file, clutch.mechanism, points)
+    limits = _limits(file, clutch, points)
     variables = _variables(file)
     require_ranges(points, actuation, variables)
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
@@ -370,9 +371,11 @@ def _rises(file: StudyFile) -> RiseTable:
     return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
 
 
-def _limits(file: StudyFile, mechanism: Mechanism, points: Sequence[OperatingPoint]) -> Limits:
+def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
-    load = _load_case(file)
+    load, mechanism = _load_case(file), clutch.mechanism
+    if file.load.edge_contact == "line":
+        load = replace(load, edge_bed=clutch.contact.stiffness)
     shaken = file.load.axial_vibration_m_s2
     remedy = "leave it out where nothing shakes the ring"
     require_between("load.axial_vibration_m_s2", shaken, 0.0, 1e4, remedy)
@@ -438,7 +441,7 @@ def _tolerances(file: StudyFile) -> Tolerances:
 
 
 def _load_case(file: StudyFile) -> LoadCase:
-    given = file.load.model_dump(exclude={"spectrum", "axial_vibration_m_s2"})
+    given = file.load.model_dump(exclude={"spectrum", "axial_vibration_m_s2", "edge_contact"})
     classes = file.load.spectrum or []
     if any(len(one) != 2 for one in classes):
         raise InputError(

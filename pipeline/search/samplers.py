@@ -24,12 +24,6 @@ def sampler_factory(study: Setup, guide: DogGuide | None = None) -> Callable[[in
     an uninterrupted one.
     """
     search, guide = study.file.search, guide or DogGuide(study)
-    if search.sampler in OWN and study.searches_operation:
-        raise InputError(
-            f"search.sampler is '{search.sampler}', but its surrogate knows variables of the dog "
-            f"alone, not {', '.join(k for k in study.variables if k not in study.shape_keys)}; "
-            'give search.sampler = "tpe", "nsga2" or "random"'
-        )
     if search.sampler in OWN:
         startup = startup_designs(study, guide) if search.sampler == "surrogate" else search.trials
         own = SurrogateSampler(guide, search.seed, startup)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.pipeline.simulate.design import REFERRED, Design, Measured, simulated_limits
 from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.operated_shifts import as_searched
 from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -90,7 +92,8 @@ def evaluate(
         beside = expectation_of(study, [b.point for b in referred[k]], others) if others else None
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        results.append(_simulated(each[k], dog, result, mine, beside))
+        learned = _learned(study, each[k].operation, plans[k], mine)
+        results.append(_simulated(each[k], dog, result, mine, beside, learned=learned))
     return results
 
 
@@ -140,6 +143,8 @@ def _simulated(
     expectation: Expectation,
     rows: Sequence[Sequence[Record]],
     reference: Expectation | None,
+    *,
+    learned: Array,
 ) -> Simulated:
     shifts = [row for mine in rows for row in mine]
     demand = demand_over(study, dog, expectation, rows)
@@ -147,8 +152,19 @@ def _simulated(
     found = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
     estimates = estimates_of(found)
     measured = Measured(demand, {n: estimates[n].value for n in simulated_limits(study)})
-    learned, ended = rows_of(study.shape_keys, shifts), sum(map(unfinished, shifts))
+    ended = sum(map(unfinished, shifts))
     return Simulated(expectation, measured, learned, estimates, ended)
+
+
+def _learned(
+    study: Setup, operation: Mapping[str, float], plan: Plan, rows: Sequence[Sequence[Record]]
+) -> Array:
+    """Compute what the surrogate learns from the shifts of a plan, by operating point."""
+    points = [point for point, count in zip(study.points, plan, strict=True) if count]
+    keys = [key for key in study.variables if key in OPERATED]
+    whole = {key: operation.get(key, study.prototype[key]) for key in keys}
+    told = [as_searched(whole, *pair) for pair in zip(points, rows, strict=True)]
+    return rows_of(tuple(study.variables), [shift for shifts in told for shift in shifts])
 
 
 def demand_over(

@@ -178,7 +178,9 @@ def train(
 def _data_of(study: Setup, folder: StudyFolder) -> Dataset:
     if folder.compiled.exists():
         return two_level_data(study, folder)
-    own = dataset_of(study, ShiftJournal(folder.shifts).rows.values())
+    # A shift does not say which set-point and factors moved its operating point there.
+    shifts = () if study.searches_operation else ShiftJournal(folder.shifts).rows.values()
+    own = dataset_of(study, shifts)
     if not folder.others.exists():
         return own
     rows = read_json(folder.others, "run 'dogshape study' with --resume to write it again")

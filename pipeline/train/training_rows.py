@@ -26,9 +26,11 @@ from dogshape.surrogate.mix import Mix, mix_of
 def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
     """Collect the rows of all shifts that are of the study's physics and of these programs.
 
-    Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out.
+    Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out. Rows
+    are sorted: workers finish in any order, and a fit must not depend on it.
     """
-    return with_rows(study, rows_of(tuple(study.variables), shifts_of(study, shifts)))
+    rows = rows_of(tuple(study.variables), shifts_of(study, shifts))
+    return with_rows(study, rows[np.lexsort(np.nan_to_num(rows.T[::-1], nan=-1.0))])
 
 
 def shifts_of(study: Setup, shifts: Iterable[Record]) -> list[Record]:

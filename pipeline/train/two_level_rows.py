@@ -144,7 +144,7 @@ def times_of(study: Setup, shifts: Iterable[Record]) -> Times:
 def pairs_of(cheap: Times, dear: Times) -> list[Pair]:
     """Pair the rows of both engines, where three of their angles engage in both."""
     pairs = []
-    for (design, where), times in dear.items():
+    for (design, where), times in sorted(dear.items()):
         beside = cheap.get((design, where), {})
         both = [angle for angle in times if angle in beside]
         if len(both) > 2:

@@ -23,6 +23,10 @@ below the shakedown limit of a line contact, four times the yield stress in shea
 *Contact Mechanics*, 1985). With a yield stress of a third of the hardness that is
 0.77 HV; more would flatten it landing by landing.
 
+What is simulated there is a bed of springs, far softer over a narrow overlap than steel. With
+``load.edge_contact = "line"`` the edges bear a blow of the same energy on a line contact in series
+with the dog (``sim.strength.line_contact``), an upper bound.
+
 Each landing is one of rigid rings on the contact's stiffness with the moving mass of the study,
 and no bound: stiffer dogs land harder, and more angles than were simulated may hold harder ones.
 So the hardest of a sample grows with the sample. With ``load.landing_share`` *s* the checks take
@@ -35,6 +39,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -43,20 +48,17 @@ from dogshape.sim.shift.geometry import LAND, Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.materials import POISSON, YOUNG
+from dogshape.sim.strength.line_contact import bed_energy, blow_load, edge_pressure, flat_energy
 from dogshape.sim.units import MPA
+
+#: Overlap in the middle of each class, m; the last one has no end.
+MIDDLES = (*(0.5 * (low + high) for low, high in pairwise(OVERLAPS)), OVERLAPS[-1])
 
 
 def hardest(landings: Iterable[Landing]) -> Landing:
     """Return the largest load in each class of overlap; zeros where there is none."""
     columns = list(zip(*(one.line_loads for one in landings), strict=True))
     return Landing(tuple(max(column) for column in columns)) if columns else Landing()
-
-
-def edge_pressure(line_load: float, radius: float) -> float:
-    """Return the pressure of Hertz of two like edges, Pa; load in N/m, their radius in m."""
-    modulus = YOUNG / (2.0 * (1.0 - POISSON**2))
-    return math.sqrt(line_load * modulus / (math.pi * 0.5 * radius))
 
 
 FACE_RULE = Rule(
@@ -84,7 +86,8 @@ EDGE_RULE = Rule(
     "impact",
     "pressure of Hertz of rounded edge on rounded edge, hardest landing",
     "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
-    "simulated peak; limit 0.77 HV, shakedown of a line contact (Johnson 1985)",
+    "simulated peak, or with load.edge_contact = 'line' a blow of its energy on steel edges; "
+    "limit 0.77 HV, shakedown of a line contact (Johnson 1985)",
     "MPa",
     "material.surface_hardness_HV",
     True,
@@ -140,8 +143,24 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     flats = [(flat, load) for flat, load in classes if flat >= LAND]
     face = max((load / flat for flat, load in flats), default=0.0)
     core = max((load / (flat + spread) for flat, load in flats), default=0.0)
+    bed = limits.load.edge_bed
+    if bed is not None:
+        classes = [
+            (flat, _on_steel(load, middle, dog, bed, radius) if flat < LAND else load)
+            for (flat, load), middle in zip(classes, MIDDLES, strict=True)
+        ]
     edge = max((load for flat, load in classes if flat < LAND), default=0.0)
     return Demand(face, core, edge_pressure(edge, radius))
+
+
+def _on_steel(load: float, overlap: float, dog: Dog, bed: float, radius: float) -> float:
+    """Compute the load per length of the same blow on steel edges, N/m.
+
+    Sharp dogs of the simulation overlap with flat faces, rounded ones with two cylinders.
+    """
+    rounded = dog.edge_radius > 0.0
+    energy = bed_energy(load, radius, bed) if rounded else flat_energy(load, overlap, bed)
+    return blow_load(energy, radius, bed * dog.tip_width)
 
 
 def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:

@@ -85,6 +85,8 @@ class LoadCase:
     spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
     landing_share : share of shifts that may land harder than the checks take
         (``sim.strength.landing``); None for the hardest of those simulated.
+    edge_bed : stiffness of the simulated contact, Pa/m, whose blows on edges are taken by a line
+        contact of steel (``sim.strength.line_contact``); None for the simulated load itself.
     """
 
     torque: float = 200.0
@@ -112,6 +114,7 @@ class LoadCase:
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
     landing_share: float | None = None
+    edge_bed: float | None = None
 
     def __post_init__(self) -> None:
         for name, value, low, high in (

@@ -5,10 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.surrogate.store import load
 
 SETTINGS = {
     "operating": {
@@ -59,3 +62,24 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     again = ds.Study("mq200_paper", SETTINGS).search(out, jobs=1, resume=True)
     assert (out / "shifts.jsonl").read_text() == shifts
     assert json.dumps(again.record["best"]) == json.dumps(best)
+
+
+def test_the_surrogate_knows_the_operation(tmp_path: Path) -> None:
+    """The study's own sampler searches shape and control, and leaves a surrogate over both."""
+    settings = {**SETTINGS, "search.sampler": "surrogate", "search.trials": 18}
+    study = ds.Study("mq200_paper", {**settings, "search.startup": 12})
+    found = study.search(tmp_path / "r", jobs=1)
+    assert found.record["surrogate"] is not None
+    surrogate = load(tmp_path / "r" / "surrogate.json").surrogate
+    assert surrogate.data.variables == ("chamfer_deg", *OPERATED)
+    # Designs that are operated differently meet at the study's own operating points.
+    assert len(np.unique(surrogate.data.points, axis=0)) == len(study.config.points)
+    mix, told = study_mix(study.config), [t for t in found.record["trials"] if t["shifts"]]
+    designs = study.config.rows(told)
+    times = np.array([surrogate.mean(x, mix) for x in designs])
+    simulated = np.array([row["expected_shift_time_s"] for row in told])
+    assert np.corrcoef(times, simulated)[0, 1] > 0.9
+    # A set-point far from the simulated one is another design: the answer follows it.
+    other = designs[0].copy()
+    other[1] = -other[1]
+    assert surrogate.mean(other, mix) != pytest.approx(surrogate.mean(designs[0], mix), rel=0.02)

@@ -134,6 +134,13 @@ def test_rows_of_other_physics_are_left_out(filled: tuple[Setup, ShiftJournal]) 
     assert len(dataset_of(load_study("mq200_paper", ["contact.set=adams2019"]), rows)) == 0
 
 
+def test_rows_do_not_depend_on_the_order_of_shifts(filled: tuple[Setup, ShiftJournal]) -> None:
+    """Workers finish in any order; the digest of a data set, and so its fit, must not tell."""
+    study, journal = filled
+    rows = list(journal.rows.values())
+    assert dataset_of(study, rows).digest == dataset_of(study, rows[::-1]).digest
+
+
 def test_a_question_is_answered_with_the_shifts_it_was_given(
     filled: tuple[Setup, ShiftJournal], tmp_path: Path
 ) -> None:

@@ -8,7 +8,6 @@ import pytest
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.dog_guide import search_space
-from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -117,9 +116,21 @@ def test_ranges_that_no_shift_has_are_refused(more: str, sentence: str) -> None:
     assert sentence in str(refused.value)
 
 
-def test_the_own_sampler_refuses_what_it_cannot_model() -> None:
-    with pytest.raises(InputError, match="not mismatch_set_rpm, force_factor, rise_factor; give"):
-        sampler_factory(_study("search.sampler='surrogate'"))
+def test_rows_stand_at_the_points_of_the_study() -> None:
+    """What a surrogate learns has the operation among the numbers of the design."""
+    study = _study("solver.engine='planar'")
+    moved = {"mismatch_set_rpm": -30.0, "force_factor": 1.5}
+    plans = [[3] * len(study.points)] * 2
+    dogs, own = [study.clutch.dog] * 2, [study, study.operated(moved)]
+    found = evaluate(study, dogs, scratch_executor(), plans, 1, operated=own)
+    own_values = [study.prototype[key] for key in OPERATED]
+    for one, values in zip(found, (own_values, [-30.0, 1.5, 1.0]), strict=True):
+        assert one.rows[:, 5:8] == pytest.approx(np.array([values] * len(study.points)))
+        assert one.rows[:, 8] == pytest.approx([p.mismatch / RPM for p in study.points])
+        assert one.rows[:, 9] == pytest.approx([p.profile.force for p in study.points])
+    means = [one.rows[:, 10] for one in found]
+    assert means[1] == pytest.approx([p.mean for p in found[1].expectation.points])
+    assert means[0] != pytest.approx(means[1])
 
 
 def test_results_have_keys_for_them() -> None:

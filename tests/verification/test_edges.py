@@ -15,9 +15,6 @@ import dogshape.sim.shift.planes
 from benchmarks.crest_hang import DESIGNS
 from benchmarks.edge_radius import (
     WIDER,
-    LineContact,
-    bed_energy,
-    line_load,
     ridges_of,
     rounded,
     share_held,
@@ -46,7 +43,15 @@ from dogshape.sim.shift.planes import DEVIATION, dog_planes, rounded_edges, touc
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import demand_of, edge_pressure
+from dogshape.sim.strength.landing import demand_of
+from dogshape.sim.strength.line_contact import (
+    LineContact,
+    bed_energy,
+    blow_load,
+    edge_pressure,
+    flat_energy,
+    line_load,
+)
 from dogshape.sim.strength.manufacture import (
     ManufacturingLimits,
     manufacturing_checks,
@@ -410,3 +415,25 @@ def test_a_blow_of_equal_energy_is_harder_on_a_line(clutch: Clutch) -> None:
     assert 2.0 < found / load < 6.0
     # A dog as soft as the bed itself takes it all: nothing is harder.
     assert line_load(load, radius, bed, load**2 / (2.0 * bed_energy(load, radius, bed))) < load
+
+
+def test_landing_checks_take_steel_edges_where_asked(clutch: Clutch) -> None:
+    """The same blow on a line contact; flat faces and the core bear what they bore."""
+    dog = clutch.dog
+    loads = [0.0] * len(OVERLAPS)
+    loads[1], loads[-1] = 2e4, 5e5  # on an edge, and on the whole face
+    landing = Landing(tuple(loads))
+    bed = Limits()
+    line = replace(bed, load=replace(bed.load, edge_bed=clutch.contact.stiffness))
+    soft, steel = (demand_of(dog, landing, limits) for limits in (bed, line))
+    assert (steel.face, steel.core) == (soft.face, soft.core)
+    # By hand: half of the dogs land, on 0.15 mm, the middle of the class.
+    w, k = 2e4 / math.sqrt(bed.load.load_sharing), clutch.contact.stiffness
+    energy = 0.5 * w**2 / (k * 0.15 * MM)
+    assert flat_energy(w, 0.15 * MM, k) == pytest.approx(energy)
+    peak = blow_load(energy, bed.root_radius, k * dog.tip_width)
+    assert steel.edge == pytest.approx(edge_pressure(peak, bed.root_radius))
+    assert 1.3 < steel.edge / soft.edge < 4.0
+    # The limit of a stiff line: all of the energy is in the dog.
+    assert peak < math.sqrt(2.0 * energy * k * dog.tip_width)
+    assert blow_load(0.0, bed.root_radius, 1e10) == 0.0

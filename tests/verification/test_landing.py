@@ -19,7 +19,8 @@ from dogshape.sim.shift.phases import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.shift_records import landing_of, landing_record
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import edge_pressure, hardest, landing_checks
+from dogshape.sim.strength.landing import hardest, landing_checks
+from dogshape.sim.strength.line_contact import edge_pressure
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MPA
 
