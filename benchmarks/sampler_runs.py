@@ -56,6 +56,8 @@ SAMPLERS: dict[str, Callable[[int], BaseSampler]] = {
     "quasi-random": lambda seed: QMCSampler(seed=seed, scramble=True),
 }
 OWN = {"own, 3 of 6 points": POINTS, "own, all points": None}  #: by points of a design
+COMPILED = "own, Drake judges"  #: searched by the compiled engine, its front simulated by Drake
+MANY = 64  #: angles at each operating point of that search
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ def search(sampler: str, seed: int, designs: int) -> Record:
         warnings.simplefilter("ignore", ExperimentalWarning)
         if sampler in OWN:
             return _own(Path(folder), OWN[sampler], seed, designs)
+        if sampler == COMPILED:
+            return _judged(Path(folder), seed, designs)
         executor = Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), 1)
         return _asked_and_told(SAMPLERS[sampler](seed), executor, problem(), seed, designs)
 
@@ -118,6 +122,28 @@ def _own(folder: Path, points: int | None, seed: int, designs: int) -> Record:
         record.steps.append(Step(len(journal.rows), spent, len(state.simulated), declared))
 
     run(opened, sampler_factory(study, guide), Executor(journal, 1), after_round)
+    return record
+
+
+def _judged(folder: Path, seed: int, designs: int) -> Record:
+    """Search by the compiled engine alone; Drake then simulates designs of the front in turn."""
+    settings = ("solver.engine=planar", f"expectation.angles={MANY}")
+    study = problem(*settings, f"search.trials={designs}", f"search.seed={seed}")
+    guide, root = DogGuide(study), StudyFolder(folder)
+    opened = open_search(study, root, None, False, guide=guide)
+    record, begun = Record(designs), time.process_time()
+    compiled = Executor(ShiftJournal(root.compiled), 1)
+    run(opened, sampler_factory(study, guide), compiled, lambda _, __: None)
+    front = [dict(trial.params) for trial in opened.read().front]
+    judge, kept = Executor(ShiftJournal(root.shifts), 1), list[Values]()
+    for count, params in enumerate(front, start=1):
+        whole = problem()
+        plan, dog = whole_plan(whole), whole.dog_with(params)
+        (one,) = evaluate(whole, [dog], judge, [plan], whole.file.expectation.seed)
+        if design_of(whole, params, one.measured).feasible:
+            kept.append(params)
+        spent = time.process_time() - begun
+        record.steps.append(Step(len(judge.journal.rows), spent, count, [*kept]))
     return record
 
 

@@ -7,6 +7,9 @@ The paper's study's objectives and constraints at six of its operating points, f
 may spend the same number of shifts, and none knows what the package brings. Each run has a
 processor to itself, so that the time is that of one worker.
 
+One more run of this project searches by the compiled engine alone, at many more angles. Its
+shifts are those with which Drake simulates the designs of its front in turn.
+
 A run of Optuna's also ends after 400 s of a processor or 4000 proposals: it then keeps the
 front that it had.
 
@@ -35,7 +38,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sampler_runs import OWN, SAMPLERS, Values, problem, search
+from benchmarks.sampler_runs import COMPILED, OWN, SAMPLERS, Values, problem, search
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import search_space
 from dogshape.pipeline.search.unit_cube import Space
@@ -222,7 +225,7 @@ def print_races(shares: Mapping[tuple[str, int], Array], most: int) -> None:
     counts = shifts_compared(most)
     print("\nthis project's sampler less the best other of the same seed, at equal shifts;")
     print(f"last: at {counts[0]} shifts less the best other at {most}")
-    for name in OWN:
+    for name in (*OWN, COMPILED):
         for seed in sorted({seed for other, seed in shares if other == name}):
             rivals = np.array(
                 [shares[other, seed] for other in SAMPLERS if (other, seed) in shares]
@@ -242,7 +245,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/samplers"))
     parser.add_argument("--kept", action="store_true", help="run nothing, tell what is kept")
-    parser.add_argument("--only", nargs="*", default=[*SAMPLERS, *OWN])
+    parser.add_argument("--only", nargs="*", default=[*SAMPLERS, *OWN, COMPILED])
     given = parser.parse_args()
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     given.out.mkdir(parents=True, exist_ok=True)

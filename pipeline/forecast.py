@@ -11,15 +11,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Kind = Literal["design", "quick", "shift"]
+Kind = Literal["design", "quick", "shift", "confirm"]
 
 CLOCK: Callable[[], float] = time.monotonic
 #: s of processor time that a proposal, a shift of the compiled engine and one of Drake take, about.
-COST: Mapping[Kind, float] = {"design": 2.0, "quick": 0.002, "shift": 0.1}
+#: Shifts that confirm are a kind of their own where another engine simulates them.
+COST: Mapping[Kind, float] = {"design": 2.0, "quick": 0.002, "shift": 0.1, "confirm": 0.1}
 #: The same where the study's own shifts are of the compiled engine.
 PLANAR: Mapping[Kind, float] = {**COST, "shift": COST["quick"]}
 #: How many of a kind that guess counts for, once some were measured.
-WEIGHT: Mapping[Kind, float] = {"design": 1.0, "quick": 200.0, "shift": 10.0}
+WEIGHT: Mapping[Kind, float] = {"design": 1.0, "quick": 200.0, "shift": 10.0, "confirm": 10.0}
 
 
 @dataclass

@@ -81,6 +81,7 @@ class WorkCounter:
         self._unit = unit
         self._forecast = forecast
         self._done = self._known = 0
+        self._kind: Kind = "shift"
 
     def __enter__(self) -> WorkCounter:
         self._update()
@@ -99,8 +100,12 @@ class WorkCounter:
     def advance(self, count: int) -> None:
         """Count ``count`` more finished shifts; more than were expected raise the total."""
         if self._forecast is not None:
-            self._forecast.report("shift", count)
+            self._forecast.report(self._kind, count)
         self._add(count)
+
+    def confirms(self) -> None:
+        """Take all further shifts for those of another engine, which confirms."""
+        self._kind = "confirm"
 
     def quick(self, count: int) -> None:
         """Take ``count`` more finished shifts of the compiled engine, which are not counted."""
@@ -129,7 +134,7 @@ class WorkCounter:
         """Count shifts that an earlier run finished."""
         self._known += count
         if self._forecast is not None:
-            self._forecast.skip("shift", count)
+            self._forecast.skip(self._kind, count)
         self._add(count)
 
     def extend(self, count: int) -> None:

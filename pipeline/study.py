@@ -303,7 +303,7 @@ def _replicate(
 
     def told(left: int, line: str) -> None:
         progress.rest(left + confirm)
-        progress.designs(0, {**likely, "shift": left + likely["shift"]})
+        progress.designs(0, {**likely, "shift": left + likely.get("shift", 0.0)})
         progress.say(line)
 
     done, state = replicate(state, executor, told)
@@ -313,6 +313,9 @@ def _replicate(
 def _confirm(
     state: SearchState, executor: Executor, progress: WorkCounter
 ) -> tuple[dict[str, Any] | None, SearchState]:
+    if state.study.confirming is not state.study:
+        progress.confirms()
+
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(state.study, count))
         progress.designs(0, to_confirm(state.study, count))

@@ -277,7 +277,7 @@ class SearchSection(Section):
     the share that engages at the first try. ``reference``: keys of the dog that no operating point
     may be slower than; those absent are the study's own. ``screen_angles``: relative angles at each
     operating point at which the compiled engine judges landing and limits before Drake simulates a
-    design.
+    design. ``confirm_engine``: engine that confirms the front, the search's own if absent.
     """
 
     objectives: list[str] = Field(
@@ -302,6 +302,7 @@ class SearchSection(Section):
     within_s: Annotated[float, Field(gt=0.0)] | None = _unless_given()
     reference: dict[str, float] | None = _unless_given()
     screen_angles: Annotated[int, Field(ge=3, le=4096)] | None = _unless_given()
+    confirm_engine: Literal["drake", "planar"] | None = _unless_given()
 
 
 class SolverSection(Section):

@@ -100,6 +100,14 @@ class Setup:
         return replace(self, points=points, limits=limits, operation=given)
 
     @property
+    def confirming(self) -> Setup:
+        """The study with the engine that confirms its front."""
+        engine = self.file.search.confirm_engine
+        if engine in (None, self.clutch.solver.engine):
+            return self
+        return replace(self, clutch=self.clutch.with_engine(engine))
+
+    @property
     def retraction(self) -> float:
         """Time to pull back before a retry, s, and the dead time of that."""
         return self.file.shift.retraction_s + self.actuation.delay

@@ -4,8 +4,8 @@ A search picks designs that were also lucky, and more angles find harder landing
 first designs of the front are re-simulated at angles which the search did not use. A design that
 fails a check there beats no other: it leaves the front, those that it alone dominated join it, and
 more are confirmed, until so many as are wanted pass, or ``MOST_CONFIRMED`` times as many were
-simulated. All of it follows from trials and shifts, so that a run that was cut off ends as it
-would have.
+simulated. With ``search.confirm_engine`` Drake confirms what the compiled engine has searched. All
+of it follows from trials and shifts, so that a run that was cut off ends as it would have.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ def confirm(
     Every operating point is simulated, whatever the search left out. Give the record, None where
     no design passes every check of the search, and the state without designs that fail a check.
     """
-    study, found = state.study, dict[int, Simulated]()
+    study, found = state.study.confirming, dict[int, Simulated]()
     params: dict[int, dict[str, float]] = {}
     while trials := _next(state, found):
         count, failed = len(trials), len(state.findings.unfit)
@@ -119,7 +119,9 @@ def _record(
     _require_known({"the prototype": both[0]})
     prototype, winner = (one.expectation for one in both)
     gain = prototype.mean - winner.mean
+    named = study.file.search.confirm_engine
     return {
+        **({} if named is None else {"engine": named}),
         "angles": study.file.search.confirm_angles,
         "prototype": _confirmed(study, study.prototype, both[0]),
         "chosen": chosen,

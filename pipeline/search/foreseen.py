@@ -38,19 +38,19 @@ def to_search(search: Search, state: SearchState | None = None) -> Work:
     if state is not None and len(trials) >= settings.trials / 2:
         front = min(front, max(1, len(state.front)))
     confirming = to_confirm(study, front)
-    return {
-        "design": float(left),
-        "quick": screened(study, left + rounds) + confirming["quick"],
-        "shift": searching + again + confirming["shift"],
+    mine: Work = {
+        "design": left,
+        "quick": screened(study, left + rounds),
+        "shift": searching + again,
     }
+    kinds: tuple[Kind, ...] = ("design", "quick", "shift", "confirm")
+    return {kind: float(mine.get(kind, 0.0) + confirming.get(kind, 0.0)) for kind in kinds}
 
 
 def to_confirm(study: Setup, designs: int) -> Work:
     """Expect the work to confirm prototype and so many designs."""
-    return {
-        "quick": screened(study, designs + 2),
-        "shift": float(most_to_confirm(study, designs)),
-    }
+    kind: Kind = "shift" if study.confirming is study else "confirm"
+    return {"quick": screened(study, designs + 2), kind: float(most_to_confirm(study, designs))}
 
 
 def screened(study: Setup, designs: float) -> float:

@@ -203,6 +203,7 @@ class ConfirmedDesign(Section):
 class Confirmation(Section):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
+    engine: str | None = key("engine of the confirmation, where the study names one", "", None)
     angles: int = key("relative angles at each operating point")
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key("trial of the chosen design: the first that passes every check here too")

@@ -32,28 +32,33 @@ class Shifts:
     groups: dict[str, list[Record]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        keys = tuple(clutch_record(self.study.clutch))
+        both = self.study, self.study.confirming
+        keys = {key for study in both for key in clutch_record(study.clutch)}
         groups: dict[str, list[Record]] = {}
         for row in self.rows:
             if row["outcome"] != Outcome.DIVERGED.value:
-                groups.setdefault(content_key({key: row[key] for key in keys}), []).append(row)
+                groups.setdefault(
+                    content_key({key: row[key] for key in keys & row.keys()}), []
+                ).append(row)
         object.__setattr__(self, "groups", groups)
 
     def of(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts of a design, given in edge units."""
-        clutch = self.study.clutch.with_dog(self.study.dog_with(design))
+        return self._of(self.study, design)
+
+    def _of(self, study: Setup, design: dict[str, float]) -> list[Record]:
+        clutch = study.clutch.with_dog(study.dog_with(design))
         return self.groups.get(content_key(clutch_record(clutch)), [])
 
     def searched(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts at the angles of the search."""
-        return self._drawn(design, self.study.file.expectation.seed)
+        seed = self.study.file.expectation.seed
+        return [row for row in self.of(design) if row.get("seed") == seed]
 
     def confirmed(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts at the new angles of the confirmation."""
-        return self._drawn(design, self.study.file.expectation.seed + NEW_ANGLES)
-
-    def _drawn(self, design: dict[str, float], seed: int) -> list[Record]:
-        return [row for row in self.of(design) if row.get("seed") == seed]
+        seed = self.study.file.expectation.seed + NEW_ANGLES
+        return [row for row in self._of(self.study.confirming, design) if row.get("seed") == seed]
 
 
 def read_shifts(study: Setup, journal: ShiftJournal) -> Shifts:

@@ -89,9 +89,15 @@ def gained(result: Row) -> list[Gained]:
     return found
 
 
+ENGINES = {"drake": "Drake", "planar": "the compiled engine"}
+
+
 def engine_of(result: Row) -> str:
-    """Name the engine that simulated the shifts of a study."""
-    return "Drake" if result.get("engine", "drake") == "drake" else "the compiled engine"
+    """Name the engine that simulated the shifts of a study, and another one that confirmed it."""
+    engine = result.get("engine", "drake")
+    other = (result["confirmation"] or {}).get("engine") or engine
+    searched, confirmed = (ENGINES[name] for name in (engine, other))
+    return searched if other == engine else f"{searched}, at the new angles by {confirmed}"
 
 
 def headline(result: Row) -> str:
