@@ -18,6 +18,7 @@ COMMANDS = "docs/commands.md"
 MODEL = "docs/model.md"
 PLANAR = "docs/planar.md"
 SIMULATION = "docs/simulation.md"
+SURROGATE = "docs/surrogate.md"
 STRENGTH = "docs/strength.md"
 #: Effects that move the mean by half a millisecond or less.
 SMALL_EFFECTS = ("contact_dissipation", "detent_force", "spline_friction")
@@ -59,6 +60,22 @@ def _rounded(radius: str) -> list[float]:
 def _steel(radius: str) -> list[float]:
     """Give pressures on edges of a radius, as simulated and on steel by design, and the limit."""
     return numbers("edge_radius", "edge pressure that one landing", "radius, mm", radius)
+
+
+#: Clutches of ``benchmarks/two_fidelities.py`` as docs/surrogate.md names them.
+CLUTCHES = {"prototype": "prototype", "small": "small, 40 mm", "large": "large, 92 mm"}
+
+
+def _fitted(clutch: str, row: str) -> list[float]:
+    """Give what references say of a fit in two levels: rmse, bias, Q2 and so on."""
+    return numbers("two_fidelities", f"two_fidelities-{clutch}", row)
+
+
+def _clutch(clutch: str) -> list[float]:
+    """Give the row of docs/surrogate.md on a clutch."""
+    rmse, bias, q2, inside, points, inside_points, rank, _ = _fitted(clutch, f"parametric{500:>11}")
+    alone = _fitted(clutch, "Drake alone")[3]
+    return [q2, rmse, bias, inside, points, inside_points, rank, alone]
 
 
 def _prototype(name: str) -> Any:
@@ -567,6 +584,28 @@ ENTRIES: list[Entry] = [
             *(_steel("0.5")[k] for k in (1, 3)),
         ],
     ),
+    *(
+        Entry(
+            SURROGATE,
+            f"| {told} | {{:.3f}} | {{:.2f}} ms | {{:+.2f}} ms | {{:.0f}} % | {{:.3f}} | {{:.0f}} % "
+            "| {:.2f} | {:.3f} |",
+            partial(_clutch, clutch),
+        )
+        for clutch, told in CLUTCHES.items()
+    ),
+    Entry(
+        SURROGATE,
+        "themselves uncertain by {:.2f}, {:.2f} and {:.2f} ms",
+        lambda: [
+            numbers("two_fidelities", f"two_fidelities-{clutch}", "references", "")[2]
+            for clutch in CLUTCHES
+        ],
+    ),
+    Entry(
+        SURROGATE,
+        "with 125 the three have {:.3f}, {:.3f} and {:.3f}",
+        lambda: [_fitted(clutch, f"parametric{125:>11}")[2] for clutch in CLUTCHES],
+    ),
     Entry(
         SIMULATION,
         "an edge of 0.3 mm bears {:.0f} N/mm where",
@@ -942,7 +981,7 @@ ENTRIES: list[Entry] = [
     # docs/surrogate.md
     *(
         Entry(
-            "docs/surrogate.md",
+            SURROGATE,
             f"| {form} | {{:.3f}} | {{:.3f}} | {{:.0f}} % |",
             lambda place=place: [  # type: ignore[misc]
                 surrogate()["comparison"][place]["log_density"],
@@ -962,7 +1001,7 @@ ENTRIES: list[Entry] = [
         )
     ),
     Entry(
-        "docs/surrogate.md",
+        SURROGATE,
         "standard error {:.1f} ms) | {:.3f} | {:.1f} ms | {:.0f} % |",
         lambda: [
             MS * surrogate()["validation"]["noise_s"],
@@ -972,7 +1011,7 @@ ENTRIES: list[Entry] = [
         ],
     ),
     Entry(
-        "docs/surrogate.md",
+        SURROGATE,
         "at single operating points | {:.3f} | {:.1f} ms | {:.0f} % |",
         lambda: [
             surrogate()["validation"]["q2_points"],
@@ -981,12 +1020,12 @@ ENTRIES: list[Entry] = [
         ],
     ),
     Entry(
-        "docs/surrogate.md",
+        SURROGATE,
         "{:d} of their shifts did not engage, where {:.0f} were expected",
         lambda: [surrogate()["validation"]["lost"], surrogate()["validation"]["lost_expected"]],
     ),
     Entry(
-        "docs/surrogate.md",
+        SURROGATE,
         "rank correlation is {:.2f} (0.9",
         lambda: [surrogate()["validation"]["rank_best"]],
     ),

@@ -17,8 +17,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.optimize import brentq
-
 from dogshape.sim.strength.materials import POISSON, YOUNG
 
 MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
@@ -89,6 +87,9 @@ def blow_load(energy: float, radius: float, dog: float) -> float:
 
     ``energy`` per length in N; ``dog`` the stiffness of a dog for each length, Pa.
     """
+    # Takes a quarter of a second to load, which checks of studies without it do not need.
+    from scipy.optimize import brentq  # noqa: PLC0415
+
     if energy <= 0.0:
         return 0.0
     alone = math.sqrt(2.0 * energy * dog)  # were all of the energy in the dog
