@@ -587,8 +587,8 @@ ENTRIES: list[Entry] = [
     *(
         Entry(
             SURROGATE,
-            f"| {told} | {{:.3f}} | {{:.2f}} ms | {{:+.2f}} ms | {{:.0f}} % | {{:.3f}} | {{:.0f}} % "
-            "| {:.2f} | {:.3f} |",
+            f"| {told} | {{:.3f}} | {{:.2f}} ms | {{:+.2f}} ms | {{:.0f}} % | {{:.3f}} | "
+            "{:.0f} % | {:.2f} | {:.3f} |",
             partial(_clutch, clutch),
         )
         for clutch, told in CLUTCHES.items()
