@@ -64,7 +64,9 @@ def fill(
     """Simulate designs that fill their space, and references; go on where a call was stopped.
 
     In two ``levels`` most shifts are of the compiled engine (``pipeline.train.two_level_rows``).
+    InputError for a study that searches its operation: a stored shift does not say which.
     """
+    _require_shapes_alone(study)
     if levels == 2:
         _fill_in_two_levels(study, folder, jobs, cluster, progress)
         return
@@ -89,6 +91,15 @@ def fill(
             simulate_references(study, both, executor, counter.extend)
             for journal in (shifts, apart_from_them):
                 journal.say_unfinished(progress.say)
+
+
+def _require_shapes_alone(study: Setup) -> None:
+    if study.searches_operation:
+        others = [key for key in study.variables if key not in study.shape_keys]
+        raise InputError(
+            f"the study searches {', '.join(others)}, which the surrogate learns from a search "
+            "alone; run 'dogshape study', which leaves one, or take them out of [variables]"
+        )
 
 
 def _fill_in_two_levels(
@@ -127,6 +138,7 @@ def ask_more(
     """Simulate more about a question into a folder that has shifts already."""
     connect(cluster)
     study = folder.stored_study()
+    _require_shapes_alone(study)
     with folder.writing(), WorkCounter(progress, inquiry.shifts) as counter:
         executor = Executor(ShiftJournal(folder.shifts), jobs, counter.advance, cluster)
         with counter.kept_in(folder.root, "the same command goes on"):

@@ -11,6 +11,7 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.errors import InputError
 from dogshape.surrogate.store import load
 
 SETTINGS = {
@@ -83,3 +84,8 @@ def test_the_surrogate_knows_the_operation(tmp_path: Path) -> None:
     other = designs[0].copy()
     other[1] = -other[1]
     assert surrogate.mean(other, mix) != pytest.approx(surrogate.mean(designs[0], mix), rel=0.02)
+
+
+def test_a_surrogate_of_the_operation_comes_from_a_search(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="searches mismatch_set_rpm, force_factor, rise_factor"):
+        ds.fit(ds.Study("mq200_paper", SETTINGS), out=tmp_path / "fit")
