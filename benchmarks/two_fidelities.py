@@ -100,7 +100,7 @@ def parametric(rows: Dataset, cheap: Times, dear: Times) -> Dataset:
 
 def process(rows: Dataset, cheap: Times, dear: Times) -> Dataset:
     """Correct rows by a Gaussian process of what the parametric discrepancy leaves of the pairs."""
-    places = [place for place in dear if pairs_of(cheap, {place: dear[place]})]
+    places = [place for place in sorted(dear) if pairs_of(cheap, {place: dear[place]})]
     pairs = pairs_of(cheap, {place: dear[place] for place in places})
     common = discrepancy_of(pairs)
     mismatch = np.array([pair.mismatch for pair in pairs])
