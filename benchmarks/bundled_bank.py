@@ -15,6 +15,7 @@ from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank_store import BankStore
+from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
     TIMES,
@@ -39,7 +40,7 @@ def main() -> None:
     for name in SETS:
         # Whatever a set says: a copy of it may call its sense unknown.
         bench = replace(load_bench(name), mismatch_sense="unknown")
-        banks_of(bench, effects, Means(bank=given.bank, jobs=given.jobs, say=print))
+        banks_of(bench, effects, Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()))
         keys += blocks_by_key(plans_of(bench, effects))
     store = BankStore((brought(TIMES), given.bank / TIMES))
     store.save(brought(TIMES), dict.fromkeys(keys))

@@ -229,7 +229,8 @@ OTHERS: dict[str, dict[str, str]] = {
         "a definition",
     ),
     "docs/planar.md": dict.fromkeys(
-        ("", "What is the same, and what is not", "The first start"), DEFINITIONS
+        ("", "What is the same, and what is not", "The bank of a diagnosis", "The first start"),
+        DEFINITIONS,
     ),
     "docs/search.md": {
         **dict.fromkeys(

@@ -101,6 +101,7 @@ class Diagnosis:
         aliases = {name: effect.aliases for name, effect in self.effects.items()}
         return {
             "bench": self.bench.name,
+            "engine": self.bench.clutch.solver.engine,
             "verdict": self.verdict.kind,
             "causes": list(self.verdict.causes),
             "noise": self.noise,

@@ -158,6 +158,7 @@ def diagnose(
     bank: str | Path = BANK,
     effects: str | Path | None = None,
     study: str | None = None,
+    engine: str | None = None,
     jobs: int = 0,
     progress: Progress = SILENT,
 ) -> Diagnosis:
@@ -172,6 +173,8 @@ def diagnose(
     bank : folder of simulations that diagnoses share.
     effects : folder with effects of the user's own.
     study : study, or folder of its results, whose best designs are simulated with the cause.
+    engine : of the simulations, ``drake`` or ``planar``; None for the one whose lacking shifts take
+        less time.
     jobs : worker processes, 0 for one a core.
     progress : is told how far the simulations are.
 
@@ -181,7 +184,8 @@ def diagnose(
         For a data set, an effect or a study that cannot be used, with the remedy.
     """
     given = _data_of(bench, correct)
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
+    own = None if effects is None else Path(effects)
+    means = Means(Path(bank), own, jobs, progress, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
         require_no_updates(folder)

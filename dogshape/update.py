@@ -82,7 +82,8 @@ def update_diagnosis(
     folder : of the earlier diagnosis (``diagnose`` with ``out``).
     new : table with the columns of ``shifts.csv``, in the same units.
     effects : folder with effects of the user's own; that of the earlier diagnosis by default.
-    bank, jobs, progress : as in ``diagnose``.
+    bank, jobs, progress : as in ``diagnose``. The engine is that of the earlier diagnosis, so that
+        before and now differ by the readings alone.
 
     Raises
     ------
@@ -97,7 +98,8 @@ def update_diagnosis(
         count = len(asked.joined)
         before, cells = before_of(place, count)
         own = effects if effects is not None else asked.effects
-        means = Means(Path(bank), None if own is None else Path(own), jobs, progress)
+        folders = Path(bank), None if own is None else Path(own)
+        means = Means(*folders, jobs, progress, before.get("engine"))
         inference = diagnosed(data.bench, means)
         record = update_record(before, cells, inference, data.new, count)
         updates = [*updates_of(place, count), record]

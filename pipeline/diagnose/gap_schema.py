@@ -181,6 +181,9 @@ class InferenceRecord(Section):
     """The whole record, ``gap.json``."""
 
     bench: str = key("name of the data set")
+    engine: str | None = key(
+        "engine of the simulations, `drake` or `planar`; absent in earlier versions", "", None
+    )
     verdict: Literal["effect", "none", "unknown", "ambiguous"] = key("decision")
     causes: list[str] = key("effects that are part of the cause by the verdict")
     noise: float = key("Monte Carlo standard error of the leading probability", SHARE)

@@ -16,7 +16,7 @@ from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
 from dogshape.pipeline.diagnose.bench_study import rounded
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
@@ -74,6 +74,7 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
             f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
         )
     effects = load(means.effects)
+    bench = with_bank_engine(bench, effects, means)
     emulator, flights = emulator_of(bench, effects, means)
     problem = Problem(observe(bench), emulator, USUAL, bench.mismatch_sense)
     field = field_of(problem, effects, setting_of(bench))

@@ -30,6 +30,7 @@ def extras_of(found: Diagnosis) -> Extras:
         phases=phases_of(found.bench),
         unknown_cells=_unknown(found.bench),
         provenance={
+            "engine of the simulations": found.bench.clutch.solver.engine,
             "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
             "hash of the data": _digest(found.bench),
             "processors": str(os.cpu_count()),

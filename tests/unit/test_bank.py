@@ -15,6 +15,7 @@ from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, s
 from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.levels import Axes, levels_of, only_read
+from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, Means, plans_of, with_bank_engine
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effects import load
@@ -184,3 +185,33 @@ def test_shifts_in_drake_are_simulated_once(tmp_path: Path, clutch: Clutch) -> N
     assert heavy > 1.2 * light
     spread = BankEmulator(bank).at(("moving_mass",), np.array([[10.0]]), 0)
     assert abs(spread.times.mean() - heavy) < 2.0 * spread.error[0]
+
+
+def test_a_known_clutch_keeps_the_engine_of_its_bank(tmp_path: Path) -> None:
+    kept = with_bank_engine(BENCH, EFFECTS, Means(tmp_path))
+    assert kept is BENCH
+    assert kept.clutch.solver.engine == "drake"
+
+
+def test_the_compiled_engine_simulates_what_no_bank_has(bench: Bench, tmp_path: Path) -> None:
+    unseen = replace(bench, clutch=replace(bench.clutch, timeout=1.1))
+    few = {"actuation_delay": EFFECTS["actuation_delay"]}
+    quick = with_bank_engine(unseen, few, Means(tmp_path))
+    assert quick.clutch == unseen.clutch.with_engine("planar")
+    assert quick.cells == unseen.cells
+    asked = with_bank_engine(unseen, few, Means(tmp_path, engine="drake"))
+    assert asked.clutch == unseen.clutch
+
+
+def test_a_bank_of_drake_that_is_there_is_used(bench: Bench, tmp_path: Path) -> None:
+    unseen = replace(bench, clutch=replace(bench.clutch, timeout=1.1))
+    few = {"actuation_delay": EFFECTS["actuation_delay"]}
+    store = BankStore((tmp_path / TIMES,))
+    for plan in plans_of(unseen, few):
+        store.bank(*plan, made_up)
+    assert with_bank_engine(unseen, few, Means(tmp_path)).clutch == unseen.clutch
+
+
+def test_an_engine_that_is_none_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="'mujoco', which is not an engine; valid are drake, pla"):
+        with_bank_engine(BENCH, EFFECTS, Means(tmp_path, engine="mujoco"))

@@ -16,6 +16,7 @@ import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.gap_update import sentence
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, StorageError
@@ -104,6 +105,23 @@ def test_an_update_is_the_diagnosis_of_all_readings_at_once(stand: Path) -> None
     assert update["after"]["causes"] == ["sleeve_friction"]
     assert update["shifts"] == 20 * len(POINTS)
     assert escape(update["sentence"]) in (stand / "out" / "report.html").read_text()
+
+
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+def test_an_update_keeps_the_engine_of_the_diagnosis(
+    stand: Path, engine: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toy, asked = ds.update.diagnosed, list[str | None]()
+
+    def told(bench: Bench, means: Means) -> Diagnosis:
+        asked.append(means.engine)
+        return toy(bench, means)
+
+    record = {**_record(stand / "out"), "engine": engine}
+    (stand / "out" / "gap.json").write_text(json.dumps(record))
+    monkeypatch.setattr("dogshape.update.diagnosed", told)
+    ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 20))
+    assert asked == [engine]
 
 
 def test_the_reason_is_the_bayes_factor_of_the_new_readings(stand: Path) -> None:

@@ -45,15 +45,19 @@ def gap(
     draws: Annotated[
         int, typer.Option(min=1, max=100_000, help="with --write: draws from the posterior")
     ] = DRAWS,
+    engine: Annotated[
+        str | None,
+        typer.Option(help="drake or planar; default: the one whose lacking shifts take less time"),
+    ] = None,
     correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
     """Find which unmodelled effect makes a bench differ from the simulation.
 
-    The simulations of a clutch and its operating points take about half an hour on two cores,
-    once; those of the published clutch come with the package. 'dogshape gap plan' says before which
-    shifts to make, 'dogshape gap update' joins new ones to a diagnosis.
+    The simulations of a clutch and its operating points take some minutes in the compiled engine,
+    once; those of the published clutch, of Drake, come with the package. 'dogshape gap plan' says
+    before which shifts to make, 'dogshape gap update' joins new ones to a diagnosis.
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
@@ -62,8 +66,8 @@ def gap(
     if write is not None:
         require_new_study(write, base)
     found = diagnose(
-        bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study, jobs=jobs,
-        progress=ProgressBar(),
+        bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study,
+        engine=engine, jobs=jobs, progress=ProgressBar(),
     )  # fmt: skip
     record = found.to_dict()
     try:
