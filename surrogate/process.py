@@ -96,6 +96,11 @@ class Process:
         """Lower root of ``matrix``, (n, n)."""
         return np.linalg.cholesky(self.matrix).astype(float)
 
+    @cached_property
+    def whitening(self) -> Array:
+        """Inverse of the lower root of ``matrix``, (n, n)."""
+        return self._whitened(np.eye(len(self._root)))
+
     def _whitened(self, columns: Array) -> Array:
         """Return the inverse of the root times columns (n, m), block by block, (n, m)."""
         white = columns.copy()

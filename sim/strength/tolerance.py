@@ -19,9 +19,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
 from dogshape.sim.shift.flank import FLANKS, flank_contact
 from dogshape.sim.shift.geometry import SHARPEST, Dog
@@ -97,7 +94,6 @@ class Spread:
         return math.hypot(*self.by_dimension.values())
 
 
-Floats = NDArray[np.float64]
 SIDES = (-1.0, 1.0)
 Values = Callable[[Dog, float], Sequence[float]]  #: of a dog and its root radius in m
 
@@ -123,32 +119,30 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
     A deviation that leaves no dog makes every loss infinite.
     """
     sizes = tolerances.dimensions
+    nominal = values(dog, root_radius)
 
-    def fall(signs: Mapping[str, float]) -> Floats:
+    def fall(signs: Mapping[str, float]) -> list[float]:
         deviations = {name: sign * sizes[name] for name, sign in signs.items()}
         try:
-            fallen: Floats = nominal - values(*moved(dog, root_radius, deviations))
+            there = values(*moved(dog, root_radius, deviations))
         except DogshapeError:
-            return np.full(len(nominal), math.inf)
-        return fallen
+            return [math.inf] * len(nominal)
+        return [here - off for here, off in zip(nominal, there, strict=True)]
 
-    nominal = np.array(values(dog, root_radius))
-    # (dimensions, sides, values)
-    falls = np.array([[fall({name: side}) for side in SIDES] for name in sizes])
-    if not sizes:
-        return [Spread({}, 0.0) for _ in nominal]
-    worse = falls.argmax(axis=1)
-    corners = {
-        signs: fall(dict(zip(sizes, (SIDES[side] for side in signs), strict=True)))
-        for signs in {tuple(column) for column in worse.T}
-    }
-    return [
-        Spread(
-            dict(zip(sizes, np.maximum(falls[:, :, i].max(axis=1), 0.0).tolist(), strict=True)),
-            max(0.0, float(corners[tuple(worse[:, i])][i]), float(falls[:, :, i].max())),
-        )
-        for i in range(len(nominal))
-    ]
+    # Of each dimension the falls of all values on either side.
+    falls = {name: [fall({name: side}) for side in SIDES] for name in sizes}
+    corners: dict[tuple[float, ...], list[float]] = {}
+    found = []
+    for i in range(len(nominal)):
+        sides = {name: [fallen[i] for fallen in both] for name, both in falls.items()}
+        signs = {name: SIDES[two.index(max(two))] for name, two in sides.items()}
+        corner = tuple(signs.values())
+        if corner not in corners:
+            corners[corner] = fall(signs)
+        worst = {name: max(two) for name, two in sides.items()}
+        by_dimension = {name: max(one, 0.0) for name, one in worst.items()}
+        found.append(Spread(by_dimension, max(0.0, corners[corner][i], *worst.values())))
+    return found
 
 
 def _contact(dog: Dog, root_radius: float) -> list[float]:
