@@ -271,6 +271,7 @@ OTHERS: dict[str, dict[str, str]] = {
     },
     "docs/surrogate.md": {
         **dict.fromkeys(("", "Data", "Two levels", "Expectation over a mix"), DEFINITIONS),
+        **dict.fromkeys(("What if, live", "The file"), DEFINITIONS),
         "Where to simulate next": TABLES,
         "Asking": TABLES,
     },

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from dogshape.study import Study
     from dogshape.study_result import StudyResult, load_result
     from dogshape.update import Update, update_diagnosis
+    from dogshape.whatif import WhatIf
 
 __all__ = [
     "Bench",
@@ -61,6 +62,7 @@ __all__ = [
     "Study",
     "StudyResult",
     "Update",
+    "WhatIf",
     "compare",
     "diagnose",
     "expect_draws",
@@ -104,6 +106,7 @@ _HOMES = {
     "load_result": "dogshape.study_result",
     "plan_shifts": "dogshape.plan",
     "update_diagnosis": "dogshape.update",
+    "WhatIf": "dogshape.whatif",
 }
 
 

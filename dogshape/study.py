@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift
     from dogshape.strength import Strength
     from dogshape.study_result import StudyResult
+    from dogshape.whatif import WhatIf
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -188,6 +189,14 @@ class Study:
         from dogshape.exploration import explore_surrogate  # noqa: PLC0415
 
         return explore_surrogate(self.config, _path(surrogate), None, progress)
+
+    def what_if(
+        self, out: str | Path | None = None, *, surrogate: str | Path | None = None
+    ) -> WhatIf:
+        """Write the live page of the study (``dogshape.whatif.write_what_if``)."""
+        from dogshape.whatif import write_what_if  # noqa: PLC0415
+
+        return write_what_if(self.config, _path(out), _path(surrogate))
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())

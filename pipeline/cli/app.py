@@ -27,6 +27,7 @@ VERBS = {
     "strength": "dogshape.pipeline.cli.verbs.strength_export",
     "check": "dogshape.pipeline.cli.verbs.check",
     "explore": "dogshape.pipeline.cli.verbs.explore",
+    "whatif": "dogshape.pipeline.cli.verbs.whatif",
     "export": "dogshape.pipeline.cli.verbs.strength_export",
     "study": "dogshape.pipeline.cli.verbs.study",
     "report": "dogshape.pipeline.cli.verbs.study",

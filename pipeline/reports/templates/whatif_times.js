@@ -1,0 +1,201 @@
+// Expected shift times from the surrogate's rows: a Gaussian process of their logarithms, summed
+// over operating points as the command line does (surrogate/model.py).
+"use strict";
+
+const Times = (() => {
+  const numbers = (text, Kind) => {
+    const bytes = Uint8Array.from(atob(text), c => c.charCodeAt(0));
+    return new Kind(bytes.buffer);
+  };
+  const model = data.model;
+  const known = numbers(model.known, Float64Array), place = numbers(model.place, Int32Array);
+  const rows = numbers(model.rows, Float64Array), weights = numbers(model.weights, Float64Array);
+  const root = numbers(model.root, Float32Array);
+  const share = {...model.share};
+  share.place = numbers(share.place, Int32Array); share.rows = numbers(share.rows, Float64Array);
+  share.engaged = numbers(share.engaged, Float64Array); share.lost = numbers(share.lost, Float64Array);
+  const n = weights.length, wide = known.length / model.designs.length, count = model.designs.length;
+
+  const scaled = x => x.map((v, i) => (v - model.low[i]) / (model.high[i] - model.low[i]));
+  const inputs = x => [...scaled(x), ...model.ridge.angles.map(i =>
+    Math.tanh((Math.tan(x[i] * Math.PI / 180) - model.ridge.friction) / model.ridge.width))];
+  const place_of = ([mismatch, force]) => [Math.asinh(mismatch / 5) / 4, Math.log(force / 400)];
+
+  function correlation(rough, square, coordinates) {
+    if (!rough) {
+      const r = Math.sqrt(5 * square);
+      return (1 + r + r * r / 3) * Math.exp(-r);
+    }
+    const apart = Math.sqrt(square), power = Math.max(7, Math.floor(coordinates / 2) + 3);
+    return apart < 1 ? (1 - apart) ** power * (power * apart + 1) : 0;
+  }
+
+  // A term's factor of a design and each simulated one.
+  function designFactor(part, z) {
+    const found = new Float64Array(count).fill(1);
+    if (part.design === null) return found;
+    for (let k = 0; k < count; k++) {
+      let square = 0;
+      for (let i = 0; i < wide; i++) square += ((z[i] - known[k * wide + i]) / part.design[i]) ** 2;
+      found[k] = correlation(part.rough, square, wide);
+    }
+    return found;
+  }
+
+  function amplitude(part, o) {
+    const size = Math.abs(o[0]) - 1, [steep, bent] = part.growth;
+    return Math.sqrt(part.variance) * Math.exp(0.5 * (steep * size + bent * size * size));
+  }
+
+  function pointFactor(part, a, b) {
+    const grown = amplitude(part, a) * amplitude(part, b);
+    if (part.point === null) return grown;
+    const square = ((a[0] - b[0]) / part.point[0]) ** 2 + ((a[1] - b[1]) / part.point[1]) ** 2;
+    return grown * correlation(part.rough, square, 2);
+  }
+
+  // What operating points and rows have to do with each other does not change with the design.
+  let linked = {key: "", links: [], prior: []};
+  function links(nodes) {
+    const key = JSON.stringify(nodes);
+    if (linked.key === key) return linked;
+    const row = i => [rows[2 * i], rows[2 * i + 1]];
+    linked = {key, links: model.parts.map(part => nodes.map(o =>
+      Float64Array.from({length: n}, (_, i) => pointFactor(part, o, row(i))))),
+      prior: nodes.map(a => nodes.map(b =>
+        model.parts.reduce((sum, part) => sum + pointFactor(part, a, b), 0)))};
+    return linked;
+  }
+
+  // Covariance of a design's logarithm at each node with that of each row, and its prediction.
+  function cross(z, nodes, smooth) {
+    const by = links(nodes).links, found = nodes.map(() => new Float64Array(n));
+    model.parts.forEach((part, p) => {
+      if (smooth && part.rough) return;
+      const factor = designFactor(part, z);
+      if (part.rough && factor.every(value => value === 0)) return;
+      nodes.forEach((_, j) => {
+        const link = by[p][j], into = found[j];
+        for (let i = 0; i < n; i++) into[i] += factor[place[i]] * link[i];
+      });
+    });
+    return found;
+  }
+
+  const dot = (a, b) => { let sum = 0; for (let i = 0; i < a.length; i++) sum += a[i] * b[i]; return sum; };
+  const means = crossed => crossed.map(row => model.centre + dot(row, weights));
+
+  // Covariance of a design's logarithms given the rows, node by node.
+  function joint(crossed, nodes) {
+    const size = nodes.length, white = nodes.map(() => new Float64Array(n));
+    for (let i = 0, start = 0; i < n; start += ++i) {
+      for (let j = 0; j < size; j++) {
+        const row = crossed[j];
+        let sum = 0;
+        for (let m = 0; m <= i; m++) sum += root[start + m] * row[m];
+        white[j][i] = sum;
+      }
+    }
+    const prior = links(nodes).prior, found = nodes.map(() => new Array(size));
+    for (let j = 0; j < size; j++) for (let k = 0; k <= j; k++)
+      found[j][k] = found[k][j] = prior[j][k] - dot(white[j], white[k]);
+    return found;
+  }
+
+  const near = square => share.length === null ? 1 : Math.exp(-0.5 * square / share.length ** 2);
+
+  // Share of shifts that engage at each node, and its variance.
+  function engaged(z, nodes) {
+    const design = new Float64Array(count);
+    for (let k = 0; k < count; k++) {
+      let square = 0;
+      for (let i = 0; i < wide; i++) square += (z[i] - known[k * wide + i]) ** 2;
+      design[k] = near(square);
+    }
+    return nodes.map(o => {
+      let yes = share.strength * share.overall, no = share.strength * (1 - share.overall);
+      for (let i = 0; i < share.place.length; i++) {
+        const there = design[share.place[i]]
+          * near((o[0] - share.rows[2 * i]) ** 2 + (o[1] - share.rows[2 * i + 1]) ** 2);
+        yes += there * share.engaged[i]; no += there * share.lost[i];
+      }
+      const all = yes + no;
+      return {share: yes / all, variance: yes * no / (all * all * (all + 1))};
+    });
+  }
+
+  function interval(time, error) {
+    const relative = Math.sqrt(Math.log1p((error / time) ** 2));
+    const centre = Math.log(time) - 0.5 * relative * relative;
+    return [Math.exp(centre - 1.96 * relative), Math.exp(centre + 1.96 * relative)];
+  }
+
+  // Expected shift time of a design (edge units) over operating points with weights.
+  function expected(x, mix) {
+    const z = inputs(x), nodes = mix.points.map(place_of), crossed = cross(z, nodes, false);
+    const mean = means(crossed), covariance = joint(crossed, nodes), parts = engaged(z, nodes);
+    const times = mean.map((value, j) => Math.exp(value + 0.5 * covariance[j][j]));
+    const weighted = times.map((time, j) => mix.weights[j] * time);
+    const lost = parts.map((one, j) =>
+      mix.weights[j] * Math.sqrt(one.variance) / one.share ** 2 * model.retry);
+    let time = 0, variance = 0, retries = 0, unsure = 0;
+    for (let j = 0; j < nodes.length; j++) {
+      time += weighted[j];
+      retries += mix.weights[j] * (1 - parts[j].share) / parts[j].share * model.retry;
+      for (let k = 0; k < nodes.length; k++) {
+        variance += weighted[j] * weighted[k] * Math.expm1(covariance[j][k]);
+        unsure += lost[j] * lost[k]
+          * near((nodes[j][0] - nodes[k][0]) ** 2 + (nodes[j][1] - nodes[k][1]) ** 2);
+      }
+    }
+    const error = Math.sqrt(Math.max(variance, 0) + unsure);
+    const [low, high] = interval(time + retries, error);
+    const grown = covariance.map((row, j) => 0.5 * row[j]);
+    return {time: time + retries, low, high, error, grown,
+            engaged: Math.min(...parts.map(one => one.share))};
+  }
+
+  // The smooth trend, without what a simulated design says of itself alone; the variance of the
+  // logarithms at each node (half of it, "grown") is taken as that of the present design.
+  function trend(x, mix, grown) {
+    const z = inputs(x), nodes = mix.points.map(place_of), parts = engaged(z, nodes);
+    return means(cross(z, nodes, true)).reduce((sum, mean, j) => sum + mix.weights[j]
+      * (Math.exp(mean + grown[j]) + (1 - parts[j].share) / parts[j].share * model.retry), 0);
+  }
+
+  // The nearest simulated design, and how far it is in the usual distance of one to the next.
+  function nearest(x) {
+    const z = scaled(x);
+    let best = -1, least = Infinity;
+    model.designs.forEach((design, k) => {
+      const square = scaled(design).reduce((sum, value, i) => sum + (value - z[i]) ** 2, 0);
+      if (square < least) { least = square; best = k; }
+    });
+    return {design: model.designs[best], distance: Math.sqrt(least) / model.spacing};
+  }
+
+  const within = (value, low, high) =>
+    value >= low - 0.01 * (high - low) && value <= high + 0.01 * (high - low);
+
+  // What speaks against trusting a prediction, as sentences.
+  function warnings(x, mix) {
+    const found = [], short = value => Number(value.toPrecision(4)).toString();
+    const [low, high] = model.simulated;
+    x.forEach((value, i) => {
+      if (!within(value, low[i], high[i])) found.push(`${data.variables[i].label} is outside the `
+        + `simulated designs (${short(low[i])} to ${short(high[i])} ${data.variables[i].unit})`.trimEnd());
+    });
+    [["mismatch", "1/min"], ["shift force", "N"]].forEach(([name, unit], i) => {
+      const asked = mix.points.map(point => point[i]), [from, to] = model.points.map(one => one[i]);
+      for (const end of new Set([Math.min(...asked), Math.max(...asked)]))
+        if (!within(end, from, to)) found.push(`${name} ${short(end)} ${unit} is outside what was `
+          + `simulated (${short(from)} to ${short(to)})`);
+    });
+    const {distance} = nearest(x);
+    if (!found.length && distance > model.far) found.push("the next simulated design is "
+      + `${distance.toFixed(1)} times as far as designs usually are from each other`);
+    return found;
+  }
+
+  return {expected, trend, nearest, warnings};
+})();
