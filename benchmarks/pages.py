@@ -94,6 +94,7 @@ def files_told(text: str) -> list[str]:
 #: Pictures of the tutorial: what is shown of which page, in px, and how much smaller.
 PICTURES = {
     "report": ("results/first/report.html", "1180,820", 0.62),
+    "whatif": ("whatif.html", "1280,960", 0.57),
     "shift": ("shift.html", "1180,800", 0.62),
     "gap": ("results/gap/report.html", "1180,1000", 0.62),
     "effect": ("results/gap_own/report.html", "1180,640", 0.62),
