@@ -65,7 +65,7 @@ blind: $(VENV)/complete
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check evidence \
-  valid_range keeping sense ranking forecasts edge_radius
+  valid_range keeping sense ranking forecasts edge_radius linkage_steps
 SURROGATE := learning_curve active_learning asking two_fidelities
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves

@@ -767,7 +767,24 @@ ENTRIES: list[Entry] = [
     Entry(RESULTS, "dry friction of {:.0f} N that", _adams("sleeve_friction", "friction_N")),
     # docs/results.md: the blind score
     *(Entry(RESULTS, text, _blind("blind_fine", label, first)) for label, first, text in FINE),
+    Entry(
+        "docs/planar.md",
+        "0.3 mm/kN one shift of {:.1f} ms takes {:.1f} ms at 1e-6, {:.1f} ms at the set's own 1e-7 "
+        "and {:.1f} ms at 1e-9",
+        lambda: [
+            numbers("linkage_steps", "adams2019, compliance 0.3 mm/kN", line)[4]
+            for line in ("planar  1e-05", "drake   1e-06", "drake   1e-07", "drake   1e-09")
+        ],
+    ),
     # docs/commands.md and docs/model.md
+    Entry(
+        COMMANDS,
+        "factor of {:.2f} in a small study with Drake, {:.2f} in a fit, and {:.2f} in a study",
+        lambda: [
+            numbers("forecasts", f"{name}:", "farthest from 1:")[0]
+            for name in ("drake", "fit", "screened")
+        ],
+    ),
     Entry(
         COMMANDS,
         "{:.2f} of the hypervolume against {:.2f} of TPE",

@@ -85,6 +85,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         "How well both agree": (
             (r"\(40 to 120 mm, 0\.2 to 2 kg\)", "sizes of the benchmark's clutches"),
             (r"\| 90 % \|", "a quantile"),
+            (r"at\s+0\.3 mm/kN", "a setting of the benchmark"),
             (r"more\s+than a percent", "threshold of the table"),
         ),
         "In two levels": (

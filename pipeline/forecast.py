@@ -11,16 +11,22 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Kind = Literal["design", "quick", "shift", "confirm"]
+Kind = Literal["first", "design", "quick", "shift", "confirm", "fit"]
 
 CLOCK: Callable[[], float] = time.monotonic
-#: s of processor time that a proposal, a shift of the compiled engine and one of Drake take, about.
-#: Shifts that confirm are a kind of their own where another engine simulates them.
-COST: Mapping[Kind, float] = {"design": 2.0, "quick": 0.002, "shift": 0.1, "confirm": 0.1}
+#: s of processor time, about, of a design that fills the space, of one that the surrogate proposes,
+#: a shift of the compiled engine, one of Drake, and a quick fit. Shifts that confirm are a kind
+#: of their own where another engine simulates them.
+COST: Mapping[Kind, float] = {
+    "first": 0.3, "design": 2.0, "quick": 0.0025, "shift": 0.1, "confirm": 0.1, "fit": 10.0
+}  # fmt: skip
+ALONE: tuple[Kind, ...] = ("first", "design", "fit")  #: kinds that no worker shares
 #: The same where the study's own shifts are of the compiled engine.
 PLANAR: Mapping[Kind, float] = {**COST, "shift": COST["quick"]}
 #: How many of a kind that guess counts for, once some were measured.
-WEIGHT: Mapping[Kind, float] = {"design": 1.0, "quick": 200.0, "shift": 10.0, "confirm": 10.0}
+WEIGHT: Mapping[Kind, float] = {
+    "first": 4.0, "design": 1.0, "quick": 200.0, "shift": 10.0, "confirm": 10.0, "fit": 1.0
+}  # fmt: skip
 
 
 @dataclass
@@ -65,7 +71,7 @@ class Forecast:
 
     def each(self, kind: Kind) -> float:
         """Return the time that one of a kind takes, s: measured, with the guess at first."""
-        workers = 1 if kind == "design" else max(1, self.jobs)
+        workers = 1 if kind in ALONE else max(1, self.jobs)
         guess, weight = self.cost[kind] / workers, WEIGHT[kind]
         spent, done = self.spent.get(kind, 0.0), self.done.get(kind, 0.0)
         return (spent + weight * guess) / (done + weight)

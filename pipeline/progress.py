@@ -6,7 +6,7 @@ line's bar (``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,9 +99,40 @@ class WorkCounter:
 
     def advance(self, count: int) -> None:
         """Count ``count`` more finished shifts; more than were expected raise the total."""
+        self.of(self._kind)(count)
+
+    def of(self, kind: Kind) -> Callable[[int], None]:
+        """Give what counts finished shifts of a kind."""
+
+        def advance(count: int) -> None:
+            if self._forecast is not None:
+                self._forecast.report(kind, count)
+            self._add(count)
+
+        return advance
+
+    def known_of(self, kind: Kind) -> Callable[[int], None]:
+        """Give what counts shifts of a kind that an earlier run finished."""
+
+        def known(count: int) -> None:
+            self._known += count
+            if self._forecast is not None:
+                self._forecast.skip(kind, count)
+            self._add(count)
+
+        return known
+
+    def worked(self, kind: Kind, count: int = 1) -> None:
+        """Take that work was finished that is no shift."""
         if self._forecast is not None:
-            self._forecast.report(self._kind, count)
-        self._add(count)
+            self._forecast.report(kind, count)
+        self._update()
+
+    def more(self, kind: Kind, count: int, later: float = 0.0) -> None:
+        """Expect ``count`` more shifts of a kind, and ``later`` more that are likely."""
+        if self._forecast is not None:
+            self._forecast.left[kind] = count + later
+        self.extend(count)
 
     def confirms(self) -> None:
         """Take all further shifts for those of another engine, which confirms."""
@@ -118,10 +149,17 @@ class WorkCounter:
         if self._forecast is not None:
             self._forecast.report("design", 0)
 
-    def designs(self, count: int, left: Mapping[Kind, float]) -> None:
-        """Take ``count`` more finished designs, and what is expected of each kind from now on."""
+    def asked(self, count: int) -> None:
+        """Take ``count`` more designs as proposed; the first ones fill the space."""
         if self._forecast is not None:
-            self._forecast.report("design", count)
+            first = self._forecast.left.get("first", 0.0) > 0.0
+            self._forecast.report("first" if first else "design", count)
+        self._update()
+
+    def told(self, left: Mapping[Kind, float]) -> None:
+        """Take what is expected of each kind after a round of designs was told."""
+        if self._forecast is not None:
+            self._forecast.report("design", 0)
             self._forecast.expect(left)
         self._update()
 
@@ -132,10 +170,7 @@ class WorkCounter:
 
     def known(self, count: int) -> None:
         """Count shifts that an earlier run finished."""
-        self._known += count
-        if self._forecast is not None:
-            self._forecast.skip(self._kind, count)
-        self._add(count)
+        self.known_of(self._kind)(count)
 
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""

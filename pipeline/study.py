@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -36,7 +35,7 @@ from dogshape.pipeline.simulate.design import (
     leading,
     objectives_of,
 )
-from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
 from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.simulate.point_plans import (
     most_confirmed,
@@ -105,10 +104,9 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
-    jobs = how.jobs or os.cpu_count() or 1
+    jobs = workers_of(how.jobs)
     cost = PLANAR if search.study.clutch.solver.engine == "planar" else COST
     foreseen = Forecast(to_search(search), jobs, cost)
-    told = len(search.trials())
     with WorkCounter(how.progress, most, most=True, forecast=foreseen) as progress:
         progress.say(words)
         if (angles := search.study.file.search.screen_angles) is not None:
@@ -120,9 +118,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
         def after_round(line: str, state: SearchState) -> None:
-            nonlocal told
-            progress.designs(len(state.trials) - told, to_search(search, state))
-            told = len(state.trials)
+            progress.told(to_search(search, state))
             progress.say(line)
             write_json(folder.result, collect(state, journal))
 
@@ -132,7 +128,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         )  # fmt: skip
         with progress.kept_in(folder.root, "--resume goes on"):
             findings = repair(search, executor, progress.say)
-            state = run(search, sampler_of, executor, after_round, findings)
+            state = run(search, sampler_of, executor, after_round, findings, asked=progress.asked)
             replication, state = _replicate(state, executor, progress)
             confirmation, state = _confirm(state, executor, progress)
             life = _life(confirmation, state, executor, progress)
@@ -303,7 +299,7 @@ def _replicate(
 
     def told(left: int, line: str) -> None:
         progress.rest(left + confirm)
-        progress.designs(0, {**likely, "shift": left + likely.get("shift", 0.0)})
+        progress.told({**likely, "shift": left + likely.get("shift", 0.0)})
         progress.say(line)
 
     done, state = replicate(state, executor, told)
@@ -318,7 +314,7 @@ def _confirm(
 
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(state.study, count))
-        progress.designs(0, to_confirm(state.study, count))
+        progress.told(to_confirm(state.study, count))
         progress.say(line)
 
     return confirm(state, executor, told)

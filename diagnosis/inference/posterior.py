@@ -80,7 +80,7 @@ def folding(
     for one in scored:
         if len(one.hypothesis) == 1:
             weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < visible
-            share = float(one.weights()[weak].sum())
+            share = min(1.0, float(one.weights()[weak].sum()))
             found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
         elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
             mine = shown.get(one.hypothesis)

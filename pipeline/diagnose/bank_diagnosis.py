@@ -10,7 +10,7 @@ The package brings the bank of the published clutch at the operating points of i
 
 from __future__ import annotations
 
-import os
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,13 +31,14 @@ from dogshape.diagnosis.prediction.sense_bank import (
 from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.executor import Executor, workers_of
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError
 from dogshape.sim.setting import Setting
+from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record
@@ -45,6 +46,8 @@ from dogshape.sim.writers import writing
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 PLANAR = 0.003  #: s of processor time that a shift of the compiled engine takes, about
+SAME_TIME = 1e-6  #: relative difference below which neutral values change no shift time
+HELD = 0.5  #: share of a bank that may be lacking before another engine simulates all of it
 TIMES, FLIGHTS = "bank.json", "flights.npz"
 
 
@@ -100,8 +103,34 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
     for name, path in own.items():
         try:
             effects[name].require_working(base)
+            _require_neutral(effects[name], base)
         except EffectError as error:
             raise EffectError(f"{path}: {error}") from error
+
+
+def _require_neutral(effect: Effect, base: Setting) -> None:
+    """Raise EffectError where neutral values change the time that the bench reads of a shift.
+
+    One shift of the compiled engine says so: settings may differ and mean the same.
+    """
+    neutral = effect.neutral(base)
+    changed = effect.apply(base, neutral)
+    if not neutral or changed == base:
+        return
+    times = [_read_time(one) for one in (base, changed)]
+    if None not in times and not math.isclose(*times, rel_tol=SAME_TIME):  # type: ignore[arg-type]
+        given = ", ".join(f"{name} = {value:g}" for name, value in neutral.items())
+        before, after = (f"{1e3 * time:.4g}" for time in times if time is not None)
+        raise EffectError(
+            f"with its neutral values ({given}) the effect {effect.name} moves a shift from "
+            f"{before} to {after} ms, but neutral values have to change nothing; correct neutral="
+        )
+
+
+def _read_time(setting: Setting) -> float | None:
+    clutch = setting.clutch.with_engine("planar")
+    (row,) = run_block(Block(clutch, setting.point, (0.25 * clutch.dog.pitch_angle,)))
+    return setting.time_of(row)
 
 
 def emulator_of(
@@ -121,20 +150,18 @@ def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
 def with_bank_engine(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bench:
     """Choose the engine that simulates the bank of a data set.
 
-    Drake's bank comes with the package for the published clutch. Of another clutch it takes half an
-    hour, and the compiled engine, whose means are off by less than a tenth of a percent, a minute.
+    The data set's own where a bank has more than half of the shifts: an effect or a point more is
+    no reason to answer from another basis. Else the compiled engine, which takes a minute for what
+    Drake takes half an hour.
     """
     if means.engine is not None:
         return replace(bench, clutch=bench.clutch.with_engine(means.engine))
     store = BankStore((brought(TIMES), means.bank / TIMES))
-
-    def lasts(one: Bench) -> float:
-        lacking = store.missing(blocks_by_key(plans_of(one, effects)).values())
-        return sum(len(block.angles) for block in lacking) * cost_of(one)
-
-    quick = replace(bench, clutch=bench.clutch.with_engine("planar"))
-    own = lasts(bench)
-    return quick if own and lasts(quick) < own else bench
+    every = blocks_by_key(plans_of(bench, effects)).values()
+    lacking = sum(len(block.angles) for block in store.missing(every))
+    if lacking <= HELD * sum(len(block.angles) for block in every):
+        return bench
+    return replace(bench, clutch=bench.clutch.with_engine("planar"))
 
 
 def cost_of(bench: Bench) -> float:
@@ -176,7 +203,9 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
     left = sum(len(block.angles) for block in lacking)
     own = own_files(means.effects) if means.effects else ()
     why = reason(bench, [name for name in own if name in effects])
-    lasts = about((left - (there := _finished(lacking, kept))) * cost_of(bench) / _jobs(means))
+    lasts = about(
+        (left - (there := _finished(lacking, kept))) * cost_of(bench) / workers_of(means.jobs)
+    )
     means.progress.say(_announced((left, there), lasts, means, why))
     how = "the same command goes on from there"
     with (
@@ -199,12 +228,8 @@ def _finished(blocks: Sequence[Block], journal: Path) -> int:
     return sum(key in rows for block in blocks for key in block.keys)
 
 
-def _jobs(means: Means) -> int:
-    return means.jobs or os.cpu_count() or 1
-
-
 def _announced(counts: tuple[int, int], lasts: str, means: Means, why: str) -> str:
-    (shifts, finished), jobs = counts, _jobs(means)
+    (shifts, finished), jobs = counts, workers_of(means.jobs)
     there = f" ({finished} more are there from a run that was stopped)" if finished else ""
     because = f": {why}" if why else ""
     return (

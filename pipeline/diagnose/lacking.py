@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
@@ -21,6 +22,10 @@ def reason(bench: Bench, own_effects: Collection[str] = ()) -> str:
     simulations have clutch and operating points, and another run has not finished.
     """
     known = _nearest(bench)
+    if known is None and bench.clutch.solver.engine == "planar":
+        own = replace(bench, clutch=bench.clutch.with_engine("drake"))
+        if _nearest(own) is not None:
+            return "those that the package brings of this clutch are of Drake"
     if known is None:
         return "no simulations of this clutch come with the package"
     there = [cell.point for cell in known.cells]

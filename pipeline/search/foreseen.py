@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.forecast import Kind
-from dogshape.pipeline.search.dog_guide import simulated
+from dogshape.pipeline.search.dog_guide import OWN, DogGuide, simulated
+from dogshape.pipeline.search.samplers import startup_designs
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState, spent_on
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
@@ -32,19 +33,32 @@ def to_search(search: Search, state: SearchState | None = None) -> Work:
     own = most_to_search(study, 1, partial, True) - whole if new else 0
     searching = left * each + own
     again = settings.replicate * (spent + searching)
+    first = _filling(search, len(trials), left)
     # A reference is screened with each round beside its designs.
-    rounds = left / max(1, settings.batch)
+    rounds = (left - first) / max(1, settings.batch) + (first > 0)
     front = settings.confirm_designs
     if state is not None and len(trials) >= settings.trials / 2:
         front = min(front, max(1, len(state.front)))
     confirming = to_confirm(study, front)
     mine: Work = {
-        "design": left,
+        "first": first,
+        "design": left - first,
         "quick": screened(study, left + rounds),
         "shift": searching + again,
     }
-    kinds: tuple[Kind, ...] = ("design", "quick", "shift", "confirm")
+    kinds: tuple[Kind, ...] = ("first", "design", "quick", "shift", "confirm")
     return {kind: float(mine.get(kind, 0.0) + confirming.get(kind, 0.0)) for kind in kinds}
+
+
+def _filling(search: Search, told: int, left: int) -> int:
+    """Count the designs that are still to fill the space, which cost little to propose."""
+    settings, guide = search.study.file.search, search.guide
+    if settings.sampler not in OWN:
+        return left
+    wanted = settings.trials
+    if settings.sampler == "surrogate":
+        wanted = startup_designs(search.study, guide or DogGuide(search.study))
+    return max(0, min(left, wanted - told))
 
 
 def to_confirm(study: Setup, designs: int) -> Work:

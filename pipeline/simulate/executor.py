@@ -46,6 +46,11 @@ def _silent(_: int) -> None:
     """Report no progress."""
 
 
+def workers_of(jobs: int) -> int:
+    """Return the number of worker processes; 0 asks for one a core."""
+    return jobs or os.cpu_count() or 1
+
+
 @dataclass
 class Executor:
     """Runs blocks in worker processes and keeps their shifts in a journal.
@@ -110,7 +115,7 @@ class Executor:
         return left
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
-        jobs = min(self.jobs or os.cpu_count() or 1, len(blocks))
+        jobs = min(workers_of(self.jobs), len(blocks))
         if self.cluster is not None:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:

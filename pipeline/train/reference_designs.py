@@ -67,13 +67,16 @@ def simulate_references(
 ) -> None:
     """Simulate designs to the study's error of references, at most ``MOST`` angles at a point.
 
-    The shifts are in the executor's journal; ``ahead`` is told how many each round has.
+    The shifts are in the executor's journal; ``ahead`` is told how many each round adds.
     """
     clutches = [study.clutch.with_dog(study.dog_with(design)) for design in designs]
     counts, size = [study.file.surrogate.reference_angles] * len(study.points), len(study.points)
+    before = 0
     while clutches:
         blocks = [block for clutch in clutches for block in _blocks(study, clutch, counts)]
-        ahead(sum(len(block.angles) for block in blocks))
+        shifts = sum(len(block.angles) for block in blocks)
+        ahead(shifts - before)
+        before = shifts
         found = executor.run(blocks)
         rows = np.array([_mean_and_error(study, shifts) for shifts in found])
         wanted = study.file.surrogate.reference_error

@@ -16,11 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.duration import about
+from dogshape.pipeline.forecast import Forecast, Kind
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, connect
+from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import filling_blocks, first_designs
+from dogshape.pipeline.train.foreseen import engine_kind, round_by_round, to_fill
 from dogshape.pipeline.train.found_surrogates import joining
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.reference_designs import (
@@ -70,27 +73,52 @@ def fill(
     if levels == 2:
         _fill_in_two_levels(study, folder, jobs, cluster, progress)
         return
-    settings = study.file.surrogate
+    settings, kind = study.file.surrogate, engine_kind(study)
     connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)
         designs = first_designs(study, settings.designs)
         total = settings.designs * settings.points * settings.angles
         keeping = "the same command goes on"
-        with WorkCounter(progress, total) as counter, counter.kept_in(folder.root, keeping):
+        foreseen = Forecast(to_fill(study, total, 0, 1), workers_of(jobs))
+        with (
+            WorkCounter(progress, total, forecast=foreseen) as counter,
+            counter.kept_in(folder.root, keeping),
+        ):
+            counter.say(_lasting(foreseen, jobs))
             shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
             blocks = [
                 block
                 for index, design in enumerate(designs)
                 for block in filling_blocks(study, design, index, settings.seed)
             ]
-            Executor(shifts, jobs, counter.advance, cluster).run(blocks)
-            executor = Executor(apart_from_them, jobs, counter.advance, cluster)
-            apart = [d for d in reference_designs(study, settings.references) if d not in designs]
-            both = [*apart, *_best(study, folder, progress.say)]
-            simulate_references(study, both, executor, counter.extend)
+            _executor(shifts, jobs, cluster, counter, kind).run(blocks)
+            executor = _executor(apart_from_them, jobs, cluster, counter, kind)
+            both = _references(study, folder, designs, counter)
+            simulate_references(study, both, executor, round_by_round(counter, kind))
             for journal in (shifts, apart_from_them):
                 journal.say_unfinished(progress.say)
+
+
+def _lasting(foreseen: Forecast, jobs: int) -> str:
+    return f"that takes {about(foreseen.seconds)} with {workers_of(jobs)} workers; the fit follows"
+
+
+def _executor(
+    journal: ShiftJournal, jobs: int, cluster: str | None, counter: WorkCounter, kind: Kind
+) -> Executor:
+    return Executor(journal, jobs, counter.of(kind), cluster, counter.known_of(kind))
+
+
+def _references(
+    study: Setup, folder: StudyFolder, designs: list[dict[str, float]], counter: WorkCounter
+) -> list[dict[str, float]]:
+    """Choose the designs of the references: some that fill the space, and some of the best."""
+    wanted = study.file.surrogate.references
+    apart = [one for one in reference_designs(study, wanted) if one not in designs]
+    found = [*apart, *_best(study, folder, counter.say)]
+    counter.worked("fit")
+    return found
 
 
 def _require_shapes_alone(study: Setup) -> None:
@@ -111,19 +139,29 @@ def _fill_in_two_levels(
         folder.open(study, resume=True)
         designs = first_designs(study, settings.designs)
         cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
-        total = sum(len(block.angles) for block in [*cheap, *dear])
+        every, few = (sum(len(block.angles) for block in both) for both in (cheap, dear))
         keeping = "the same command goes on"
-        with WorkCounter(progress, total) as counter, counter.kept_in(folder.root, keeping):
+        foreseen = Forecast(to_fill(study, every, few, 2), workers_of(jobs))
+        with (
+            WorkCounter(progress, every + few, forecast=foreseen) as counter,
+            counter.kept_in(folder.root, keeping),
+        ):
+            counter.say(_lasting(foreseen, jobs))
             files = folder.compiled, folder.pairs, folder.compiled_references, folder.references
             journals = [ShiftJournal(path) for path in files]
-            rows, pairs, many, few = (
-                Executor(journal, jobs, counter.advance, cluster) for journal in journals
+            kinds: tuple[Kind, ...] = ("quick", "shift", "quick", "shift")
+            rows, pairs, many, one_each = (
+                _executor(journal, jobs, cluster, counter, kind)
+                for journal, kind in zip(journals, kinds, strict=True)
             )
             rows.run(cheap)
             pairs.run(dear)
-            apart = [d for d in reference_designs(study, settings.references) if d not in designs]
-            both = [*apart, *_best(study, folder, progress.say)]
-            simulate_two_level_references(study, both, (many, few), counter.extend)
+            simulate_two_level_references(
+                study,
+                _references(study, folder, designs, counter),
+                (many, one_each),
+                (round_by_round(counter, "quick"), lambda count: counter.more("shift", count)),
+            )
             for journal in journals:
                 journal.say_unfinished(progress.say)
 

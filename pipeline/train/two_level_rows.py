@@ -71,13 +71,13 @@ def simulate_two_level_references(
     study: Setup,
     designs: Sequence[dict[str, float]],
     executors: tuple[Executor, Executor],
-    ahead: Callable[[int], None],
+    ahead: tuple[Callable[[int], None], Callable[[int], None]],
 ) -> None:
     """Simulate references in the compiled engine, and one of the angles of each point in Drake.
 
-    ``executors`` are of the compiled engine and of Drake.
+    ``executors`` are of the compiled engine and of Drake, and ``ahead`` is told what each adds.
     """
-    simulate_references(compiled(study), designs, executors[0], ahead)
+    simulate_references(compiled(study), designs, executors[0], ahead[0])
     settings = study.file.surrogate
     count, seed = settings.reference_angles, settings.seed + APART
     blocks = []
@@ -87,7 +87,7 @@ def simulate_two_level_references(
             draw = (seed, place)
             whole = even_block(clutch, point, count, draw, count, uncertainty=study.uncertainty)
             blocks.append(whole.only([(index + place) % count]))
-    ahead(len(blocks))
+    ahead[1](len(blocks))
     executors[1].run(blocks)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,11 +15,19 @@ from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, s
 from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.levels import Axes, levels_of, only_read
-from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, Means, plans_of, with_bank_engine
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    TIMES,
+    Means,
+    blocks_by_key,
+    brought,
+    plans_of,
+    with_bank_engine,
+)
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.numerical_error import Runner
@@ -210,6 +218,19 @@ def test_a_bank_of_drake_that_is_there_is_used(bench: Bench, tmp_path: Path) -> 
     for plan in plans_of(unseen, few):
         store.bank(*plan, made_up)
     assert with_bank_engine(unseen, few, Means(tmp_path)).clutch == unseen.clutch
+
+
+def test_an_effect_of_ones_own_keeps_the_engine_of_the_bank(tmp_path: Path) -> None:
+    """Else the answer would move for another reason than the effect."""
+    own = replace(EFFECTS["sleeve_friction"], name="cold_oil", change=_slower)
+    more = {**EFFECTS, "cold_oil": own}
+    store = BankStore((brought(TIMES), tmp_path / TIMES))
+    assert store.missing(blocks_by_key(plans_of(BENCH, more)).values())
+    assert with_bank_engine(BENCH, more, Means(tmp_path)) is BENCH
+
+
+def _slower(setting: Setting, values: Mapping[str, float]) -> Setting:
+    return setting.with_mechanism(damping=3.0 * values["friction_N"])
 
 
 def test_an_engine_that_is_none_is_refused(tmp_path: Path) -> None:

@@ -362,3 +362,18 @@ def test_shifts_with_effects_teach_a_study_nothing(extra: dict[str, float]) -> N
     rows = dataset_of(study, plain).rows
     assert len(rows) == 1
     assert dataset_of(study, [*plain, *other]).rows == pytest.approx(rows)
+
+
+def test_neutral_values_that_change_a_shift_are_refused(
+    tmp_path: Path, dogshape: Callable[..., Said]
+) -> None:
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    text = OWN.format(name="thick_oil")
+    wrong = text.replace('"damping_Ns_m", 0.0', '"damping_Ns_m", 400.0')
+    assert wrong != text
+    (mine / "thick_oil.py").write_text(wrong)
+    said = dogshape("gap", "mq200_stand", "--effects", mine)
+    assert said.status == 2
+    assert "with its neutral values (damping_Ns_m = 400) the effect thick_oil" in said.sentence
+    assert "neutral values have to change nothing" in said.sentence

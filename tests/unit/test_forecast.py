@@ -84,7 +84,7 @@ def test_a_counter_hands_on_what_is_foreseen() -> None:
         clock.now = 3.0
         counter.advance(2)
         assert forecast.left == {"shift": 8, "quick": 50}
-        counter.designs(0, {"shift": 1})
+        counter.told({"shift": 1})
         assert seen[-1].left_s == pytest.approx(forecast.each("shift"))
     assert seen[-1].ended
 

@@ -49,3 +49,8 @@ def test_effects_of_ones_own_are_named(own: tuple[str, ...]) -> None:
 def test_another_clutch_is_said() -> None:
     other = replace(STAND, clutch=replace(STAND.clutch, timeout=1.1))
     assert reason(other) == "no simulations of this clutch come with the package"
+
+
+def test_the_published_clutch_in_the_compiled_engine_is_no_other_clutch() -> None:
+    other = replace(STAND, clutch=STAND.clutch.with_engine("planar"))
+    assert reason(other) == "those that the package brings of this clutch are of Drake"
