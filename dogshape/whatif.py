@@ -11,8 +11,9 @@ from dogshape.pipeline.reports.whatif.page import require_fixed_points, write_wh
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.train.found_surrogates import stored_surrogate
+from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.result import Result
-from dogshape.surrogate.query import require_same_physics
+from dogshape.surrogate.query import ask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,12 +29,14 @@ class WhatIf(Result):
     surrogate : file of the surrogate that predicts the times of the page.
     page : the page.
     offered : designs that one may begin with, in edge units, with their simulated times in s.
+    warnings : what speaks against trusting the time of the study's own design.
     """
 
     config: Setup
     surrogate: Path
     page: Path
     offered: tuple[dict[str, Any], ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def facts(self) -> dict[str, str]:
@@ -47,6 +50,7 @@ class WhatIf(Result):
             "surrogate": str(self.surrogate),
             "operating_points": len(self.config.points),
             "designs": list(self.offered),
+            "warnings": list(self.warnings),
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -79,10 +83,10 @@ def write_what_if(
     """
     require_fixed_points(config)
     stored, source = stored_surrogate(config, surrogate)
-    require_same_physics(stored.surrogate.data, config.physics)
+    answer = ask(stored.surrogate, config.prototype, study_mix(config), config.physics)
     folder = StudyFolder(default_out(config))
     page = out or folder.root / "whatif.html"
     require_targets({"--out": page}, folders=True)
     result = folder.stored_result() if folder.result.is_file() else None
     offered = write_whatif(config, stored, (source, command or config.name), result, page)
-    return WhatIf(config, source, page, tuple(offered))
+    return WhatIf(config, source, page, tuple(offered), answer.warnings)

@@ -26,7 +26,10 @@ def answer_text(
         f"{expected.engaged:.1%} engage where fewest do",
         f"next simulated design: {answer.distance:.1f} times as far as one usually is from another",
     ]
-    lines += [f"warning: {w}; the prediction extrapolates" for w in answer.warnings]
+    lines += [
+        f"warning: {w}; the prediction extrapolates, --engine planar simulates"
+        for w in answer.warnings
+    ]
     if not validation.useful:
         lines.append(
             f"warning: on designs that it has not seen the surrogate has Q2 {validation.q2:.2f}; "

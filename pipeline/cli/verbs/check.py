@@ -15,12 +15,14 @@ from rich.console import RenderableType
 from dogshape.check import Check, check_design
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import (
+    Engine,
     Json,
     OneForce,
     OneMismatch,
     Sets,
     StudyArg,
     SurrogateFile,
+    with_engine,
 )
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
@@ -47,18 +49,20 @@ def check(
         Path | None, typer.Option(help="CSV of designs to ask about, columns as chamfer_deg")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="with --designs: CSV of the answers")] = None,
+    engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
     """Quick check of one design, or predicted times of many.
 
     The time is expected over the study's operating points, or at the one that is given. It is the
-    surrogate's; where the study has none, the compiled engine simulates the one design. Of a
-    table the answers go beside it, into NAME-times.csv; status 1 if a row is no design at all.
+    surrogate's; where the study has none, or with --engine planar, the compiled engine simulates
+    the one design, landing included. Of a table the answers go beside it, into NAME-times.csv;
+    status 1 if a row is no design at all.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
-    given = load_study(study, set_)
+    given = load_study(study, with_engine(set_, engine))
     require_targets({"--out": out})
     asked = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
     if designs is not None:

@@ -11,7 +11,7 @@ import typer
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Json, Sets, StudyArg, SurrogateFile
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.whatif import write_what_if
+from dogshape.whatif import WhatIf, write_what_if
 
 
 @verb
@@ -33,4 +33,10 @@ def whatif(
     given = load_study(study, set_)
     command = shlex.join([str(study), *(f"--set={one}" for one in set_ or ())])
     found = write_what_if(given, out, surrogate, command)
-    emit(found.to_dict(), json, lambda: f"page: {found.page}")
+    emit(found.to_dict(), json, lambda: _text(found))
+
+
+def _text(found: WhatIf) -> str:
+    words = "the time of the study's own design extrapolates"
+    cautions = [f"warning: {one}; {words}" for one in found.warnings]
+    return "\n".join([*cautions, f"page: {found.page}"])
