@@ -348,10 +348,20 @@ def test_chance_has_one_figure_on_the_page(full: Diagnosis, page: Path) -> None:
 def test_the_page_takes_its_limits_from_the_code(
     full: Diagnosis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = {"fit": "0.017", "odds": "7.7 : 1", "named": "77 %", "credible": "97 %", "hour": "7 %"}
+    said = {
+        "fit": "0.017", "odds": "7.7 : 1", "named": "77 %", "credible": "97 %", "hour": "7 %",
+        "misled": "3 %",
+    }  # fmt: skip
     monkeypatch.setattr(reasons, "LIMITS", said)
     text = publish(full, tmp_path).read_text()
-    for words in ("below 0.017", "below 7.7 : 1", "more than 77 %", "have 97 %", "less 7 %"):
+    for words in (
+        "below 0.017",
+        "below 7.7 : 1",
+        "more than 77 %",
+        "have 97 %",
+        "less 7 %",
+        "more than 3 % of",
+    ):
         assert words in text, words
 
 

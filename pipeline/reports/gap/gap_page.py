@@ -86,6 +86,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
                 "shows": ", ".join(found.effects[name].plain for name in test.shows),
                 "information": "" if test.information is None else f"{test.information:.2f}",
                 "share": "" if test.information is None else chance(test.settles),
+                "misleads": "" if test.information is None else chance(test.misleads),
                 "hours": f"{test.hours:.2g}",
             }
             for test in found.tests[:TESTS]

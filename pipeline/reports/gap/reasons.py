@@ -8,7 +8,7 @@ import math
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.classes import APART
-from dogshape.diagnosis.inference.next_test import HOUR
+from dogshape.diagnosis.inference.next_test import HOUR, MISLED
 from dogshape.diagnosis.inference.posterior import inclusion
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.inference.verdict import CREDIBLE, MODEL_FORM, MOST, NAMED, PART
@@ -23,6 +23,7 @@ LIMITS = {
     "named": chance(NAMED),
     "credible": chance(CREDIBLE),
     "hour": chance(HOUR),
+    "misled": chance(MISLED),
 }
 
 
