@@ -2,7 +2,8 @@
 
 If the data set gives its relative angles, the simulation uses the same angles. The standard error
 is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
-error adds that of the bench's mean (with the simulated spread) and that of the simulated mean.
+error adds that of the bench's mean and that of the simulated mean. The former has the simulated
+spread, or that of single readings where it is larger: few angles may miss a long tail.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from dogshape.sim.statistics.expectation import PointExpectation, expect_point
 from dogshape.sim.statistics.numerical_error import Runner, numerical_error
 from dogshape.sim.statistics.shift_records import Record, result_of
 
+LEAST = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
 
 
@@ -130,6 +132,12 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
     simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
     error = simulated.sd / math.sqrt(max(1, simulated.n))
     if even:
-        sampled = simulated.sd / math.sqrt(max(1, cell.n))
+        sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
     return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)
+
+
+def _scatter(cell: Cell) -> float:
+    """Return the standard deviation of single readings, s; 0 where too few say it."""
+    times = cell.times
+    return float(times.std(ddof=1)) if len(times) >= LEAST else 0.0

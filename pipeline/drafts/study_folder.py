@@ -25,6 +25,10 @@ HEAD = """\
 """
 
 
+#: Tables that describe a clutch; what the others have is said in the file.
+CLUTCH = ("dog", "sliding", "output", "actuation", "operating", "mechanism", "driveline", "load")
+
+
 def write_study(
     out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
     *, force: bool = False,
@@ -45,6 +49,7 @@ def write_study(
     """
     name = _name_of(out)
     text, taken, assumed, whence = _begun(origin)
+    assumed += _kept_of(text, {**taken, **(values or {})}, whence)
     given = {"name": name, **taken, **(values or {})}
     done = HEAD.format(origin=whence) + with_values(_without_head(text), given)
     source = f"{out / 'study.toml'}"
@@ -62,6 +67,26 @@ def write_study(
         "operating_points": len(study.points),
         "dogs": own.count,
     }
+
+
+def _kept_of(text: str, given: Mapping[str, Any], whence: str) -> list[str]:
+    """List the numbers of the clutch that stay those of the origin, table by table."""
+    tables = tomllib.loads(text)
+    found = []
+    for table in CLUTCH:
+        kept = {
+            key: value
+            for key, value in tables.get(table, {}).items()
+            if f"{table}.{key}" not in given and not isinstance(value, dict)
+        }
+        if kept:
+            told = ", ".join(f"{key} {_written(value)}" for key, value in kept.items())
+            found.append(f"[{table}] stays as in {whence}: {told}")
+    return found
+
+
+def _written(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _name_of(out: Path) -> str:

@@ -330,3 +330,15 @@ def test_values_are_replaced_in_place() -> None:
         assert comment in done
     with pytest.raises(InputError, match="in place"):
         with_values("a = [1,\n 2]\n", {"a": [3]})
+
+
+def test_what_stays_of_the_origin_is_told(dogshape: Callable[..., Said], tmp_path: Path) -> None:
+    said = dogshape(
+        "init", "study", "--out", tmp_path / "mine", "--yes", "--json", "--set", "dog.count=20",
+        "--set", "mechanism.spline_radius_mm=20",
+    )  # fmt: skip
+    assumed = {line.partition("]")[0][1:]: line for line in said.json["assumed"]}
+    assert "outer_diameter_mm 52" in assumed["dog"]
+    assert "count" not in assumed["dog"]
+    assert "spline_friction 0.1" in assumed["mechanism"]
+    assert "spline_radius_mm" not in assumed["mechanism"]

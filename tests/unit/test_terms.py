@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pytest
 
-from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.comparison import PointGap, compare
+from dogshape.diagnosis.bench.reading import Reading
 from dogshape.diagnosis.terms import Array, Table
+from tests.made_up import few_cells, made_up
 from tests.toy import bench_of, points_of
 
 
@@ -48,3 +52,18 @@ def test_a_gap_is_bench_less_simulation_and_none_without_a_time() -> None:
     assert gap.z is not None
     np.testing.assert_allclose([gap.gap, gap.z], [0.03, 3.0])
     assert (replace(gap, mean=None).gap, replace(gap, mean=None).z) == (None, None)
+
+
+def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
+    """Five readings of a long tail that no simulated angle shows."""
+    bench = few_cells(load_bench("mq200_adams"), [(100, 235.2)])
+    (cell,) = bench.cells
+    times = [0.07, 0.08, 0.09, 0.1, 0.26]
+    single = tuple(Reading(k, cell.point, 1, time, True) for k, time in enumerate(times, 2))
+    alone = replace(bench, cells=(replace(cell, readings=single),))
+    (mean,) = compare(bench, made_up, 8).differences
+    (found,) = compare(alone, made_up, 8).differences
+    own = np.std(times, ddof=1) / np.sqrt(5)
+    assert found.simulated.sd < np.std(times)
+    assert found.standard_error == pytest.approx(np.hypot(found.simulated.standard_error, own))
+    assert mean.standard_error < found.standard_error

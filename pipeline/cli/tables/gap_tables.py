@@ -15,6 +15,7 @@ from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.cli.tables.validate_tables import examined_lines
 from dogshape.pipeline.reports.gap.odds_matrix import class_in_words
 from dogshape.pipeline.reports.kit.text import in_ms
+from dogshape.sim.effects import load
 
 SHOWN = 6  #: hypotheses in the table
 LEAST = 0.001  #: probability from which one is shown
@@ -31,12 +32,23 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
         _gap(found, record["gap"]),
         f"Monte Carlo error of the leading probability: {record['noise']:.3f}",
         *_classes(found),
+        *_own(found, record),
         f"next test: {test['name']}. {test['why']}",
         *([record["so_what"]["sentence"]] if record["so_what"] else []),
         *([f"report: {record['report']}"] if record["report"] else []),
         *examined_lines(found.bench),
     ]
     return Group(*lines)
+
+
+def _own(found: Diagnosis, record: dict[str, Any]) -> list[str]:
+    """List the probability of each effect of the user's own, however small."""
+    mine = [name for name in found.effects if name not in load()]
+    chances = ((name, record["inclusion"].get(name, 0.0)) for name in mine)
+    return [
+        f"effect of your own: {found.effects[name].plain} is part of the cause with {chance(share)}"
+        for name, share in chances
+    ]
 
 
 def calibrated_lines(record: dict[str, Any]) -> list[str]:
