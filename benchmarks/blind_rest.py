@@ -25,7 +25,7 @@ from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.diagnosis.settings import Rules
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of, with_bank_engine
 from dogshape.sim.effects import load
 from dogshape.sim.units import RPM
 from dogshape.validation.blind.case_marks import CHANCE, counted, timely
@@ -41,7 +41,8 @@ def main() -> None:
     folder = Path(sys.argv[1])
     key, effects = opened(folder), load()
     first = folder / "cases" / next(iter(key["cases"]))
-    banks, stand = banks_of(load_bench(first), effects, Means()), read_stand(first)
+    bench, stand = with_bank_engine(load_bench(first), effects, Means()), read_stand(first)
+    banks = banks_of(bench, effects, Means())
     bank, later = banks[0], [engines_apart(stand, one) for one in banks]
     emulator = Moved(SenseEmulator(BankEmulator(bank), banks[1]), *later)
     scores: dict[str, list[float]] = defaultdict(list)

@@ -17,7 +17,7 @@ from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.hypotheses import spaces_for
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of, with_bank_engine
 from dogshape.sim.effects import load
 from dogshape.validation.nested_sampling import nested_evidence
 
@@ -35,8 +35,9 @@ COMPARED: tuple[Hypothesis, ...] = (
 
 def main() -> None:
     """Print the table."""
-    bench, effects = load_bench("mq200_stand"), load()
-    problem = Problem(observe(bench), BankEmulator(bank_of(bench, effects, Means())), USUAL)
+    effects, means = load(), Means()
+    bench = with_bank_engine(load_bench("mq200_stand"), effects, means)
+    problem = Problem(observe(bench), BankEmulator(bank_of(bench, effects, means)), USUAL)
     print(f"{'effects':52} {'ln Z':>9} {'error':>6} {'nested':>9} {'error':>6} {'apart':>6} s : s")
     for space in spaces_for(COMPARED, effects, setting_of(bench)):
         start = time.process_time()

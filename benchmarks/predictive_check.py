@@ -27,7 +27,7 @@ from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.hypotheses import NONE, spaces_of
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of, with_bank_engine
 from dogshape.sim.effects import load
 
 FORCES = (235.2, 641.5)  #: N
@@ -87,8 +87,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sets", type=int, default=600)
     given = parser.parse_args()
-    bench = few(load_bench("mq200_adams"))
-    bank, _ = banks_of(bench, load(None), Means(jobs=1))
+    effects, means = load(None), Means(jobs=1)
+    bench = with_bank_engine(few(load_bench("mq200_adams")), effects, means)
+    bank, _ = banks_of(bench, effects, means)
     emulator = BankEmulator(bank)
     problem = Problem(observe(bench), emulator, USUAL)
     (space,) = [s for s in spaces_of({}, setting_of(bench), pairs=[]) if s.hypothesis == NONE]

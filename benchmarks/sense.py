@@ -10,7 +10,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.bank import Bank
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of, with_bank_engine
 from dogshape.sim.effects import load
 from dogshape.sim.units import RPM
 
@@ -29,10 +29,11 @@ def gaps_of(bench: Bench, bank: Bank) -> tuple[float, float, float]:
 
 def main() -> None:
     """Print the table."""
-    bench = load_bench("mq200_stand")
+    effects, means = load(None), Means()
+    bench = with_bank_engine(load_bench("mq200_stand"), effects, means)
     print(f"{'sense':<14}{'rms, ms':>10}{'from 25 1/min':>16}{'mean, ms':>12}")
     for name, bank in zip(
-        ("of the table", "reversed"), banks_of(bench, load(None), Means()), strict=True
+        ("of the table", "reversed"), banks_of(bench, effects, means), strict=True
     ):
         rms, fast, mean = gaps_of(bench, bank)
         print(f"{name:<14}{rms:>10.1f}{fast:>16.1f}{mean:>12.1f}")

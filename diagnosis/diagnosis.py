@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,6 +30,7 @@ from dogshape.diagnosis.inference.next_test import (
 from dogshape.diagnosis.inference.parameter_intervals import Bound, Interval, bounds, intervals
 from dogshape.diagnosis.inference.posterior import Probabilities, inclusion, noise
 from dogshape.diagnosis.inference.prior_sensitivity import readings
+from dogshape.diagnosis.inference.range_ends import RangeEnd, diagnosed_wider
 from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
 from dogshape.diagnosis.inference.static_readings import against, facts_of
@@ -40,7 +41,7 @@ from dogshape.diagnosis.likelihood.signature import Metric
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.report.wording import Found, headline, in_words
-from dogshape.diagnosis.settings import USUAL, Settings
+from dogshape.diagnosis.settings import USUAL, Decision, Settings
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
@@ -70,6 +71,7 @@ class Diagnosis:
     senses : the answers given either sense of rotation, none where it is known.
     equivalence : the gap beside its margin; None where the baseline has no times.
     settings : with which all this was decided.
+    range_ends : where sizes lay at an end of their range, and what was done about it.
     """
 
     bench: Bench
@@ -94,6 +96,7 @@ class Diagnosis:
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
     settings: Settings = USUAL
+    range_ends: tuple[RangeEnd, ...] = ()
 
     def as_dict(self) -> Record:
         """Write the record of the contract, with more."""
@@ -172,6 +175,7 @@ class Diagnosis:
                 ]
                 for key, posterior in self.other.items()
             },
+            "range_ends": [one.as_dict() for one in self.range_ends],
             "settings": self.settings.as_dict(),
         }
 
@@ -210,6 +214,7 @@ class Diagnosis:
             sees_nothing(self.hidden, self.settings.decision.blind),
             self.senses,
             self.equivalence,
+            self.range_ends,
         )
 
     @property
@@ -304,6 +309,24 @@ def diagnose(
         equivalence=same,
         settings=settings,
     )
+
+
+def diagnose_wider(
+    once: Callable[[Mapping[str, Effect]], Diagnosis],
+    effects: Mapping[str, Effect],
+    limits: Decision = USUAL.decision,
+) -> Diagnosis:
+    """Diagnose by ``once``, again with a wider range where the leading sizes lie at its end.
+
+    ``once`` takes effects with the ranges of their priors; ``limits`` say how often and how far
+    those are widened (``diagnosis.inference.range_ends``).
+    """
+
+    def leading(found: Diagnosis) -> Scored | None:
+        return None if found.leading == NONE else found.scored[found.leading]
+
+    found, ends = diagnosed_wider(once, leading, effects, limits)
+    return replace(found, range_ends=ends)
 
 
 def sees_nothing(hidden: Mapping[str, float], least: float = USUAL.decision.blind) -> bool:

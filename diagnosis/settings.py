@@ -293,6 +293,28 @@ class Decision:
         "judged",
         "3000 : 1",
     )
+    end_share: float = constant(
+        0.05,
+        "of a range",
+        "at its end, in which the sizes of the leading hypothesis count as at the end",
+        "judged",
+        "a size anywhere in the range lies there once in twenty",
+    )
+    end_mass: float = constant(
+        0.3,
+        "probability",
+        "of a size to lie at the end of its range, from which that is widened",
+        "judged",
+        "six times what a size anywhere in the range has",
+    )
+    wider: float = constant(
+        0.5,
+        "of a range",
+        "by which it is widened at that end",
+        "judged",
+        "twice makes it a little more than twice as wide",
+    )
+    widenings: int = constant(2, "times", "that ranges are widened, at most", "judged", "cost")
     blind: float = constant(
         0.999,
         "of a prior",

@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from dogshape.sim.errors import DogshapeError, EffectError, InputError, did_you_mean, refusal
@@ -33,6 +33,8 @@ class Parameter:
     low, high : range of the prior.
     scale : what the prior is uniform in.
     source : of the range, in words.
+    status : of the range: ``measured`` where a source has its ends, else ``judged``.
+    least, most : beyond which no range can be widened, since nothing physical lies there.
     """
 
     name: str
@@ -41,6 +43,9 @@ class Parameter:
     high: float
     scale: Literal["uniform", "log-uniform"]
     source: str
+    status: Literal["measured", "judged"] = "judged"
+    least: float = -math.inf
+    most: float = math.inf
 
     def __post_init__(self) -> None:
         if self.scale not in SCALES:
@@ -69,6 +74,15 @@ class Parameter:
         if self.scale == "uniform":
             return (inside - self.low) / (self.high - self.low)
         return math.log(inside / self.low) / math.log(self.high / self.low)
+
+    def widened(self, share: float, *, upper: bool) -> Parameter:
+        """Return the parameter with a range wider at one end by a ``share`` of its measure.
+
+        The end stays where nothing physical lies beyond (``least``, ``most``).
+        """
+        if upper:
+            return replace(self, high=max(self.high, min(self.most, self.at(1.0 + share))))
+        return replace(self, low=min(self.low, max(self.least, self.at(-share))))
 
 
 @dataclass(frozen=True)

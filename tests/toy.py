@@ -44,7 +44,7 @@ STRENGTHS: Mapping[str, Sequence[Mapping[str, float]]] = {
         for s, d in ((0.4, 0.33), (0.35, 0.28), (0.2, 0.03))
     ],
 }
-NEUTRAL = {"force_factor": 1.0, "dynamic_friction": 0.16}
+NEUTRAL = {"force_factor": 1.0, "dynamic_friction": 0.16, "mismatch_factor": 1.0}
 
 
 def _get(values: Mapping[str, Array], name: str) -> Array | float:
@@ -54,7 +54,8 @@ def _get(values: Mapping[str, Array], name: str) -> Array | float:
 def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) -> Array:
     """Return times in s, (m, q), at shares (q,) of the wait; values are (m, 1)."""
     force, rise = point.profile.force, point.profile.rise
-    slip = abs(point.mismatch) + _get(values, "offset_rpm") * RPM
+    nominal = abs(point.mismatch) * _get(values, "mismatch_factor")
+    slip = nominal + _get(values, "offset_rpm") * RPM
     mass = 0.3 + _get(values, "added_mass_kg")
     full = force * _get(values, "force_factor")
     friction = _get(values, "friction_N")

@@ -14,8 +14,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -24,9 +25,10 @@ from scipy.optimize import brentq
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.setting import Setting
+from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.release import Release, release
 from dogshape.sim.shift.trace import crossing
 
@@ -91,7 +93,20 @@ def changes_flight(one: Setting, other: Setting) -> bool:
     return _moving(one) != _moving(other)
 
 
-def _moving(setting: Setting) -> tuple[object, ...]:
+def flown(setting: Setting) -> dict[str, Any]:
+    """Write the record of all that a flight meets: neither contact nor solver."""
+    profile, mechanism, gap, mass, timeout, sensor = _moving(setting)
+    return {
+        **profile.record,
+        **asdict(mechanism),
+        "gap": gap,
+        "mass": mass,
+        "timeout": timeout,
+        "sensor": sensor,
+    }
+
+
+def _moving(setting: Setting) -> tuple[ForceProfile, Mechanism, float, float, float, Sensor]:
     """Return all that a flight meets."""
     clutch = setting.clutch
     mechanism = replace(clutch.mechanism, drag_torque=0.0, spline_friction=0.0, spline_radius=0.02)

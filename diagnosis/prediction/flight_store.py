@@ -1,7 +1,7 @@
 """Tables of flights as one small file, kept by what flies.
 
 A key has the bench at rest and with each effect at several values, so that an effect of other
-physics or another prior is another table.
+physics or another prior is another table. Contact and engine are no part of a flight.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dogshape.diagnosis.prediction.flight import flown
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
-from dogshape.sim.statistics.shift_records import clutch_record, content_key
+from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.sim.writers import adding
 
@@ -76,12 +77,8 @@ class FlightStore:
 
 def key_of(names: Sequence[str], tried: Sequence[Setting], sizes: Sequence[int]) -> str:
     """Return the key of a table: effects, settings at which they are tried, and its size."""
-    every = [
-        {**clutch_record(s.clutch), **s.point.profile.record, "sensor": s.sensor} for s in tried
-    ]
-    return content_key(
-        {"effects": list(names), "n": list(sizes), "t": [content_key(e) for e in every], **engine()}
-    )
+    every = [content_key(flown(setting)) for setting in tried]
+    return content_key({"effects": list(names), "n": list(sizes), "t": every, **engine()})
 
 
 def _read(path: Path) -> dict[str, Array]:

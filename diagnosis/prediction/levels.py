@@ -7,8 +7,9 @@ the baseline is a level like any other. A second parameter that changes nothing 
 neutral (where a detent of no force stands) is spread by what the first departs from neutral: all
 its values meet in one place there. An effect without parameters lies at 1, the baseline at 0.
 
-Levels of one parameter are even in the share of the prior, ends included, without the one beside
-the neutral value if that lies within: the baseline stands there. Those of two parameters fill
+Levels of one parameter are even in the share of the prior, ends included (of that part of it of
+which there is such a bench), without the one beside the neutral value if that lies within: the
+baseline stands there. Those of two parameters fill
 their plane: each next one is the candidate farthest from all before it, baseline included.
 """
 
@@ -27,6 +28,7 @@ from dogshape.sim.setting import Setting
 
 Array = NDArray[np.float64]
 CANDIDATES = 6  #: two to this power are the places from which a plane is filled
+TICKS = np.linspace(0.0, 1.0, 41)  #: shares of the prior, of which the ends give a bench
 TOGETHER = (0.7, 0.4)  #: shares of the prior near which two effects are simulated together
 
 
@@ -67,9 +69,12 @@ def levels_of(effect: Effect, setting: Setting, along: int, plane: int) -> tuple
         return (Level((name,)),) if effect.possible(setting, {}) else ()
     if len(effect.parameters) == 1:
         only = effect.parameters[0]
-        values = [only.at(s) for s in _along(only, only.neutral_of(setting), along)]
-        real = [v for v in values if effect.possible(setting, {only.name: v})]
-        return tuple(Level((name,), (value,)) for value in real)
+        real = [s for s in TICKS if effect.possible(setting, {only.name: only.at(float(s))})]
+        if not real:
+            return ()
+        even = np.linspace(real[0], real[-1], along)
+        shares = _but_neutral(even, only, only.neutral_of(setting))
+        return tuple(Level((name,), (only.at(float(share)),)) for share in shares)
     return tuple(Level((name,), values) for values in _plane(effect, setting, plane))
 
 
@@ -92,8 +97,8 @@ def check_level(
     return Level(hypothesis, tuple(value for one in chosen for value in one.values))
 
 
-def _along(parameter: Parameter, neutral: float, count: int) -> Array:
-    shares = np.linspace(0.0, 1.0, count)
+def _but_neutral(shares: Array, parameter: Parameter, neutral: float) -> Array:
+    """Return shares without the one beside the neutral value, where that lies within."""
     if not parameter.low <= neutral <= parameter.high:
         return shares
     return np.delete(shares, int(np.argmin(abs(shares - parameter.share(neutral)))))

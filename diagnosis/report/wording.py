@@ -11,6 +11,7 @@ from dogshape.diagnosis.inference.held_out import HeldOut
 from dogshape.diagnosis.inference.next_test import NextTest, why
 from dogshape.diagnosis.inference.parameter_intervals import Interval
 from dogshape.diagnosis.inference.posterior import Probabilities
+from dogshape.diagnosis.inference.range_ends import RangeEnd
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer
 from dogshape.diagnosis.inference.verdict import NAMED, Verdict
 from dogshape.diagnosis.prediction.hypotheses import NONE, in_common, plain, without
@@ -38,6 +39,7 @@ class Found:
     blind: bool = False
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
+    range_ends: tuple[RangeEnd, ...] = ()
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -140,6 +142,7 @@ def parts_in_words(found: Found) -> dict[str, str]:
         "beside": _beside(found),
         "sense": _senses(found),
         "left": _far(found),
+        "ranges": " ".join(range_sentence(one, found.effects) for one in found.range_ends),
         "next": f"Next: {why(found.test, found.posterior, found.effects)}",
     }
 
@@ -267,6 +270,25 @@ def _given(found: Found, one: SenseAnswer) -> str:
         f"with {sense} (probability {chance(one.probability)}) "
         f"{plain(best, found.effects)} ({chance(one.posterior[best])}){size}"
     )
+
+
+def range_sentence(one: RangeEnd, effects: Effects) -> str:
+    """Say that sizes lie at the end of their range, and what was done about it."""
+    name = one.parameter.name
+
+    def said(value: float) -> str:
+        number, unit = shown(name, value)
+        return f"{number:.3g} {unit}".rstrip()
+
+    first = (
+        f"With {effects[one.effect].plain}, {quantity(name)} lies at the end of the range held "
+        f"possible, {said(one.end)}, with a probability of {chance(one.probability)}"
+    )
+    if one.remedy == "widened":
+        return f"{first}: the range was widened to {said(one.moved)}, and the data diagnosed again."
+    if one.remedy == "bound":
+        return f"{first}; nothing physical lies beyond it, so the range was not widened."
+    return f"{first}; it was not widened once more, so the size may lie beyond."
 
 
 def _far(found: Found) -> str:

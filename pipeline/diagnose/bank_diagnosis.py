@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, require_times
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
 from dogshape.diagnosis.inference.next_test import require_terms
 from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
@@ -79,17 +79,23 @@ def brought(name: str) -> Path:
 def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     """Diagnose a data set; simulate the shifts that no bank has.
 
-    DataError where no shift has a time, EffectError for an effect that cannot be run.
+    Where the leading sizes lie at an end of their range, that is widened, and the levels that it
+    lacks are simulated too. DataError where no shift has a time, EffectError for an effect that
+    cannot be run.
     """
     require_times(bench)
     effects = load(means.effects)
     require_terms(bench, effects)
     _require_working(effects, bench, means)
     bench = with_bank_engine(bench, effects, means)
-    emulator, flights = emulator_of(bench, effects, means)
-    found = diagnose(bench, emulator, effects)
-    flights.save()
-    return found
+
+    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
+        emulator, flights = emulator_of(bench, ranged, means)
+        found = diagnose(bench, emulator, ranged)
+        flights.save()
+        return found
+
+    return diagnose_wider(once, effects)
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:
@@ -201,8 +207,7 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         lacking = store.missing(blocks_by_key((plain, turned)).values())
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
-    own = own_files(means.effects) if means.effects else ()
-    why = reason(bench, [name for name in own if name in effects])
+    why = _why(bench, effects, means)
     lasts = about(
         (left - (there := _finished(lacking, kept))) * cost_of(bench) / workers_of(means.jobs)
     )
@@ -218,6 +223,13 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         banks = made(executor.run)
         journal.say_unfinished(means.progress.say)
         return banks
+
+
+def _why(bench: Bench, effects: Mapping[str, Effect], means: Means) -> str:
+    """Explain why simulations are lacking."""
+    own, known = own_files(means.effects) if means.effects else (), load(means.effects)
+    wider = [n for n, e in effects.items() if n in known and e.parameters != known[n].parameters]
+    return reason(bench, [name for name in own if name in effects], wider)
 
 
 def _finished(blocks: Sequence[Block], journal: Path) -> int:

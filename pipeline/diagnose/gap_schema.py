@@ -177,6 +177,21 @@ class ReadingRow(Section):
     probability: float = key("posterior probability", SHARE)
 
 
+class RangeEndRow(Section):
+    """A size at the end of the range held possible before, and what was done about it."""
+
+    effect: str = key("effect by name")
+    parameter: str = key("its parameter")
+    end: float = key("end of the range, in the unit of the parameter")
+    upper: bool = key("true for the upper end")
+    probability: float = key("probability that the size lies there", SHARE)
+    remedy: Literal["widened", "bound", "left"] = key(
+        "`widened`: the data were diagnosed again; `bound`: nothing physical lies beyond; `left`: "
+        "widened as often as allowed"
+    )
+    moved: float = key("that end afterwards")
+
+
 class InferenceRecord(Section):
     """The whole record, ``gap.json``."""
 
@@ -215,6 +230,11 @@ class InferenceRecord(Section):
     bounds: dict[str, BoundRow] = key("bound of each effect on its own")
     facts: list[FactRow] = key("facts from readings at rest")
     sensitivity: dict[str, list[ReadingRow]] = key("answers under other priors and counts")
+    range_ends: list[RangeEndRow] | None = key(
+        "sizes of the leading hypothesis at the end of their range; absent in earlier versions",
+        "",
+        None,
+    )
     settings: dict[str, dict[str, Any]] | None = key(
         "constants that the answer was decided with, by section (`docs/diagnosis_model.md`); "
         "absent in earlier versions",

@@ -15,19 +15,21 @@ from dogshape.sim.units import RPM
 SAME = 1e-6  #: relative difference below which two numbers of operating points are the same
 
 
-def reason(bench: Bench, own_effects: Collection[str] = ()) -> str:
+def reason(
+    bench: Bench, own_effects: Collection[str] = (), wider: Collection[str] = ()
+) -> str:
     """Explain why simulations are lacking, compared with those that the package brings.
 
-    ``own_effects`` are names of effects that the package does not know. Empty where the bundled
+    ``own_effects`` are names of effects that the package does not know, ``wider`` of those whose
+    ranges were widened. Empty where the bundled
     simulations have clutch and operating points, and another run has not finished.
     """
-    known = _nearest(bench)
-    if known is None and bench.clutch.solver.engine == "planar":
-        own = replace(bench, clutch=bench.clutch.with_engine("drake"))
-        if _nearest(own) is not None:
-            return "those that the package brings of this clutch are of Drake"
+    quick = replace(bench, clutch=bench.clutch.with_engine("planar"))
+    known = _nearest(quick)
     if known is None:
         return "no simulations of this clutch come with the package"
+    if quick.clutch != bench.clutch:
+        return "those that the package brings of this clutch are of the compiled engine"
     there = [cell.point for cell in known.cells]
     lacking = [cell.point for cell in bench.cells if not _among(cell.point, there)]
     said = []
@@ -48,15 +50,18 @@ def reason(bench: Bench, own_effects: Collection[str] = ()) -> str:
             )
     if own_effects:
         said.append(f"effects of your own ({', '.join(sorted(own_effects))})")
+    if wider:
+        names = ", ".join(sorted(wider))
+        said.append(f"wider ranges than those of the bundled simulations ({names})")
     return " and ".join(said)
 
 
 def _nearest(bench: Bench) -> Bench | None:
-    """Return the bundled data set of this clutch, None where there is none."""
+    """Return the bundled data set of this clutch, whose bank is the compiled engine's, or None."""
     for folder in sorted(Path(bundled_root() / "bench").iterdir()):
         if (folder / "bench.toml").is_file():
             known = load_bench(folder)
-            if known.clutch == bench.clutch:
+            if known.clutch.with_engine("planar") == bench.clutch:
                 return known
     return None
 

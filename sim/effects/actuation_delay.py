@@ -24,10 +24,12 @@ EFFECT = Effect(
             "delay_s",
             neutral=0.0,
             low=0.0,
-            high=0.25,
+            high=0.4,
             scale="uniform",
             source="valve, pipe and filling of a pneumatic cylinder take 10 to 150 "
-            "ms; the published gap of 0.1 s lies in the middle",
+            "ms; a time zero set by hand or by another clock errs by as much again; uniform, "
+            "since a shifted zero has no scale",
+            least=0.0,
         ),
     ),
     change=_change,

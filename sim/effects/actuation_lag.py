@@ -24,10 +24,11 @@ EFFECT = Effect(
             "lag_s",
             neutral=0.0,
             low=0.003,
-            high=0.3,
+            high=0.45,
             scale="log-uniform",
             source="a cylinder of 0.1 to 1 litre behind a valve of some hundred "
-            "litres a minute fills with time constants of this range",
+            "litres a minute fills with time constants of 10 to 300 ms; a throttled one up to "
+            "half a second",
         ),
     ),
     change=_change,

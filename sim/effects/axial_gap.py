@@ -20,11 +20,11 @@ EFFECT = Effect(
         Parameter(
             "gap_offset_mm",
             neutral=0.0,
-            low=-0.5,
-            high=0.5,
+            low=-0.8,
+            high=0.8,
             scale="uniform",
             source="axial positions of two gears on a shaft add up to some tenths; "
-            "neutral of the shift mechanism to as much",
+            "neutral of a shift mechanism without a stop is off by half a millimetre",
         ),
     ),
     change=_change,

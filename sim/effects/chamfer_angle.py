@@ -20,10 +20,11 @@ EFFECT = Effect(
         Parameter(
             "chamfer_offset_deg",
             neutral=0.0,
-            low=-2.0,
-            high=2.0,
+            low=-4.0,
+            high=4.0,
             scale="uniform",
-            source="made to half a degree; worn or hand-dressed faces are off by up to two",
+            source="made to half a degree; worn or hand-dressed faces are off by two, faces of "
+            "another drawing by four",
         ),
     ),
     change=_change,

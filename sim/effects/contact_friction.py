@@ -36,6 +36,8 @@ EFFECT = Effect(
             scale="uniform",
             source="oiled hardened steel 0.08 to 0.16, dry steel up to 0.4; the "
             "dynamic one must not exceed it",
+            least=0.01,
+            most=1.0,
         ),
         Parameter(
             "dynamic_friction",
@@ -44,6 +46,8 @@ EFFECT = Effect(
             high=0.35,
             scale="uniform",
             source="oiled hardened steel 0.05 to 0.12, dry steel up to 0.3",
+            least=0.01,
+            most=1.0,
         ),
     ),
     change=_change,

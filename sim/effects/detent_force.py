@@ -35,6 +35,8 @@ EFFECT = Effect(
             high=4.5,
             scale="uniform",
             source="anywhere on the travel; most likely where it leaves neutral",
+            least=0.5,
+            most=4.5,
         ),
     ),
     change=_change,

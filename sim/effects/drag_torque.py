@@ -19,10 +19,10 @@ EFFECT = Effect(
             "drag_Nm",
             neutral=0.0,
             low=0.02,
-            high=5.0,
+            high=8.0,
             scale="log-uniform",
             source="bearings and seals of an input shaft take 0.05 to 0.5 N m, cold "
-            "oil and a dragging clutch some N m",
+            "oil and a dragging clutch some N m, both together up to 8",
         ),
     ),
     change=_change,

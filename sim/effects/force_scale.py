@@ -25,11 +25,12 @@ EFFECT = Effect(
         Parameter(
             "force_factor",
             neutral=1.0,
-            low=0.6,
-            high=1.4,
+            low=0.5,
+            high=1.5,
             scale="uniform",
-            source="an assumed efficiency of 0.8 may be 0.6 to 1; ratios from a "
-            "static calibration err by up to 10 percent more",
+            source="an assumed efficiency of 0.8 may be 0.5 to 1 with a bent or dry cable; ratios "
+            "from a static calibration err by up to 10 percent more, a piston's area by 15",
+            least=0.05,
         ),
     ),
     change=_change,

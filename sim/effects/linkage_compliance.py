@@ -24,10 +24,10 @@ EFFECT = Effect(
             "compliance_mm_kN",
             neutral=0.0,
             low=0.3,
-            high=20.0,
+            high=35.0,
             scale="log-uniform",
             source="a steel fork and rod give 0.3 mm/kN; Bowden cables, the published "
-            "stand among them, 3.4 to 4.3 at the sleeve; worn ones more",
+            "stand among them, 3.4 to 4.3 at the sleeve; long or worn ones ten times as much",
         ),
     ),
     change=_change,

@@ -23,10 +23,10 @@ EFFECT = Effect(
             "added_mass_kg",
             neutral=0.0,
             low=0.03,
-            high=10.0,
+            high=18.0,
             scale="log-uniform",
             source="fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio "
-            "of 3.2 feels like 5 kg",
+            "of 3.2 feels like 5 kg, a robot's drive like three times that",
         ),
     ),
     change=_change,

@@ -40,6 +40,8 @@ EFFECT = Effect(
             high=1.0,
             scale="uniform",
             source="any place in the pitch; 0 is dogs facing dogs",
+            least=0.0,
+            most=1.0,
         ),
     ),
     change=_change,

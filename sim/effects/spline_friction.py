@@ -29,6 +29,7 @@ EFFECT = Effect(
             high=0.3,
             scale="log-uniform",
             source="oiled steel 0.05 to 0.15, dry or worn 0.3; rolling elements 0.01",
+            most=1.0,
         ),
     ),
     change=_change,

@@ -19,10 +19,10 @@ EFFECT = Effect(
             "damping_Ns_m",
             neutral=0.0,
             low=5.0,
-            high=1000.0,
+            high=1600.0,
             scale="log-uniform",
             source="shear in a spline of 10 cm2 with gaps of 20 um at 0.1 Pa s gives "
-            "5 N s/m; oil that must leave a closed pocket some hundred",
+            "5 N s/m; oil that must leave a closed pocket some hundred, a cold one above 1000",
         ),
     ),
     change=_change,

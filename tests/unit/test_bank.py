@@ -16,6 +16,7 @@ from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.levels import Axes, levels_of, only_read
 from dogshape.pipeline.diagnose.bank_diagnosis import (
+    PLANAR,
     TIMES,
     Means,
     blocks_by_key,
@@ -51,8 +52,8 @@ def _plan(*names: str, angles: int = 8, checks: bool = False) -> Plan:
 def test_the_default_plan_fits_a_bench_of_28_points_into_an_hour() -> None:
     plan = Plan(tuple(EFFECTS.values()))
     assert len(BENCH.cells) == 28
-    assert 30_000 < plan.shifts(BENCH) < 65_000
-    assert plan.hours(BENCH, cores=2, shift=0.1) < 1.0
+    assert 30_000 < plan.shifts(BENCH) < 70_000
+    assert plan.hours(BENCH, cores=2, shift=PLANAR) < 3.0 / 60.0
     fewer = replace(plan, angles=8)
     assert fewer.shifts(BENCH) == plan.shifts(BENCH) / 2
 
@@ -73,7 +74,7 @@ def test_levels_span_the_prior_and_leave_the_baseline_its_place(bench: Bench) ->
     friction = [level.values[0] for level in levels_of(EFFECTS["sleeve_friction"], setting, 5, 9)]
     assert friction == pytest.approx(np.geomspace(3.0, 200.0, 5).tolist())
     scale = [level.values[0] for level in levels_of(EFFECTS["force_scale"], setting, 5, 9)]
-    assert scale == pytest.approx([0.6, 0.8, 1.2, 1.4])
+    assert scale == pytest.approx([0.5, 0.75, 1.25, 1.5])
     pairs = [level.values for level in levels_of(EFFECTS["contact_friction"], setting, 5, 9)]
     assert len(set(pairs)) == 9
     assert all(dynamic <= static for static, dynamic in pairs)
@@ -83,7 +84,7 @@ def test_levels_span_the_prior_and_leave_the_baseline_its_place(bench: Bench) ->
 def test_levels_that_no_bench_has_are_left_out(bench: Bench) -> None:
     setting = settings_of(bench)[0].with_dog(axial_gap=0.3e-3)
     gaps = [level.values[0] for level in levels_of(EFFECTS["axial_gap"], setting, 5, 9)]
-    assert gaps == pytest.approx([-0.25, 0.25, 0.5])
+    assert gaps == pytest.approx([-0.28, 0.26, 0.53, 0.8])
 
 
 def test_what_is_only_read_needs_no_shift(bench: Bench) -> None:
@@ -195,10 +196,12 @@ def test_shifts_in_drake_are_simulated_once(tmp_path: Path, clutch: Clutch) -> N
     assert abs(spread.times.mean() - heavy) < 2.0 * spread.error[0]
 
 
-def test_a_known_clutch_keeps_the_engine_of_its_bank(tmp_path: Path) -> None:
-    kept = with_bank_engine(BENCH, EFFECTS, Means(tmp_path))
-    assert kept is BENCH
-    assert kept.clutch.solver.engine == "drake"
+def test_the_bundled_bank_has_every_series_of_the_compiled_engine(tmp_path: Path) -> None:
+    quick = with_bank_engine(BENCH, EFFECTS, Means(tmp_path))
+    assert quick.clutch == BENCH.clutch.with_engine("planar")
+    store = BankStore((brought(TIMES), tmp_path / TIMES))
+    assert store.missing(blocks_by_key(plans_of(quick, EFFECTS)).values()) == []
+    assert with_bank_engine(quick, EFFECTS, Means(tmp_path)) == quick
 
 
 def test_the_compiled_engine_simulates_what_no_bank_has(bench: Bench, tmp_path: Path) -> None:
@@ -225,8 +228,9 @@ def test_an_effect_of_ones_own_keeps_the_engine_of_the_bank(tmp_path: Path) -> N
     own = replace(EFFECTS["sleeve_friction"], name="cold_oil", change=_slower)
     more = {**EFFECTS, "cold_oil": own}
     store = BankStore((brought(TIMES), tmp_path / TIMES))
-    assert store.missing(blocks_by_key(plans_of(BENCH, more)).values())
-    assert with_bank_engine(BENCH, more, Means(tmp_path)) is BENCH
+    quick = replace(BENCH, clutch=BENCH.clutch.with_engine("planar"))
+    assert store.missing(blocks_by_key(plans_of(quick, more)).values())
+    assert with_bank_engine(BENCH, more, Means(tmp_path)).clutch == quick.clutch
 
 
 def _slower(setting: Setting, values: Mapping[str, float]) -> Setting:

@@ -11,7 +11,8 @@ from dogshape.diagnosis.bench.reading import gather
 from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.sim.shift.actuation import ForceProfile
 
-STAND = load_bench("mq200_stand")
+GIVEN = load_bench("mq200_stand")
+STAND = replace(GIVEN, clutch=GIVEN.clutch.with_engine("planar"))
 
 
 def _with(rise: float | None = None, mismatch: float | None = None) -> Bench:
@@ -51,6 +52,11 @@ def test_another_clutch_is_said() -> None:
     assert reason(other) == "no simulations of this clutch come with the package"
 
 
-def test_the_published_clutch_in_the_compiled_engine_is_no_other_clutch() -> None:
-    other = replace(STAND, clutch=STAND.clutch.with_engine("planar"))
-    assert reason(other) == "those that the package brings of this clutch are of Drake"
+def test_the_published_clutch_in_drake_is_no_other_clutch() -> None:
+    said = reason(GIVEN)
+    assert said == "those that the package brings of this clutch are of the compiled engine"
+
+
+def test_wider_ranges_are_named() -> None:
+    said = reason(STAND, wider=["actuation_delay"])
+    assert said == "wider ranges than those of the bundled simulations (actuation_delay)"

@@ -40,7 +40,7 @@ EFFECTS = {
     "force_scale": {"force_factor": 0.7},
     "free_play": {"free_play_mm": 0.5},
     "linkage_compliance": {"compliance_mm_kN": 4.0},
-    "mismatch_speed": {"offset_rpm": 2.0},
+    "mismatch_speed": {"offset_rpm": 2.0, "mismatch_factor": 0.9},
     "moving_mass": {"added_mass_kg": 1.5},
     "reversed_mismatch": {},
     "sleeve_friction": {"friction_N": 60.0},

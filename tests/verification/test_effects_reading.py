@@ -66,12 +66,16 @@ def test_mass_and_force_are_one_while_nothing_touches(setting: Setting) -> None:
     )
 
 
-@pytest.mark.parametrize(("nominal", "true"), [(10.0, 7.0), (-10.0, -7.0)])
-def test_an_offset_takes_from_the_mismatch_either_way(
-    setting: Setting, nominal: float, true: float
+@pytest.mark.parametrize(
+    ("nominal", "factor", "true"),
+    [(10.0, 1.0, 7.0), (-10.0, 1.0, -7.0), (100.0, 0.8, 77.0), (-100.0, 1.2, -117.0)],
+)
+def test_factor_and_offset_act_on_the_mismatch_either_way(
+    setting: Setting, nominal: float, factor: float, true: float
 ) -> None:
     asked = setting.with_point(mismatch=nominal * RPM)
-    changed = EFFECTS["mismatch_speed"].apply(asked, {"offset_rpm": -3.0})
+    values = {"offset_rpm": -3.0, "mismatch_factor": factor}
+    changed = EFFECTS["mismatch_speed"].apply(asked, values)
     assert changed.point.mismatch == pytest.approx(true * RPM)
     trace = engage(ClutchPlant(changed.clutch), changed.point, 0.1).trace
     assert trace.relative_speed[0] == pytest.approx(true * RPM)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import FlightEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
-from dogshape.diagnosis.settings import USUAL, Rules, Settings
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of
+from dogshape.diagnosis.settings import Rules, Settings
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.validation.blind import sealed
@@ -33,9 +33,11 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     differ by without any effect is known; it is measured with the first case of a set. Sets that
     MuJoCo did not make have no such column.
     """
-    bench, means, effects = load_bench(folder), Means(jobs=jobs), load(None)
+    means, effects = Means(jobs=jobs), load(None)
+    bench = with_bank_engine(load_bench(folder), effects, means)
     bare, flights = emulator_of(bench, effects, means)
-    found = _with_plain(bench, bare, effects, USUAL.likelihood)
+    told = diagnose_wider(_by_bank(bench, means), effects).as_dict()
+    found = {**told, "plain": plain(bench, bare, effects)}
     if sealed.manifest_of(folder.parent.parent).get("engine", "mujoco") == "mujoco":
         emulator = Moved(bare, *_engines_apart(folder, bare))
         found["told"] = _with_plain(bench, emulator, effects, RULES)
@@ -45,9 +47,22 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
 
 def seen_by(folder: Path, jobs: int = 0) -> Seen:
     """Return with what ``diagnose_folder`` diagnoses a blind case as a user gets it."""
-    bench, effects = load_bench(folder), load(None)
-    emulator, _ = emulator_of(bench, effects, Means(jobs=jobs))
+    means, effects = Means(jobs=jobs), load(None)
+    bench = with_bank_engine(load_bench(folder), effects, means)
+    emulator, _ = emulator_of(bench, effects, means)
     return Seen(emulator, effects, settings_of(bench))
+
+
+def _by_bank(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
+    """Return what diagnoses a case with effects of any ranges."""
+
+    def once(effects: Mapping[str, Effect]) -> Diagnosis:
+        emulator, flights = emulator_of(bench, effects, means)
+        found = diagnose(bench, emulator, effects)
+        flights.save()
+        return found
+
+    return once
 
 
 def _with_plain(

@@ -57,13 +57,13 @@ REVERSED = "reversed_mismatch"
 
 #: Effects beyond their priors, in units of the parameters, from and to.
 BEYOND: dict[str, tuple[str, float, float]] = {
-    "actuation_delay": ("delay_s", 0.27, 0.4),
-    "actuation_lag": ("lag_s", 0.32, 0.45),
-    "viscous_damping": ("damping_Ns_m", 1050.0, 1600.0),
-    "moving_mass": ("added_mass_kg", 11.0, 18.0),
-    "linkage_compliance": ("compliance_mm_kN", 21.0, 35.0),
-    "force_scale": ("force_factor", 0.5, 0.58),
-    "drag_torque": ("drag_Nm", 5.2, 8.0),
+    "actuation_delay": ("delay_s", 0.42, 0.55),
+    "actuation_lag": ("lag_s", 0.48, 0.7),
+    "viscous_damping": ("damping_Ns_m", 1700.0, 2600.0),
+    "moving_mass": ("added_mass_kg", 19.0, 30.0),
+    "linkage_compliance": ("compliance_mm_kN", 37.0, 60.0),
+    "force_scale": ("force_factor", 0.35, 0.47),
+    "drag_torque": ("drag_Nm", 8.4, 13.0),
 }
 #: How much of each a wide set has beside each single effect twice; things outside the list by name.
 WIDE = {"none": 30, "pair": 24, "three": 12, "beyond": 14, "other": 6}

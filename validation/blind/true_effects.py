@@ -55,10 +55,10 @@ class Range:
 
 #: The list: parameters by effect.
 RANGES: dict[str, tuple[Range, ...]] = {
-    "actuation_delay": (Range("delay_s", 0.0, 0.25),),
-    "actuation_lag": (Range("lag_s", 0.003, 0.3, True),),
-    "axial_gap": (Range("gap_offset_mm", -0.5, 0.5),),
-    "chamfer_angle": (Range("chamfer_offset_deg", -2.0, 2.0),),
+    "actuation_delay": (Range("delay_s", 0.0, 0.4),),
+    "actuation_lag": (Range("lag_s", 0.003, 0.45, True),),
+    "axial_gap": (Range("gap_offset_mm", -0.8, 0.8),),
+    "chamfer_angle": (Range("chamfer_offset_deg", -4.0, 4.0),),
     "contact_dissipation": (Range("dissipation_s_m", 1.0, 300.0, True, 100.0),),
     "contact_friction": (
         Range("static_friction", 0.05, 0.45, neutral=0.30),
@@ -69,12 +69,15 @@ RANGES: dict[str, tuple[Range, ...]] = {
         Range("detent_N", 10.0, 200.0, True),
         Range("position_mm", 0.5, 4.5, neutral=0.5, by_strength=False),
     ),
-    "drag_torque": (Range("drag_Nm", 0.02, 5.0, True),),
-    "force_scale": (Range("force_factor", 0.6, 1.4, neutral=1.0),),
+    "drag_torque": (Range("drag_Nm", 0.02, 8.0, True),),
+    "force_scale": (Range("force_factor", 0.5, 1.5, neutral=1.0),),
     "free_play": (Range("free_play_mm", 0.05, 2.0, True),),
-    "linkage_compliance": (Range("compliance_mm_kN", 0.3, 20.0, True),),
-    "mismatch_speed": (Range("offset_rpm", -4.0, 4.0),),
-    "moving_mass": (Range("added_mass_kg", 0.03, 10.0, True),),
+    "linkage_compliance": (Range("compliance_mm_kN", 0.3, 35.0, True),),
+    "mismatch_speed": (
+        Range("offset_rpm", -4.0, 4.0),
+        Range("mismatch_factor", 0.75, 1.25, neutral=1.0),
+    ),
+    "moving_mass": (Range("added_mass_kg", 0.03, 18.0, True),),
     "relative_angle": (
         Range("concentration", 0.1, 10.0, True),
         Range("centre_pitch", 0.0, 1.0, by_strength=False),
@@ -82,7 +85,7 @@ RANGES: dict[str, tuple[Range, ...]] = {
     "reversed_mismatch": (),
     "sleeve_friction": (Range("friction_N", 3.0, 200.0, True),),
     "spline_friction": (Range("spline_friction", 0.01, 0.3, True),),
-    "viscous_damping": (Range("damping_Ns_m", 5.0, 1000.0, True),),
+    "viscous_damping": (Range("damping_Ns_m", 5.0, 1600.0, True),),
 }
 
 #: Field of the truth and factor to it, by parameter.

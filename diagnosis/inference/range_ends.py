@@ -1,0 +1,146 @@
+"""Sizes at the end of their range: where they pile up, and the effects with that range wider.
+
+A prior says what is held possible before the data. Where the sizes of the leading hypothesis pile
+up at an end of it, the data ask for more: the range is widened there and the data are diagnosed
+again. An end below which an effect only grows too weak to be seen is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+import numpy as np
+
+from dogshape.diagnosis.likelihood.scores import Scored
+from dogshape.diagnosis.settings import Decision
+from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.setting import Setting
+
+#: A range was widened, has nothing physical beyond its end, or was widened as often as is allowed.
+Remedy = Literal["widened", "bound", "left"]
+TRIED = (1.0, 0.8, 0.6, 0.4, 0.2)  #: shares of a widening, until one gives a bench
+
+Effects = Mapping[str, Effect]
+Found = TypeVar("Found")  #: a diagnosis
+
+
+@dataclass(frozen=True)
+class RangeEnd:
+    """Sizes of an effect at an end of their range, and what was done about it.
+
+    Parameters
+    ----------
+    effect : by name.
+    parameter : with the range at whose end the sizes lie.
+    upper : whether that is the upper end.
+    probability : that the size lies there.
+    remedy : see ``Remedy``.
+    moved : the end after widening; where it was not widened, the same.
+    """
+
+    effect: str
+    parameter: Parameter
+    upper: bool
+    probability: float
+    remedy: Remedy = "left"
+    moved: float = float("nan")
+
+    @property
+    def end(self) -> float:
+        """The end at which the sizes lie, in the unit of the parameter."""
+        return self.parameter.high if self.upper else self.parameter.low
+
+    def as_dict(self) -> dict[str, Any]:
+        """Write the row of the record."""
+        return {
+            "effect": self.effect,
+            "parameter": self.parameter.name,
+            "end": self.end,
+            "upper": self.upper,
+            "probability": self.probability,
+            "remedy": self.remedy,
+            "moved": self.moved if self.remedy == "widened" else self.end,
+        }
+
+
+def range_ends(found: Scored, limits: Decision) -> tuple[RangeEnd, ...]:
+    """List the ends of ranges at which the sizes of a hypothesis pile up."""
+    weights, shares, ends = found.weights(), found.rows.shares, list[RangeEnd]()
+    column = 0
+    for effect in found.space.effects:
+        for parameter in effect.parameters:
+            within = parameter.neutral_of(found.space.setting) > parameter.low
+            for upper in (False, True) if within else (True,):
+                mine = shares[:, column]
+                there = mine > 1.0 - limits.end_share if upper else mine < limits.end_share
+                mass = float(weights[np.asarray(there)].sum())
+                if mass > limits.end_mass:
+                    ends.append(RangeEnd(effect.name, parameter, upper, mass))
+            column += 1
+    return tuple(ends)
+
+
+def widened(
+    effects: Effects, ends: tuple[RangeEnd, ...], setting: Setting, share: float
+) -> tuple[dict[str, Effect], tuple[RangeEnd, ...]]:
+    """Return the effects with wider ranges, and the ends with what was done about them.
+
+    ``share`` of its measure is added to a range; less, where such values give no bench.
+    """
+    changed, told = dict(effects), list[RangeEnd]()
+    for one in ends:
+        effect = changed[one.effect]
+        wider = _wider(effect, one, setting, share)
+        if wider is None:
+            told.append(replace(one, remedy="bound"))
+            continue
+        mine = tuple(wider if p.name == wider.name else p for p in effect.parameters)
+        changed[one.effect] = replace(effect, parameters=mine)
+        moved = wider.high if one.upper else wider.low
+        told.append(replace(one, remedy="widened", moved=moved))
+    return changed, tuple(told)
+
+
+def _wider(effect: Effect, one: RangeEnd, setting: Setting, share: float) -> Parameter | None:
+    """Return the parameter with the widest range that gives a bench, None without one."""
+    (now,) = [p for p in effect.parameters if p.name == one.parameter.name]
+    for part in TRIED:
+        wider = now.widened(part * share, upper=one.upper)
+        end = wider.high if one.upper else wider.low
+        if end != one.end and effect.possible(
+            setting, {**effect.neutral(setting), wider.name: end}
+        ):
+            return wider
+    return None
+
+
+def diagnosed_wider(
+    once: Callable[[Effects], Found],
+    leading: Callable[[Found], Scored | None],
+    effects: Effects,
+    limits: Decision,
+) -> tuple[Found, tuple[RangeEnd, ...]]:
+    """Diagnose, and again with wider ranges while the leading sizes lie at an end of theirs.
+
+    Parameters
+    ----------
+    once : diagnoses with some effects.
+    leading : gives the leading hypothesis of that, None where no effect leads.
+    effects : with the ranges to begin with.
+    limits : ``end_share``, ``end_mass``, ``wider`` and ``widenings`` count.
+    """
+    found, told = once(effects), list[RangeEnd]()
+    for _ in range(limits.widenings):
+        best = leading(found)
+        ends = range_ends(best, limits) if best else ()
+        if not best or not ends:
+            return found, tuple(told)
+        effects, done = widened(effects, ends, best.space.setting, limits.wider)
+        told += done
+        if all(one.remedy == "bound" for one in done):
+            return found, tuple(told)
+        found = once(effects)
+    best = leading(found)
+    return found, (*told, *(range_ends(best, limits) if best else ()))
