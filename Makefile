@@ -3,7 +3,8 @@
 #   make test    environment, lint, types, tests (ten minutes on two idle cores)
 # make test-fast runs tests/unit alone: no server, browser or study (two minutes on two idle cores).
 # make surrogate simulates and fits the surrogate that the package brings (1.5 hours).
-# make bank simulates the bank that the package brings for the published data sets (four hours).
+# make bank simulates the bank that the package brings for the published data sets, with the
+# flights of traces (ten minutes).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
 # make samplers compares samplers (an hour and a half).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).

@@ -103,7 +103,7 @@ NUMERICAL = {
     "prediction.level_curves": "FLOOR of a mean",
     "prediction.hypotheses": "TRIED values",
     "prediction.emulator": "SHARES shares, LEAST of a mean, NONE of a mean, PROBES values",
-    "prediction.levels": "CANDIDATES power of two, TOGETHER of the prior",
+    "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
     "prediction.flight": "TIGHT 1, STEP s",
     "likelihood.cell_likelihood": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
@@ -114,6 +114,7 @@ NUMERICAL = {
     "inference.evidence": "FIRST boxes, TOLERANCE of the evidence, ROUNDS rounds, POINTS values, "
     "FIRST_DRAWS values, DRAWS values, SAMPLINGS rounds, ENOUGH draws, HOPELESS nat, SOME draws, "
     "BEHIND nat, DOF degrees of freedom, PRIOR_SHARE of the draws, OUTSIDE values",
+    "inference.range_ends": "TRIED of a widening",
     "inference.unknown": "SCALES values, OFFSETS standard errors",
     "inference.equivalence": "DRAWN values",
     "inference.classes": "DRAWN values",

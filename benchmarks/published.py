@@ -769,14 +769,6 @@ ENTRIES: list[Entry] = [
     *(Entry(RESULTS, text, _blind("blind_fine", label, first)) for label, first, text in FINE),
     Entry(
         "docs/planar.md",
-        "probability of {:.0f} % instead of {:.0f} %",
-        lambda: [
-            PERCENT * gap(name)["hypotheses"][0]["probability"]
-            for name in ("stand_planar", "stand")
-        ],
-    ),
-    Entry(
-        "docs/planar.md",
         "0.3 mm/kN one shift of {:.1f} ms takes {:.1f} ms at 1e-6, {:.1f} ms at the set's own 1e-7 "
         "and {:.1f} ms at 1e-9",
         lambda: [

@@ -220,6 +220,7 @@ OTHERS: dict[str, dict[str, str]] = {
             "Likelihood (`diagnosis/likelihood/cell_likelihood.py`)",
             "Evidence (`diagnosis/inference/evidence.py`)",
             "Classes and bounds",
+            "Sizes at the end of their range (`diagnosis/inference/range_ends.py`)",
             "Decision (`diagnosis/inference/verdict.py`)",
             "Next test (`diagnosis/inference/next_test.py`)",
         ),

@@ -15,9 +15,7 @@ from dogshape.sim.units import RPM
 SAME = 1e-6  #: relative difference below which two numbers of operating points are the same
 
 
-def reason(
-    bench: Bench, own_effects: Collection[str] = (), wider: Collection[str] = ()
-) -> str:
+def reason(bench: Bench, own_effects: Collection[str] = (), wider: Collection[str] = ()) -> str:
     """Explain why simulations are lacking, compared with those that the package brings.
 
     ``own_effects`` are names of effects that the package does not know, ``wider`` of those whose
