@@ -105,7 +105,7 @@ NUMERICAL = {
     "prediction.emulator": "SHARES shares, LEAST of a mean, NONE of a mean, PROBES values",
     "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
-    "prediction.flight": "TIGHT 1, STEP s",
+    "prediction.flight": "TIGHT m/s, CLOSE m, FIRST s, STEP s, ROOM steps, ASIDE m",
     "likelihood.cell_likelihood": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
@@ -129,6 +129,10 @@ NUMERICAL = {
 #: Numbers that are no constants of the model.
 OTHERS = {
     "bench.flight_marks.SIZE": "follows from WAYS and FORCES",
+    "prediction.flight.RING": "a place in a state",
+    "prediction.flight.RING_RATE": "a place in a state",
+    "prediction.flight.ACTUATOR": "a place in a state",
+    "prediction.flight.ACTUATOR_RATE": "a place in a state",
     "prediction.bank_store.LATE": "a mark in a file",
     "prediction.bank_store.FORMAT": "a version",
     "prediction.level_curves.ROOT5": "of mathematics",

@@ -5,26 +5,25 @@ Until dogs touch, ring and actuator move along the shaft alone, with the equatio
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-So a flight costs an integration in one or two degrees of freedom instead of a simulated shift.
-Every effect and pair can therefore fly at many values. Simulated shifts in Drake have the same
+The compiled engine integrates them with the other ring moved aside, so a flight costs less than a
+shift, and every effect and pair can fly at many values. Simulated shifts in Drake have the same
 flight (``tests/verification/test_flight.py``).
 """
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
 from dogshape.diagnosis.terms import Array
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.plant import planar_clutch, surfaces_of
 from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
@@ -32,8 +31,11 @@ from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.release import Release, release
 from dogshape.sim.shift.trace import crossing
 
-TIGHT = 1e-5  #: relative tolerance of the integration
-STEP = 5e-3  #: s, longest step
+TIGHT, CLOSE = 1e-6, 1e-10  #: error of a speed in m/s and of a place in m that a step may have
+FIRST, STEP = 1e-5, 5e-3  #: s, first and longest step
+ROOM = 4096  #: steps that are recorded at once
+ASIDE = 0.1  #: m by which the other ring stands aside, so that no dogs meet
+RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of the compiled engine
 CREEP = 2.0  #: error of a held start, over what a start without holding changes
 
 
@@ -135,71 +137,39 @@ def _motion(
     go, the ring creeps from the start as the smooth law has it.
     """
     rest = release(clutch, profile) if held else Release(*np.zeros((3, 1)))
-    linked = clutch.mechanism.has_linkage
-
-    def done(_: float, state: Array) -> float:
-        return float(state[::2].min()) - 1.02 * way
-
-    done.terminal = True  # type: ignore[attr-defined]
-    begin, stretch, speed = (float(s[-1]) for s in (rest.time, rest.displacement, rest.speed))
-    run = solve_ivp(
-        _rates(clutch, profile),
-        (begin, clutch.timeout),
-        np.array([0.0, 0.0, stretch, speed][: 4 if linked else 2]),
-        method="LSODA",
-        events=done,
-        rtol=TIGHT,
-        atol=1e-10,
-        max_step=STEP,
-    )
-    time = np.concatenate([rest.time[:-1], run.t])
+    time, states = _advanced(clutch, profile, 1.02 * way, rest)
     still = np.zeros((2, rest.time.size - 1))
-    ring = np.concatenate([still, run.y[:2]], axis=1)
-    if not linked:
+    ring = np.concatenate([still, states[:, [RING, RING_RATE]].T], axis=1)
+    time = np.concatenate([rest.time[:-1], time])
+    if not clutch.mechanism.has_linkage:
         return time, ring, ring
     loaded = np.array([rest.displacement[:-1], rest.speed[:-1]])
-    return time, ring, np.concatenate([loaded, run.y[2:]], axis=1)
+    return time, ring, np.concatenate([loaded, states[:, [ACTUATOR, ACTUATOR_RATE]].T], axis=1)
 
 
-def _rates(clutch: Clutch, profile: ForceProfile) -> Callable[[float, Array], list[float]]:
-    """Return the rates of way and speed of the ring, and with a linkage of the actuator."""
-    mechanism, mass = clutch.mechanism, clutch.rings.mass
-    near, far = mechanism.sleeve_mass(mass), mechanism.actuator_mass(mass)
-    force = _course(profile)
-
-    def alone(time: float, state: Array) -> list[float]:
-        x, v = state.tolist()
-        lost = mechanism.resistance(x, v, 0.0) + mechanism.damping * v
-        return [v, (force(time) - lost) / near]
-
-    if not mechanism.has_linkage:
-        return alone
-    linkage = mechanism.linkage(mass)
-
-    def linked(time: float, state: Array) -> list[float]:
-        x, v, y, w = state.tolist()
-        pull = mechanism.pull(y - x, w - v, *linkage)
-        lost = mechanism.resistance(x, v, 0.0) + mechanism.damping * v
-        return [v, (pull - lost) / near, w, (force(time) - pull) / far]
-
-    return linked
-
-
-def _course(profile: ForceProfile) -> Callable[[float], float]:
-    """Return the force over time as the plant has it: cubic between the profile's knots."""
-    times, forces, slopes = profile.knots()
-    pieces = CubicHermiteSpline(times, forces, slopes).c.T.tolist()
-    knots, last = times.tolist(), float(forces[-1])
-
-    def at(time: float) -> float:
-        if time >= knots[-1]:
-            return last
-        place = bisect_right(knots, time) - 1
-        a, b, c, d = pieces[place]
-        u = time - knots[place]
-        return float(((a * u + b) * u + c) * u + d)
-
-    return at
+def _advanced(
+    clutch: Clutch, profile: ForceProfile, way: float, rest: Release
+) -> tuple[Array, Array]:
+    """Integrate from the end of ``rest`` by the compiled engine, without dogs: times and states."""
+    plant = planar_clutch(clutch)
+    *solid, gap, travel = surfaces_of(clutch.dog)
+    numbers = plant.numbers.copy()
+    numbers[kernel.WAY] = way
+    state = np.zeros(kernel.SIZE)
+    now, state[ACTUATOR], state[ACTUATOR_RATE] = (
+        float(part[-1]) for part in (rest.time, rest.displacement, rest.speed)
+    )
+    parts, why = [(np.array([now]), state[None].copy())], kernel.FULL
+    mode, step = np.zeros(2), FIRST
+    while why == kernel.FULL:
+        times, states = np.empty(ROOM), np.empty((ROOM, kernel.SIZE))
+        why, now, step, made, _ = kernel.advance(
+            now, step, state, clutch.timeout, numbers, np.array(profile.knots()),
+            (*solid, gap + ASIDE, travel + ASIDE), plant.law, np.array([TIGHT, CLOSE]), STEP, mode,
+            times, states,
+        )  # fmt: skip
+        parts.append((times[:made], states[:made]))
+    return np.concatenate([one for one, _ in parts]), np.concatenate([one for _, one in parts])
 
 
 def _force_mark(profile: ForceProfile, level: float, timeout: float) -> float:
