@@ -69,6 +69,7 @@ CHOSEN = {
         ENOUGH | shifts | judged |
         PRIOR | shifts | judged |""",
     "likelihood.observations": "LEAST | s | judged | resolution of a shift time",
+    "likelihood.drift": "ALIKE | degrees of freedom | judged | few repeats scatter by chance",
     "inference.parameter_intervals": "INSIDE | probability | judged | usual level",
     "inference.static_readings": """
         LEAST | readings | judged | two lie on any line
@@ -109,6 +110,7 @@ NUMERICAL = {
     "likelihood.cell_likelihood": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
+    "likelihood.drift": "ROUNDS rounds",
     "likelihood.scores": "IMPOSSIBLE nat",
     "likelihood.flight_likelihood": "SCALES values",
     "inference.evidence": "FIRST boxes, TOLERANCE of the evidence, ROUNDS rounds, POINTS values, "
@@ -117,6 +119,7 @@ NUMERICAL = {
     "inference.range_ends": "TRIED of a widening",
     "inference.unknown": "SCALES values, OFFSETS standard errors",
     "inference.equivalence": "DRAWN values",
+    "inference.series_drift": "DRAWN values",
     "inference.classes": "DRAWN values",
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",

@@ -33,6 +33,7 @@ from dogshape.diagnosis.inference.prior_sensitivity import readings
 from dogshape.diagnosis.inference.range_ends import RangeEnd, diagnosed_wider
 from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
+from dogshape.diagnosis.inference.series_drift import SeriesDrift, series_drift
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, decide
 from dogshape.diagnosis.likelihood.observations import observe
@@ -70,6 +71,7 @@ class Diagnosis:
     noise : Monte Carlo standard error of the leading probability.
     senses : the answers given either sense of rotation, none where it is known.
     equivalence : the gap beside its margin; None where the baseline has no times.
+    drift : trend over the series; None where the order of the shifts is not known.
     settings : with which all this was decided.
     range_ends : where sizes lay at an end of their range, and what was done about it.
     """
@@ -95,12 +97,14 @@ class Diagnosis:
     noise: float
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
+    drift: SeriesDrift | None = None
     settings: Settings = USUAL
     range_ends: tuple[RangeEnd, ...] = ()
 
     def as_dict(self) -> Record:
         """Write the record of the contract, with more."""
         from_rival = self.rival[1] if self.rival else None
+        more = {} if self.drift is None else {"drift": self.drift.as_dict()}
         aliases = {name: effect.aliases for name, effect in self.effects.items()}
         return {
             "bench": self.bench.name,
@@ -126,6 +130,7 @@ class Diagnosis:
             },
             "margin_s": self.equivalence.margin_rms if self.equivalence else None,
             "discrepancy": self.equivalence.as_dict() if self.equivalence else None,
+            **more,
             "where": [
                 {
                     "mismatch_rpm": one.cell.point.mismatch / RPM,
@@ -215,6 +220,7 @@ class Diagnosis:
             self.senses,
             self.equivalence,
             self.range_ends,
+            self.drift,
         )
 
     @property
@@ -258,7 +264,8 @@ def diagnose(
     pairs : of them, all by default.
     settings : probabilities before the data, errors of the simulation, and limits of the answer.
     """
-    problem = Problem(observe(bench), emulator, settings, bench.mismatch_sense)
+    seen = observe(bench, settings.likelihood)
+    problem = Problem(seen, emulator, settings, bench.mismatch_sense)
     ranking = rank(problem, bench, effects, pairs)
     posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
@@ -307,6 +314,7 @@ def diagnose(
         noise=noise(next(iter(posterior)), ranking.raw, ranking.fold, scored),
         senses=sense_answers(problem, ranking),
         equivalence=same,
+        drift=series_drift(problem, ranking),
         settings=settings,
     )
 

@@ -92,6 +92,14 @@ class Rules:
         "judged",
         f"{ENGINES}: three quarters one-sided, 2 to 5 points over the force",
     )
+    drift: float = constant(
+        0.1,
+        "of the mean time",
+        "scale of the half-normal prior of a drift's size over the whole series, where the order "
+        "of the shifts is known",
+        "judged",
+        "oil and actuator warm up, edges wear; a fifth of the time would be noticed at the stand",
+    )
     late_share: float = constant(
         0.02,
         "probability",
@@ -277,6 +285,28 @@ class Decision:
         "that are properties of the simulation, and so named by a direct test only",
         "measured",
         "they lead where two engines differ without any effect, `docs/blind.md`",
+    )
+    drift_sure: float = constant(
+        0.99,
+        "probability",
+        "of the direction of a drift, from which it is said",
+        "judged",
+        "one false mention in fifty sets",
+    )
+    drift_known: float = constant(
+        0.75,
+        "of the prior's variance",
+        "that repeated operating points must take for a drift to be told from an effect",
+        "judged",
+        "half of its deviation",
+    )
+    in_order: float = constant(
+        0.7,
+        "rank correlation",
+        "of the order of the shifts with mismatch or force, from which these were not run in "
+        "random order",
+        "judged",
+        "half of the variance",
     )
     near: float = constant(
         0.03,

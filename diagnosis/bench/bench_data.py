@@ -161,7 +161,7 @@ def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]
     if rule:
         raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
     _require_whole(stand, sheet, row)
-    return Reading(row.row, point, row.n, row.time, row.engaged, row.trace)
+    return Reading(row.row, point, row.n, row.time, row.engaged, row.trace, row.sd, row.place)
 
 
 def _require_whole(stand: Stand, sheet: Sheet, row: Row) -> None:

@@ -31,12 +31,13 @@ class Correction:
         return f"{self.quantity}={self.way}"
 
 
-def _scaled(field: str, factor: float) -> Change:
-    """Return a change that multiplies a field of a row, where it has a value."""
+def _scaled(field: str, factor: float, *others: str) -> Change:
+    """Return a change that multiplies fields of a row, where they have a value."""
 
     def change(row: Row, _: Sensor) -> Row:
-        value = getattr(row, field)
-        return row if value is None else replace(row, **{field: value * factor})
+        values = {name: getattr(row, name) for name in (field, *others)}
+        known = {name: value * factor for name, value in values.items() if value is not None}
+        return replace(row, **known) if known else row
 
     return change
 
@@ -78,7 +79,7 @@ SPEEDS = ("sliding_speed", "output_speed")
 #: What can be taken otherwise, in the order in which it is changed.
 WAYS: dict[str, dict[str, Change]] = {
     "axes": {"swapped": lambda row, _: replace(row, mismatch=row.force, force=row.mismatch)},
-    "time": {"ms": _scaled("time", MS)},
+    "time": {"ms": _scaled("time", MS, "sd")},
     "rise": {"ms": _scaled("rise", MS)},
     "force": {
         "kN": _scaled("force", 1e3),

@@ -18,7 +18,9 @@ class Reading:
 
     ``time`` is the (mean) shift time in s, None where there is none. ``engaged`` is None
     where the source does not say; a time says that it engaged. ``row`` counts the lines of
-    ``shifts.csv`` from 1.
+    ``shifts.csv`` from 1. ``sd`` is the standard deviation of the ``n`` times of a mean, s.
+    ``place`` is that in the series of all shifts, an order or a time in s; None where the source
+    does not say.
     """
 
     row: int
@@ -27,6 +29,8 @@ class Reading:
     time: float | None
     engaged: bool | None
     trace: BenchTrace | None = None
+    sd: float | None = None
+    place: float | None = None
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,14 @@ examined (``diagnosis.bench.slips``) and corrected (``diagnosis.bench.correction
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dogshape.diagnosis.bench.time_stamps import is_plain, seconds_of
 from dogshape.diagnosis.bench.traces import BenchTrace, read_trace
 from dogshape.sim.errors import DataError, number_rule
 from dogshape.sim.texts import TextTable, read_table
@@ -24,9 +26,13 @@ COLUMNS = (
     "shift_time_s",
     "engaged",
     "trace",
+    "shift_time_sd_s",
+    "order",
+    "timestamp",
 )
 
-NUMERIC = NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
+NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
+NUMERIC = (*NEEDED, *COLUMNS[7:])
 MOST = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
 
 ENGAGED = {"true": True, "false": False, "": None}
@@ -34,7 +40,11 @@ ENGAGED = {"true": True, "false": False, "": None}
 
 @dataclass(frozen=True)
 class Row:
-    """A row as it stands: 1/min, N, s, s by the names of the columns."""
+    """A row as it stands: 1/min, N, s, s by the names of the columns.
+
+    ``sd`` is the standard deviation of the ``n`` times of a mean, s. ``order`` and ``timestamp``,
+    s, are places in the series of all shifts; None where the table does not say them.
+    """
 
     row: int
     mismatch: float
@@ -44,6 +54,14 @@ class Row:
     time: float | None
     engaged: bool | None
     trace: BenchTrace | None = None
+    sd: float | None = None
+    order: float | None = None
+    timestamp: float | None = None
+
+    @property
+    def place(self) -> float | None:
+        """Place in the series: the order, or else the time."""
+        return self.timestamp if self.order is None else self.order
 
 
 @dataclass(frozen=True)
@@ -61,8 +79,30 @@ class Sheet:
 def load_sheet(path: Path) -> Sheet:
     """Read the table and its traces; a mistake raises DataError with file, row and column."""
     table = _table(path)
-    rows = (_row(path, row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows)
-    return Sheet(path, tuple(rows))
+    records = [(row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows]
+    rows = tuple(_row(path, row, record) for row, record in records)
+    _require_whole_series(path, rows)
+    _require_one_clock(path, records)
+    return Sheet(path, rows)
+
+
+def _require_whole_series(path: Path, rows: Sequence[Row]) -> None:
+    """Raise DataError where some rows with a time have a place in the series and others none."""
+    timed = [row for row in rows if row.time is not None]
+    for column in ("order", "timestamp"):
+        empty = [row.row for row in timed if getattr(row, column) is None]
+        if empty and len(empty) < len(timed):
+            rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
+            raise bad_cell(path, empty[0], column, "", rule)
+
+
+def _require_one_clock(path: Path, records: Sequence[tuple[int, dict[Any, Any]]]) -> None:
+    """Raise DataError where some time stamps are dates and others seconds."""
+    stamps = [(row, text) for row, record in records if (text := record.get("timestamp", ""))]
+    kinds = {is_plain(text): (row, text) for row, text in stamps}
+    if len(kinds) > 1:
+        row, text = kinds[True]
+        raise bad_cell(path, row, "timestamp", text, "a date and time as in the other rows")
 
 
 def _table(path: Path) -> TextTable:
@@ -94,7 +134,45 @@ def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
         raise bad_cell(path, row, "engaged", "false", rule)
     trace = _trace(path, row, record.get("trace", ""), int(count))
     known = True if time is not None else engaged
-    return Row(row, mismatch, force, rise, int(count), time, known, trace)
+    series = (
+        _spread(path, row, record, int(count), time),
+        _number(path, row, record, "order") if record.get("order") else None,
+        _stamp(path, row, record.get("timestamp", "")),
+    )
+    return Row(row, mismatch, force, rise, int(count), time, known, trace, *series)
+
+
+def _spread(
+    path: Path, row: int, record: dict[Any, Any], count: int, time: float | None
+) -> float | None:
+    """Read the standard deviation of the times that a mean is of, s."""
+    text = record.get("shift_time_sd_s", "")
+    if not text:
+        return None
+    if count < 2 or time is None:
+        rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
+        raise bad_cell(path, row, "shift_time_sd_s", text, rule)
+    value = _number(path, row, record, "shift_time_sd_s")
+    # So large is it where one shift took all the time and the others none.
+    most = time * count**0.5
+    if not 0.0 <= value <= most:
+        rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
+        raise bad_cell(path, row, "shift_time_sd_s", text, rule)
+    return value
+
+
+def _stamp(path: Path, row: int, text: str) -> float | None:
+    """Read a time stamp in s: a date and time as ISO 8601 has it (UTC without a zone), or s."""
+    if not text:
+        return None
+    try:
+        value = seconds_of(text)
+    except ValueError:
+        rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
+        raise bad_cell(path, row, "timestamp", text, rule) from None
+    if not np.isfinite(value):
+        raise bad_cell(path, row, "timestamp", text, "finite")
+    return value
 
 
 def _trace(path: Path, row: int, name: str, count: int) -> BenchTrace | None:

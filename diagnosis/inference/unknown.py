@@ -80,6 +80,17 @@ class Model:
         gain = np.linalg.solve(matrix, across.T).T
         return gain @ mean, np.diag(self.kernel) - (gain * across).sum(axis=1)
 
+    def coefficient(self, direction: Array) -> tuple[float, float]:
+        """Return mean and variance of the standard normal coefficient of a direction, s, (cells,).
+
+        The direction is part of the kernel.
+        """
+        places = self._having(np.ones(len(self.kernel), dtype=bool))
+        mean, variance, _ = self._parts(places)
+        across = direction[places]
+        gain = np.linalg.solve(self.kernel[np.ix_(places, places)] + np.diag(variance), across)
+        return float(gain @ mean), max(0.0, 1.0 - float(gain @ across))
+
     def _having(self, cells: np.ndarray) -> list[int]:
         return [k for k in np.flatnonzero(cells).tolist() if self.offsets[k] is not None]
 
@@ -119,6 +130,19 @@ class Unknown:
 
     def _logs(self, cells: np.ndarray) -> Array:
         return np.array([m.log_prior + m.log_evidence(cells) for m in self.models])
+
+    def draw(self, direction: Array, count: int, generator: np.random.Generator) -> Array:
+        """Draw the coefficient of a direction that cells err along together, (count,)."""
+        log = self._logs(np.ones(self.baseline.size, dtype=bool))
+        weights = np.exp(log - log_sum(log, axis=0))
+        parts = generator.multinomial(count, weights / weights.sum())
+        found = [
+            generator.normal(mean, np.sqrt(variance), many)
+            for model, many in zip(self.models, parts.tolist(), strict=True)
+            if many
+            for mean, variance in [model.coefficient(direction)]
+        ]
+        return np.concatenate(found) if found else np.zeros(0)
 
     def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
         """Return mean time and variance of the offset of every cell given the data of some."""

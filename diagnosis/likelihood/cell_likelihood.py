@@ -191,8 +191,13 @@ def _spread_parts(
     n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _outlier_numbers(seen, predicted)
     behind, _ = _behind(seen, predicted)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
-    spread = 0.5 * np.log(predicted.sd[..., None] ** 2 + among * behind[..., None] ** 2)
-    shape = np.where(waits > 0, predicted.rules.late_spread, predicted.shape[..., None])
+    square = predicted.sd[..., None] ** 2 + among * behind[..., None] ** 2
+    late = _late_beside(seen, predicted, waits)
+    if late.any():
+        crowded = late & _crowded(seen, predicted)
+        square = np.where(crowded, predicted.whole[1][..., None] ** 2, square)
+    spread = 0.5 * np.log(square)
+    shape = np.where((waits > 0) | late, predicted.rules.late_spread, predicted.shape[..., None])
     if predicted.missed.any():
         last = np.ones_like(spread[..., :1])
         spread = np.concatenate([spread, np.log(predicted.sd)[..., None]], axis=2)
@@ -276,22 +281,42 @@ def _waits(
     log_share = np.where((waits <= hidden) & seen.hides(waits), log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
     behind, wide = _behind(seen, predicted)
-    whole = _spread(seen, predicted, sampled) ** 2 / n + predicted.error**2
+    own, error = _spread(seen, predicted, sampled) ** 2, predicted.error**2
+    whole = (own / n + error)[..., None]
+    late = _late_beside(seen, predicted, waits)
+    if late.any():
+        # A standard deviation that late shifts made says nothing of the others' spread.
+        own = np.where(late, predicted.sd[..., None] ** 2, own[..., None])
+        whole = own / n[..., None] + error[..., None]
     # Of very many outliers the number is normal: one part with its mean and variance.
     expected = seen.in_means[:, None] * predicted.outlier_share
-    crowded = (expected > CROWD)[..., None]
+    crowded = _crowded(seen, predicted)
     number = np.where(crowded, expected[..., None], waits)
     varied = np.where(crowded, (expected * (1.0 - predicted.outlier_share))[..., None], 0.0)
     log_share = np.where(crowded, np.where(waits == 0.0, 0.0, -1e9), log_share)
     outliers = number * (wide[..., None] ** 2) + varied * behind[..., None] ** 2
-    width = np.sqrt(whole[..., None] + outliers / (n**2)[..., None])
+    width = np.sqrt(whole + outliers / (n**2)[..., None])
     centre = predicted.mean[..., None] + number * (behind / n)[..., None]
     if predicted.missed.any():
         missed = np.clip(predicted.missed, 1e-12, 0.5)[..., None]
         log_share = np.concatenate([log_share + np.log1p(-missed), np.log(missed)], axis=2)
-        width = np.concatenate([width, np.sqrt(whole + predicted.jump**2)[..., None]], axis=2)
+        odd = np.sqrt(whole[..., :1] + predicted.jump[..., None] ** 2)
+        width = np.concatenate([width, odd], axis=2)
         centre = np.concatenate([centre, predicted.mean[..., None]], axis=2)
     return log_share, (seen.mean[:, None, None] - centre) / width, width
+
+
+def _crowded(seen: Observed, predicted: CellPredictions) -> np.ndarray:
+    """Mark means with so many outliers that their number is normal, (cells, m, 1)."""
+    crowded: np.ndarray = (seen.in_means[:, None] * predicted.outlier_share > CROWD)[..., None]
+    return crowded
+
+
+def _late_beside(seen: Observed, predicted: CellPredictions, waits: Array) -> np.ndarray:
+    """Mark parts whose outliers hide in a standard deviation beside a mean, (cells, m, parts)."""
+    beside = (seen.beside > 0)[:, None, None]
+    marked: np.ndarray = beside & ((waits > 0) | _crowded(seen, predicted))
+    return marked
 
 
 def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:

@@ -21,6 +21,16 @@ and curvatures *H* of the cells' log likelihoods over an offset,
           v = A^T g, \; M = A^T H A,
 
 exact where the times of the cells are normal. Amplitudes and shapes are summed over.
+
+Other errors that cells have in common, with sizes of their own, stand beside it as further
+columns *B* of normal coefficients: a drift (``diagnosis.likelihood.drift``), and errors of nominal
+force and mismatch that all settings share (``diagnosis.likelihood.nominal_errors``). They are taken
+off first,
+
+.. math:: W = 1 + B^T H B, \quad g' = g - H B W^{-1} B^T g, \quad
+          H' = H - H B W^{-1} B^T H,
+
+which leaves :math:`\tfrac12 g^T B W^{-1} B^T g - \tfrac12 \ln |W|` and the same integral again.
 """
 
 from __future__ import annotations
@@ -64,11 +74,13 @@ class Discrepancy:
     roots : *A* of each shape at the amplitude one, s, (cells, r) each.
     amplitudes : as shares of a mean time, (a,).
     prior : of shapes and amplitudes, (shapes, a), adds to one.
+    beside : columns *B* of other errors in common, s, (cells, q); None without any.
     """
 
     roots: tuple[Array, ...]
     amplitudes: Array
     prior: Array
+    beside: Array | None = None
 
     @cached_property
     def log_prior(self) -> Array:
@@ -80,17 +92,23 @@ class Discrepancy:
         """Covariance of the offsets of all cells before the data, s^2, (cells, cells)."""
         squares = self.prior @ self.amplitudes**2
         parts = [s * root @ root.T for s, root in zip(squares, self.roots, strict=True)]
+        if self.beside is not None:
+            parts.append(self.beside @ self.beside.T)
         found: Array = np.sum(parts, axis=0)
         return found
 
     @property
     def absent(self) -> bool:
-        """Test that the simulation counts as right."""
+        """Test that the simulation counts as right, and cells err in nothing else together."""
+        if self.beside is not None and self.beside.any():
+            return False
         return not any(root.any() for root in self.roots) or not self.amplitudes.any()
 
     def of(self, cells: np.ndarray) -> Discrepancy:
         """Select some cells."""
-        return Discrepancy(tuple(root[cells] for root in self.roots), self.amplitudes, self.prior)
+        beside = None if self.beside is None else self.beside[cells]
+        roots = tuple(root[cells] for root in self.roots)
+        return Discrepancy(roots, self.amplitudes, self.prior, beside)
 
     def draw(self, generator: np.random.Generator) -> Array:
         """Draw offsets of all cells before the data, s, (cells,)."""
@@ -98,6 +116,8 @@ class Discrepancy:
         shape, place = np.unravel_index(member, self.prior.shape)
         root = self.roots[int(shape)]
         drawn: Array = self.amplitudes[place] * root @ generator.standard_normal(root.shape[1])
+        if self.beside is not None:
+            drawn = drawn + self.beside @ generator.standard_normal(self.beside.shape[1])
         return drawn
 
 
@@ -165,14 +185,11 @@ def marginals(slopes: Slopes, prior: Discrepancy, joint: Array) -> Marginals:
     ``joint`` (m, cells) is a further error, s, normal and fully correlated, of each value; zero
     where there is none.
     """
-    first, second, taken, wide, own = _without_joint(slopes, joint)
+    first, second, taken, wide, own = _without_others(slopes, joint, prior.beside)
     scales = prior.amplitudes**2
     squares, spreads = [], []
     for root in prior.roots:
-        matrix = root.T @ (second[:, :, None] * root)
-        if own is not None:
-            pull = own @ root
-            matrix = matrix - pull[:, :, None] * pull[:, None]
+        matrix = _less(root.T @ (second[:, :, None] * root), own, root)
         values, vectors = np.linalg.eigh(matrix)
         values = np.maximum(values, 0.0)[:, None]
         parts = (np.swapaxes(vectors, 1, 2) @ (first @ root)[..., None])[:, None, :, 0] ** 2
@@ -182,6 +199,68 @@ def marginals(slopes: Slopes, prior: Discrepancy, joint: Array) -> Marginals:
     return Marginals(
         np.hstack(squares) + taken[:, None], np.hstack(spreads) + wide[:, None], prior.log_prior
     )
+
+
+def _less(matrix: Array, own: Array | None, root: Array) -> Array:
+    """Take what other errors take of the curvatures off the matrix of a root, (m, r, r)."""
+    if own is None:
+        return matrix
+    if own.ndim == 2:
+        pull = own @ root
+        return matrix - pull[:, :, None] * pull[:, None]
+    pulls = np.swapaxes(own, 1, 2) @ root
+    less: Array = matrix - np.swapaxes(pulls, 1, 2) @ pulls
+    return less
+
+
+def _without_others(
+    slopes: Slopes, joint: Array, beside: Array | None
+) -> tuple[Array, Array, Array, Array, Array | None]:
+    """Integrate all errors beside the discrepancy out, as ``_without_joint`` does with one.
+
+    With several the last is (m, cells, q).
+    """
+    if beside is None or not beside.any():
+        return _without_joint(slopes, joint)
+    bent, root, scores = _others(slopes, joint, beside)
+    taken = (scores**2).sum(axis=1)
+    wide = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    own = np.swapaxes(np.linalg.solve(root, np.swapaxes(bent, 1, 2)), 1, 2)
+    left = slopes.first - (own @ scores[..., None])[..., 0]
+    return left, slopes.second, taken, wide, own
+
+
+def _others(slopes: Slopes, joint: Array, beside: Array) -> tuple[Array, Array, Array]:
+    """Return *HB*, the root of *W*, and what its inverse makes of *B'g*, value by value."""
+    columns = np.broadcast_to(beside, (len(slopes.first), *beside.shape))
+    if joint.any():
+        columns = np.concatenate([joint[..., None], columns], axis=2)
+    bent = slopes.second[..., None] * columns
+    across = np.swapaxes(columns, 1, 2)
+    root: Array = np.asarray(np.linalg.cholesky(np.eye(columns.shape[2]) + across @ bent), float)
+    pulled = np.linalg.solve(root, across @ slopes.first[..., None])
+    return bent, root, np.asarray(pulled[..., 0], float)
+
+
+def beside_draws(
+    slopes: Slopes,
+    prior: Discrepancy,
+    joint: Array,
+    discrepancy: Array,
+    generator: np.random.Generator,
+) -> Array:
+    """Draw the coefficients of the other errors of each value given the data, (m, q).
+
+    ``discrepancy`` (m, cells), s, was drawn for the same values.
+    """
+    if prior.beside is None or not prior.beside.any():
+        return np.zeros((len(slopes.first), 0))
+    left = Slopes(slopes.first - slopes.second * discrepancy, slopes.second)
+    _, root, scores = _others(left, joint, prior.beside)
+    noise = generator.standard_normal(scores.shape)
+    up = np.swapaxes(root, 1, 2)
+    drawn: Array = np.asarray(np.linalg.solve(up, (scores + noise)[..., None])[..., 0], float)
+    return drawn[:, drawn.shape[1] - prior.beside.shape[1] :]
 
 
 def _without_joint(slopes: Slopes, joint: Array) -> tuple[Array, Array, Array, Array, Array | None]:
@@ -211,15 +290,13 @@ def posterior_draws(
     edges = weights.cumsum(axis=1)
     picks = (generator.random((len(weights), 1)) * edges[:, -1:] > edges).sum(axis=1)
     shapes, places = np.unravel_index(np.minimum(picks, weights.shape[1] - 1), prior.prior.shape)
-    first, second, _, _, own = _without_joint(slopes, joint)
+    first, second, _, _, own = _without_others(slopes, joint, prior.beside)
     found = np.zeros(first.shape)
     for shape, root in enumerate(prior.roots):
         mine = np.flatnonzero(shapes == shape)
         size = prior.amplitudes[places[mine]][:, None]
         matrix = root.T @ (second[mine, :, None] * root)
-        if own is not None:
-            pull = own[mine] @ root
-            matrix = matrix - pull[:, :, None] * pull[:, None]
+        matrix = _less(matrix, None if own is None else own[mine], root)
         precision = np.eye(root.shape[1]) + size[..., None] ** 2 * matrix
         covariance = np.linalg.inv(precision)
         mean = (covariance @ (size * (first[mine] @ root))[..., None])[..., 0]

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
 from dogshape.diagnosis.bench.reading import Cell
+from dogshape.diagnosis.likelihood.drift import Drift, drift_of
 from dogshape.diagnosis.prediction.outliers import MOST, bulk
+from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.clutch import Clutch
 
@@ -27,12 +29,16 @@ class Observed:
     mean, n : grand mean of all other shifts with a time, alone or within means, and their number;
         outliers can hide within means and among few single shifts.
     log_sd, freedom : logarithm of the standard deviation of the single shifts without outliers,
-        and its degrees of freedom; 0 for both where there are fewer than two.
+        pooled with those that come beside means, and its degrees of freedom; 0 for both where
+        nothing says it.
+    beside : degrees of freedom of those beside means, in which outliers can hide.
     engaged, failed, unknown : shifts counted.
     wait : from slot to slot, s.
     mismatch, force : rad/s and N.
     timeout : s.
     flights : marks of the traces, one for each force profile that has any.
+    drift : trend over the series, where the order of the shifts is known; what repeated operating
+        points say of it is taken off all times.
     """
 
     singles: tuple[Array, ...]
@@ -41,6 +47,7 @@ class Observed:
     n: Array
     log_sd: Array
     freedom: Array
+    beside: Array
     engaged: Array
     failed: Array
     unknown: Array
@@ -49,6 +56,7 @@ class Observed:
     force: Array
     timeout: float
     flights: tuple[SeenFlight, ...] = ()
+    drift: Drift | None = None
 
     @property
     def cells(self) -> int:
@@ -73,7 +81,8 @@ class Observed:
     @property
     def in_means(self) -> Array:
         """Number of shifts of which only a mean is known, (cells,)."""
-        own = np.where(self.freedom > 0, self.freedom + 1.0, 0.0)
+        alone = self.freedom - self.beside
+        own = np.where(alone > 0, alone + 1.0, 0.0)
         return np.maximum(0.0, self.n - own)
 
     def hides(self, waits: Array) -> np.ndarray:
@@ -93,12 +102,15 @@ class Observed:
         return np.where(self.shifts > 0, whole / np.maximum(1, self.shifts), np.nan)
 
 
-def observe(bench: Bench) -> Observed:
-    """Gather the observations of a data set."""
+def observe(bench: Bench, rules: Rules = USUAL.likelihood) -> Observed:
+    """Gather the observations of a data set; ``rules`` have the size that a drift may have."""
+    drift = drift_of(bench.cells, rules)
+    if drift is not None:
+        bench = replace(bench, cells=drift.taken_off(bench.cells))
     split = [_split(cell) for cell in bench.cells]
     waits = [_wait(cell, bench.clutch) for cell in bench.cells]
     counts = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    mean, n, log_sd, freedom = np.array([one for _, one in split]).reshape(-1, 4).T
+    mean, n, log_sd, freedom, beside = np.array([one for _, one in split]).reshape(-1, 5).T
     engaged, failed, unknown = np.array(counts, dtype=float).reshape(-1, 3).T
     return Observed(
         singles=tuple(cell.times for cell in bench.cells),
@@ -107,6 +119,7 @@ def observe(bench: Bench) -> Observed:
         n=n,
         log_sd=log_sd,
         freedom=freedom,
+        beside=beside,
         engaged=engaged,
         failed=failed,
         unknown=unknown,
@@ -115,11 +128,15 @@ def observe(bench: Bench) -> Observed:
         force=np.array([cell.point.profile.force for cell in bench.cells]),
         timeout=bench.clutch.timeout,
         flights=flights_of(bench),
+        drift=drift,
     )
 
 
-def _split(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
-    """Split the outliers of a cell from mean, number, log sd and freedom of the other shifts."""
+def _split(cell: Cell) -> tuple[Array, tuple[float, float, float, float, float]]:
+    """Split the outliers of a cell from the other shifts.
+
+    Of these it gives mean, number, log sd, its freedom, and the part of that from beside means.
+    """
     means = [(r.time, r.n) for r in cell.readings if r.time is not None and r.n > 1]
     hidden = sum(n for _, n in means)
     times = cell.times
@@ -129,7 +146,12 @@ def _split(cell: Cell) -> tuple[Array, tuple[float, float, float, float]]:
     mean = (sum(t * k for t, k in means) + float(timely.sum())) / max(1, n)
     freedom = max(0, timely.size - 1)
     spread = max(LEAST, float(timely.std(ddof=1))) if freedom else 1.0
-    return times[np.isnan(core)], (mean, n, float(np.log(spread)), freedom)
+    told = [(r.sd, r.n - 1) for r in cell.readings if r.sd is not None]
+    beside = sum(count for _, count in told)
+    if beside:
+        squares = freedom * spread**2 + sum(count * sd**2 for sd, count in told)
+        spread = max(LEAST, float(np.sqrt(squares / (freedom + beside))))
+    return times[np.isnan(core)], (mean, n, float(np.log(spread)), freedom + beside, beside)
 
 
 def _wait(cell: Cell, clutch: Clutch) -> float:

@@ -126,10 +126,13 @@ class Problem:
 
     @cached_property
     def discrepancy(self) -> Discrepancy:
-        """Prior of the model's discrepancy at the cells."""
+        """Prior of the model's discrepancy at the cells, with what else they err in together."""
         means = self.predictions(NONE, np.zeros((1, 0))).mean[:, 0]
         seen = self.seen
-        return discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood)
+        prior = discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood)
+        if seen.drift is None:
+            return prior
+        return replace(prior, beside=seen.drift.direction[:, None])
 
     def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
         """Predict the times of all cells for values (m, p) of a hypothesis."""

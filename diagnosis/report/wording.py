@@ -13,6 +13,7 @@ from dogshape.diagnosis.inference.parameter_intervals import Interval
 from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.inference.range_ends import RangeEnd
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer
+from dogshape.diagnosis.inference.series_drift import SeriesDrift
 from dogshape.diagnosis.inference.verdict import NAMED, Verdict
 from dogshape.diagnosis.prediction.hypotheses import NONE, in_common, plain, without
 from dogshape.diagnosis.terms import Hypothesis
@@ -40,6 +41,7 @@ class Found:
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
     range_ends: tuple[RangeEnd, ...] = ()
+    drift: SeriesDrift | None = None
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -143,6 +145,7 @@ def parts_in_words(found: Found) -> dict[str, str]:
         "sense": _senses(found),
         "left": _far(found),
         "ranges": " ".join(range_sentence(one, found.effects) for one in found.range_ends),
+        "drift": found.drift.sentence if found.drift and found.drift.worth_saying else "",
         "next": f"Next: {why(found.test, found.posterior, found.effects)}",
     }
 

@@ -79,6 +79,23 @@ class DiscrepancyRow(Section):
     amplitude: RangeRow = key("amplitude of the discrepancy over the mean time", "1")
 
 
+class DriftRow(Section):
+    """Trend of the shift times over the series in which they were measured."""
+
+    share: RangeRow = key("drift over the whole series, of the mean time", "1")
+    slope_s: RangeRow = key("the same of the mean of all shifts", "s")
+    direction: float = key("probability that it has the sign of its median", SHARE)
+    significant: bool = key("whether that is enough for it to be said")
+    rank_correlation: dict[str, float] = key(
+        "of the order of the shifts with mismatch and force, where these vary", "1"
+    )
+    in_order_of: list[str] = key(
+        "what the operating points were run in the order of, so that a drift cannot be told from "
+        "an effect over it"
+    )
+    sentence: str = key("the drift in words")
+
+
 class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
@@ -217,6 +234,9 @@ class InferenceRecord(Section):
     )
     discrepancy: DiscrepancyRow | None = key(
         "gap without scatter beside the margin; absent in earlier versions", "", None
+    )
+    drift: DriftRow | None = key(
+        "trend over the series; absent where the order of the shifts is not known", "", None
     )
     where: list[PointRow] = key("gap at each operating point")
     next_test: NextTestRow = key("advised test")

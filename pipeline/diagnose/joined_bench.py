@@ -145,7 +145,8 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(data, target)
     own = Path("traces") / f"update-{len(asked.joined) + 1}"
-    rows = [*_rows(data / "shifts.csv"), *(_moved(row, new, target, own) for row in _rows(new))]
+    added = [_moved(row, new, target, own) for row in _rows(new)]
+    rows = _in_series(_rows(data / "shifts.csv"), added)
     text = io.StringIO()
     writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
     writer.writeheader()
@@ -195,6 +196,25 @@ def _require_same_rises(bench: Bench, new: Sheet) -> None:
 def _rows(path: Path) -> list[Row]:
     table = read_table(path, NUMERIC, COLUMNS)
     return [dict(zip(table.head, cells, strict=True)) for _, cells in table.rows]
+
+
+def _in_series(before: list[Row], added: list[Row]) -> list[Row]:
+    """Put new rows behind the series of earlier ones.
+
+    Where only one of both says the places of all its shifts, neither does afterwards.
+    """
+    timed = [row for row in (*before, *added) if row["shift_time_s"]]
+    if all(row.get("order") for row in timed):
+        last = max((float(row["order"]) for row in before if row.get("order")), default=0.0)
+        added = [
+            {**row, "order": f"{last + float(row['order']):.9g}"} if row.get("order") else row
+            for row in added
+        ]
+    both = [*before, *added]
+    for column in ("order", "timestamp"):
+        if not all(row.get(column) for row in timed):
+            both = [{**row, column: ""} for row in both]
+    return both
 
 
 def _moved(row: Row, new: Path, target: Path, own: Path) -> Row:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
@@ -76,19 +76,27 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
     effects = load(means.effects)
     bench = with_bank_engine(bench, effects, means)
     emulator, flights = emulator_of(bench, effects, means)
-    problem = Problem(observe(bench), emulator, USUAL, bench.mismatch_sense)
+    # A drift of the data set is none of the shifts that are planned.
+    seen = replace(observe(bench), drift=None)
+    problem = Problem(seen, emulator, USUAL, bench.mismatch_sense)
     field = field_of(problem, effects, setting_of(bench))
     flights.save()
     return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)
 
 
 def sheet(bench: Bench, plan: ShiftPlan) -> str:
-    """Write the plan as a ``shifts.csv`` whose times are still to be filled in, a row a shift."""
+    """Write the plan as a ``shifts.csv`` whose times are still to be filled in, a row a shift.
+
+    Its column ``order`` counts the shifts, so that a drift can be seen afterwards.
+    """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    writer.writerow((*COLUMNS[:7], "order"))
+    order = 0
     for place, count in plan.order:
         point = bench.cells[place].point
         row = [rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise]
-        writer.writerows([[*row, 1, "", "", ""]] * count)
+        for _ in range(count):
+            order += 1
+            writer.writerow([*row, 1, "", "", "", order])
     return text.getvalue()

@@ -36,6 +36,7 @@ def _seen(means: np.ndarray, n: int) -> Observed:
         count,
         nothing,
         nothing,
+        nothing,
         count,
         nothing,
         nothing,

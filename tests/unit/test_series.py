@@ -1,0 +1,204 @@
+"""Columns beside a time: its place in the series, and the spread that comes with a mean."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.diagnosis import diagnose
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, log_times
+from dogshape.diagnosis.likelihood.observations import Observed, observe
+from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.diagnosis.settings import Rules
+from dogshape.pipeline.diagnose.joined_bench import asked_of, joined, keep_data
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import DataError
+from tests.toy import EFFECTS, Toy, bench_of, points_of
+
+HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s"
+Write = Callable[[str, Sequence[str]], Path]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write the table of a data set below a head, and return its folder."""
+    target = tmp_path / "set"
+    shutil.copytree(bundled_root() / "bench" / "mq200_stand", target)
+
+    def written(more: str, rows: Sequence[str]) -> Path:
+        head = f"{HEAD},{more}" if more else HEAD
+        (target / "shifts.csv").write_text("\n".join([head, *rows]) + "\n")
+        return target
+
+    return written
+
+
+def _places(folder: Path) -> list[float | None]:
+    return [reading.place for reading in load_bench(folder).readings]
+
+
+def test_an_order_is_a_place_in_the_series(write: Write) -> None:
+    rows = ["50,469,0.1766,1,0.05,2", "100,469,0.1766,1,0.06,1", "100,469,0.1766,1,,"]
+    assert _places(write("order", rows)) == [2.0, 1.0, None]
+
+
+def test_time_stamps_are_seconds_and_an_order_goes_before_them(write: Write) -> None:
+    stamps = "2024-05-31T14:05:09", "2024-05-31 16:05:10+02:00", "2024-06-01T14:05:09Z"
+    row = "50,469,0.1766,1,0.05"
+    first, second, third = _places(write("timestamp", [f"{row},{s}" for s in stamps]))
+    assert first is not None
+    assert second is not None
+    assert third is not None
+    assert (second - first, third - first) == (1.0, 86400.0)
+    assert _places(write("timestamp", [f"{row},{s}" for s in (7, 8.5)])) == [7.0, 8.5]
+    both = [f"{row},3,2024-05-31T14:05:09", f"{row},1,2024-05-31T14:05:10"]
+    assert _places(write("order,timestamp", both)) == [3.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("more", "cells", "words"),
+    [
+        ("order", ("1", ""), "row 3, column order is '', but it must be filled"),
+        ("order", ("1", "b"), "row 3, column order is 'b', but it must be a number"),
+        ("timestamp", ("1", "noon"), "row 3, column timestamp is 'noon', but it must be a date"),
+        ("timestamp", ("5", "2024-05-31"), "row 2, column timestamp is '5', but it must be a date"),
+        ("shift_time_sd_s", ("", "0.01"), "column shift_time_sd_s is '0.01', but it must be empty"),
+    ],
+)
+def test_broken_places_and_spreads(
+    write: Write, more: str, cells: tuple[str, str], words: str
+) -> None:
+    rows = [f"50,469,0.1766,1,0.05,{cell}" for cell in cells]
+    with pytest.raises(DataError) as refused:
+        load_bench(write(more, rows))
+    assert words in str(refused.value)
+
+
+def test_a_spread_that_no_times_have_is_refused_and_a_slip_of_units_corrected(
+    write: Write,
+) -> None:
+    for sd in ("-0.01", "5", "nan"):
+        with pytest.raises(DataError, match="row 2, column shift_time_sd_s is"):
+            load_bench(write("shift_time_sd_s", [f"50,469,0.1766,10,0.05,{sd}"]))
+    folder = write("shift_time_sd_s", ["50,469,0.1766,10,50,8", "100,469,0.1766,10,60,9"])
+    first, second = load_bench(folder, ["time=ms"]).readings
+    assert first.time == pytest.approx(0.05)
+    assert (first.sd, second.sd) == (pytest.approx(0.008), pytest.approx(0.009))
+
+
+@pytest.mark.parametrize("joins", [True, False])
+def test_readings_that_join_continue_the_series_or_end_it(
+    write: Write, tmp_path: Path, joins: bool
+) -> None:
+    folder = write("order", ["50,469,0.1766,1,0.05,1", "100,469,0.1766,1,0.06,2"])
+    out = tmp_path / "out"
+    out.mkdir()
+    keep_data(load_bench(folder), out, None)
+    new = tmp_path / "new.csv"
+    more, cell = (",order", ",1") if joins else ("", "")
+    new.write_text(f"{HEAD}{more}\n149,469,0.1766,1,0.04{cell}\n")
+    found = joined(out, new, asked_of(out)).bench
+    assert [r.place for r in found.readings] == ([1.0, 2.0, 3.0] if joins else [None] * 3)
+
+
+def _observed(rows: Sequence[str], write: Write) -> Observed:
+    return observe(load_bench(write("shift_time_sd_s", rows)))
+
+
+def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Write) -> None:
+    means = ["50,469,0.1766,4,0.05,0.008", "50,469,0.1766,9,0.06,0.011"]
+    times = (0.05, 0.055, 0.061, 0.058)
+    singles = [f"50,469,0.1766,1,{t}," for t in times]
+    seen = _observed([*means, *singles], write)
+    squares = 3 * 0.008**2 + 8 * 0.011**2 + 3 * float(np.var(times, ddof=1))
+    assert seen.freedom[0] == 14
+    assert seen.beside[0] == 11
+    assert np.exp(seen.log_sd[0]) == pytest.approx((squares / 14) ** 0.5)
+    assert seen.in_means[0] == 13
+    assert seen.n[0] == 17
+
+
+def _summed(bench: Bench, spreads: bool) -> Bench:
+    """Put the single shifts of each point into one mean, with their spread or without."""
+    rows = [
+        Reading(
+            k, cell.point, cell.n, cell.time, True,
+            sd=float(cell.times.std(ddof=1)) if spreads else None,
+        )
+        for k, cell in enumerate(bench.cells, start=2)
+    ]  # fmt: skip
+    return replace(bench, cells=gather(rows))
+
+
+def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
+    """Mean and standard deviation are all that counts of single shifts without late ones."""
+    points = points_of()[4:8]
+    generator, toy = np.random.default_rng(3), Toy(points)
+    bench = bench_of({}, generator, points=points)
+    rows = [
+        Reading(k, cell.point, 1, (cell.time or 0.0) + float(off), True)
+        for k, cell in enumerate(bench.cells, start=2)
+        for off in generator.normal(0.0, 0.004, 12)
+    ]
+    bench = replace(bench, cells=gather(rows))
+    # Without late shifts in the prediction, as nothing else tells the two forms apart.
+    rules = Rules(late_share=1e-9, late_least=1e-9)
+    seldom = {"outlier_share": np.array([1e-9]), "behind": np.ones(1), "behind_sd": np.ones(1)}
+    cells = [replace(toy.at(NONE, np.zeros((1, 0)), k), **seldom) for k in range(len(points))]
+    said = CellPredictions.of(cells, rules)
+    single, mean = (observe(one) for one in (bench, _summed(bench, spreads=True)))
+    assert not any(times.size for times in single.outlier_times)
+    assert log_times(mean, said) == pytest.approx(log_times(single, said), abs=1e-4)
+    assert mean.in_means == pytest.approx(12.0)
+
+
+def test_spreads_beside_means_show_what_means_do_not() -> None:
+    """Twice the spread at the same means: only with the column is that no *none*."""
+    bench = bench_of({}, np.random.default_rng(5), shifts=40, single=True)
+    points = points_of()
+    wide = []
+    for cell in bench.cells:
+        times = cell.times
+        wide.append(times.mean() + 3.0 * (times - times.mean()))
+    rows = [
+        replace(r, time=max(1e-3, float(t)))
+        for cell, times in zip(bench.cells, wide, strict=True)
+        for r, t in zip(cell.readings, times, strict=True)
+    ]
+    spoiled = replace(bench, cells=gather(rows))
+    effects = {n: EFFECTS[n] for n in ("actuation_delay", "sleeve_friction")}
+    fits = [
+        diagnose(_summed(spoiled, spreads), Toy(points), effects, pairs=[]).fits.get(NONE, 0.0)
+        for spreads in (False, True)
+    ]
+    assert fits[0] > 0.05
+    assert fits[1] < 0.01
+
+
+def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
+    """One late shift of ten makes the standard deviation; with its share known the set fits."""
+    points = points_of()[26:27]
+    times = np.append(np.full(9, 0.05) + 0.004 * np.linspace(-1, 1, 9), 0.17)
+    toy = Toy(points)
+    plain = toy.at(NONE, np.zeros((1, 0)), 0)
+    plain = replace(
+        plain,
+        times=np.linspace(0.046, 0.054, 32)[None],
+        outlier_share=np.array([0.08]),
+        behind=np.array([0.12]),
+        behind_sd=np.array([0.02]),
+    )
+    late = CellPredictions.of([plain], Rules())
+    never = replace(plain, outlier_share=np.array([1e-9]))
+    none = CellPredictions.of([never], Rules(late_share=1e-9, late_least=1e-9))
+    bench = bench_of({}, np.random.default_rng(1), shifts=10, single=True, points=points)
+    row = Reading(2, points[0], 10, float(times.mean()), True, sd=float(times.std(ddof=1)))
+    seen = observe(replace(bench, cells=gather([row])))
+    assert log_times(seen, late)[0, 0] > log_times(seen, none)[0, 0] + 3.0
