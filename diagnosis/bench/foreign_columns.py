@@ -32,7 +32,7 @@ class Quantity:
     """A quantity that is looked for: name, kind, words that speak for it and words against.
 
     ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
-    the quantity.
+    the quantity. ``also`` is a kind that its numbers may have though it needs none.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Quantity:
     loose: tuple[str, ...] = ()
     against: tuple[str, ...] = ()
     needed: bool = False
+    also: str | None = None
 
     @property
     def units(self) -> list[str]:
@@ -92,6 +93,22 @@ SHIFTS = (
         "trace", None,
         ("trace", "trace file", "messdatei", "measurement file"),
         ("file", "datei", "dateiname", "filename"),
+    ),
+    Quantity(
+        "shift_time_sd_s", TIME,
+        ("std", "sd", "stdev", "stddev", "sigma", "streuung", "standardabweichung",
+         "standard deviation", "standard abweichung", "std dev"),
+        (), ("f", "force", "kraft", "n", "mismatch", "drehzahl", "rise", "anstieg", "error"),
+    ),
+    Quantity(
+        "order", None,
+        ("order", "run order", "reihenfolge", "lfd nr", "lfd", "laufende nummer", "laufnummer",
+         "sequence", "sequenz", "run number", "run no", "versuchsnummer", "shift number"),
+    ),
+    Quantity(
+        "timestamp", None,
+        ("timestamp", "time stamp", "zeitstempel", "datum", "date", "date time", "datum uhrzeit"),
+        also=TIME,
     ),
 )  # fmt: skip
 TRACE = (
@@ -160,7 +177,7 @@ def score(quantity: Quantity, column: Column) -> float:
     if any(word in words or (len(word) > 4 and word in column.words) for word in quantity.against):
         return 0.0
     kind = None if column.unit is None else column.unit.dimension
-    if kind is not None and kind != quantity.dimension:
+    if kind is not None and kind not in (quantity.dimension, quantity.also):
         return 0.0
     found = max((_alike(phrase, words) for phrase in quantity.words), default=0.0)
     loose = max((0.6 * _alike(phrase, words) for phrase in quantity.loose), default=0.0)
@@ -242,7 +259,8 @@ def _said(columns: Sequence[Column], quantities: Sequence[Quantity], name: str, 
     column, unit = heads[head], heads[head].unit
     if asked:
         unit = unit_named(asked)
-    if (asked and unit is None) or (unit and unit.dimension != known[name].dimension):
+    kinds = known[name].dimension, known[name].also
+    if (asked and unit is None) or (unit and unit.dimension not in kinds):
         wrong = asked or (unit.text if unit else "")
         valid = ", ".join(known[name].units) or "none: it is a number without one"
         raise InputError(f"the unit of {name} is '{wrong}', but it must be one of: {valid}")

@@ -33,6 +33,7 @@ from dogshape.diagnosis.bench.stand_file import Stand, load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, Sheet
 from dogshape.diagnosis.bench.table import Row as SheetRow
 from dogshape.pipeline.drafts.bench_template import TEMPLATE
+from dogshape.pipeline.drafts.series_columns import place_in_series
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
 from dogshape.pipeline.drafts.values_in_place import with_values
@@ -189,6 +190,7 @@ def _table_rows(
             "engaged": answers[place], "trace": "",
         })  # fmt: skip
     _fill_rises(rows, draft, source, report)
+    told += place_in_series(table, by, rows, report)
     late = [str(r["row"]) for r in rows if r["engaged"] is False and r["time"] is not None]
     if late:
         report.assumed.append(
@@ -276,11 +278,13 @@ def _trace_text(path: Path, said: Mapping[str, str], report: Report) -> str:
 def _table(rows: list[Row]) -> str:
     written = io.StringIO()
     writer = csv.writer(written, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    more = [name for name in COLUMNS[7:] if any(row.get(name) is not None for row in rows)]
+    writer.writerow((*COLUMNS[:7], *more))
     for row in rows:
         cells = [row["mismatch"], row["force"], row["rise"], row["n"], row["time"]]
         said = "" if row["engaged"] is None else str(row["engaged"]).lower()
-        writer.writerow([*("" if v is None else f"{v:.9g}" for v in cells), said, row["trace"]])
+        known = ["" if v is None else f"{v:.9g}" for v in cells]
+        writer.writerow([*known, said, row["trace"], *(row.get(name) for name in more)])
     return written.getvalue()
 
 

@@ -342,3 +342,45 @@ def test_what_stays_of_the_origin_is_told(dogshape: Callable[..., Said], tmp_pat
     assert "count" not in assumed["dog"]
     assert "spline_friction 0.1" in assumed["mechanism"]
     assert "spline_radius_mm" not in assumed["mechanism"]
+
+
+SERIES = """\
+Lfd. Nr.;Datum Uhrzeit;dn [1/min];F [N];Schaltzeit [ms];Standardabweichung [ms];Anzahl
+2;31.05.2024 14:06:00;50;469;190,5;12,5;10
+1;31.05.2024 14:05:00;100;469;180;9;10
+3;31.05.2024 14:07:30;149;641,5;170,25;;1
+"""
+
+
+def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Call) -> None:
+    Path("m.csv").write_text(SERIES)
+    said = dogshape("init", "bench", "m.csv", "--json")
+    assert said.status == 0
+    readings = load_bench("m").readings
+    assert [r.sd for r in readings] == [pytest.approx(0.0125), pytest.approx(0.009), None]
+    assert [r.place for r in readings] == [2.0, 1.0, 3.0]
+    lines = Path("m/shifts.csv").read_text().splitlines()
+    assert lines[0].endswith("trace,shift_time_sd_s,order,timestamp")
+    assert lines[1].endswith(",0.0125,2,2024-05-31T14:06:00+00:00")
+    assert "in the order of 'Lfd. Nr.'" in " ".join(said.json["assumed"])
+    taken = {row["quantity"]: row["unit"] for row in said.json["columns"]}
+    assert (taken["shift_time_sd_s"], taken["order"], taken["timestamp"]) == ("ms", None, None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("31.05.2024 14:07:30", "14:07", "'Datum Uhrzeit' is left out: row 4 has '14:07'"),
+        ("31.05.2024 14:07:30", "", "'Datum Uhrzeit' is left out: it is empty in row 4"),
+        ("31.05.2024 14:07:30", "5", "'Datum Uhrzeit' is left out: it has dates and plain"),
+        ("170,25;;1", "170,25;8;1", "'Standardabweichung [ms]' is left out in row 4"),
+    ],
+)
+def test_what_cannot_be_read_of_a_series_is_left_out(
+    dogshape: Call, old: str, new: str, words: str
+) -> None:
+    Path("m.csv").write_text(SERIES.replace(old, new))
+    said = dogshape("init", "bench", "m.csv", "--json")
+    assert said.status == 0
+    assert words in " ".join(said.json["assumed"])
+    assert len(load_bench("m").readings) == 3

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.inference.shift_plan import (
@@ -28,6 +29,7 @@ from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, score
 from dogshape.diagnosis.prediction.hypotheses import spaces_for
 from dogshape.diagnosis.settings import Rules, Settings
+from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import OperatingPoint
 from tests.conftest import Said
 from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
@@ -173,6 +175,15 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
     assert len(rows) == 40
     assert float(rows[0]["mismatch_rpm"]) == pytest.approx(first["mismatch_rpm"])
     assert rows[0]["shift_time_s"] == ""
+    assert [row["order"] for row in rows] == [str(k) for k in range(1, 41)]
+    # Filled in, it is a table in whose series a drift is looked for.
+    shutil.copy(bundled_root() / "bench" / "mq200_adams" / "bench.toml", tmp_path)
+    lines = (tmp_path / "s.csv").read_text().splitlines()
+    filled = [line.replace(",1,,,,", ",1,0.3,true,,") for line in lines]
+    (tmp_path / "shifts.csv").write_text("\n".join(filled))
+    drift = observe(load_bench(tmp_path)).drift
+    assert drift is not None
+    assert (drift.first, drift.last) == (1.0, 40.0)
     text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out
     assert "spread evenly over all 28" in text
     assert "reference" in text
