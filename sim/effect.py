@@ -34,7 +34,7 @@ class Parameter:
     scale : what the prior is uniform in.
     source : of the range, in words.
     status : of the range: ``measured`` where a source has its ends, else ``judged``.
-    least, most : beyond which no range can be widened, since nothing physical lies there.
+    least, most : beyond which no range can be widened: no shift mechanism lies there.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Parameter:
     def widened(self, share: float, *, upper: bool) -> Parameter:
         """Return the parameter with a range wider at one end by a ``share`` of its measure.
 
-        The end stays where nothing physical lies beyond (``least``, ``most``).
+        It goes no farther than ``least`` and ``most``.
         """
         if upper:
             return replace(self, high=max(self.high, min(self.most, self.at(1.0 + share))))

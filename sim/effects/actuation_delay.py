@@ -30,6 +30,7 @@ EFFECT = Effect(
             "ms; a time zero set by hand or by another clock errs by as much again; uniform, "
             "since a shifted zero has no scale",
             least=0.0,
+            most=1.0,
         ),
     ),
     change=_change,

@@ -29,6 +29,7 @@ EFFECT = Effect(
             source="a cylinder of 0.1 to 1 litre behind a valve of some hundred "
             "litres a minute fills with time constants of 10 to 300 ms; a throttled one up to "
             "half a second",
+            most=1.0,
         ),
     ),
     change=_change,

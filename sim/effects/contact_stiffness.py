@@ -28,6 +28,8 @@ EFFECT = Effect(
             source="4.5e12 for teeth of steel after ISO 6336-1; bodies, bearings and "
             "edge contact make it softer by up to a factor of 30, a full flank "
             "stiffer by 4",
+            least=1e10,
+            most=1e14,
         ),
     ),
     change=_change,

@@ -27,6 +27,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="ball detents of passenger cars take 10 to 100 N at the rod; above "
             "the least shift force nothing would move",
+            most=1000.0,
         ),
         Parameter(
             "position_mm",

@@ -23,6 +23,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="bearings and seals of an input shaft take 0.05 to 0.5 N m, cold "
             "oil and a dragging clutch some N m, both together up to 8",
+            most=40.0,
         ),
     ),
     change=_change,

@@ -31,6 +31,7 @@ EFFECT = Effect(
             source="an assumed efficiency of 0.8 may be 0.5 to 1 with a bent or dry cable; ratios "
             "from a static calibration err by up to 10 percent more, a piston's area by 15",
             least=0.05,
+            most=3.0,
         ),
     ),
     change=_change,

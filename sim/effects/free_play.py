@@ -27,6 +27,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="a new fork has 0.1 to 0.3 mm in its groove; worn joints of a "
             "linkage add up to some millimetres",
+            most=6.0,
         ),
     ),
     change=_change,

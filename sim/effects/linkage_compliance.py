@@ -28,6 +28,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="a steel fork and rod give 0.3 mm/kN; Bowden cables, the published "
             "stand among them, 3.4 to 4.3 at the sleeve; long or worn ones ten times as much",
+            most=120.0,
         ),
     ),
     change=_change,

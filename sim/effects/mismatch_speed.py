@@ -46,6 +46,7 @@ EFFECT = Effect(
             source="a tooth miscounted in a ratio of some ten to twenty gives 5 to 10 percent, a "
             "neighbouring ratio of a gearbox or a slipping belt up to 25",
             least=0.05,
+            most=3.0,
         ),
     ),
     change=_change,

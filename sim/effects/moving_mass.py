@@ -27,6 +27,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio "
             "of 3.2 feels like 5 kg, a robot's drive like three times that",
+            most=60.0,
         ),
     ),
     change=_change,

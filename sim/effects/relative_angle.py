@@ -32,6 +32,7 @@ EFFECT = Effect(
             scale="log-uniform",
             source="from a preference that hardly shows (0.1) to all within a tenth "
             "of the pitch (10), as with a stand that stops at one place",
+            most=100.0,
         ),
         Parameter(
             "centre_pitch",

@@ -24,6 +24,7 @@ EFFECT = Effect(
             source="a ring of 3 N on an oiled spline drags with newtons; seals, a "
             "tilted fork or dirt with some ten; above the least shift force "
             "nothing would move",
+            most=1000.0,
         ),
     ),
     change=_change,
