@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -37,6 +38,16 @@ class Cell:
     def mean(self) -> float:
         """Mean over the shifts that engaged, s."""
         return float(np.nanmean(self.times))
+
+
+#: Processes that want a core beside those of a benchmark, at most, on a machine that is idle.
+IDLE_LOAD = 0.3
+
+
+def load_told() -> str:
+    """Tell how loaded the machine was in the last minute, and whether that is idle."""
+    load = os.getloadavg()[0]
+    return f"load average {load:.2f}, {'idle' if load <= IDLE_LOAD else 'not idle'}"
 
 
 def clutch_of(study: Setup, design: str) -> Clutch:

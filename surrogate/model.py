@@ -32,6 +32,7 @@ from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import FLOOR, design_coordinates, point_coordinates
 
+CHUNK = 2000  #: designs whose distances are worked out at a time
 MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 
 SMOOTH = Term(design=True, point=True)
@@ -151,7 +152,9 @@ class Surrogate:
     def distance(self, x: Array) -> Array:
         """Return the distance of designs (m, d) to the next simulated one, in ``spacing``, (m,)."""
         known = self.data.scaled(self.data.designs)
-        return distance(self.data.scaled(x), known).min(axis=1) / self.spacing
+        scaled = self.data.scaled(x)
+        parts = (scaled[k : k + CHUNK] for k in range(0, len(x), CHUNK))
+        return np.concatenate([distance(one, known).min(axis=1) for one in parts]) / self.spacing
 
 
 def interval(time: Array, error: Array) -> tuple[Array, Array]:

@@ -93,16 +93,20 @@ def _within(values: Array, low: Array | float, high: Array | float) -> Mask:
     return np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)
 
 
-def in_range(surrogate: Surrogate, x: Array, mix: Mix | None = None) -> Mask:
+def in_range(
+    surrogate: Surrogate, x: Array, mix: Mix | None = None, distance: Array | None = None
+) -> Mask:
     """Mark the designs (m, d) that lie within the simulated ones and near one, (m,) of bool.
 
-    None do where a mix is given that lies outside the simulated operating points.
+    None do where a mix is given that lies outside the simulated operating points. ``distance`` is
+    that of ``Surrogate.distance``, (m,), where it is known.
     """
     data = surrogate.data
     if mix is not None and _point_warnings(data, mix.points):
         return np.zeros(len(x), dtype=bool)
     inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
-    return np.logical_and(inside.all(axis=1), surrogate.distance(x) <= FAR)
+    apart = surrogate.distance(x) if distance is None else distance
+    return np.logical_and(inside.all(axis=1), apart <= FAR)
 
 
 def half_difference(

@@ -20,6 +20,7 @@ from dogshape.sim.versions import versions
 from dogshape.surrogate.covariance import Array, Covariance, Term, starting
 from dogshape.surrogate.dataset import COLUMNS, Dataset
 from dogshape.surrogate.engaged_share import Share
+from dogshape.surrogate.kept_matrices import KeptMatrices, cache_folder
 from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import (
@@ -86,7 +87,7 @@ def load(path: Path) -> Stored:
         raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
         return Stored(
-            _surrogate(content),
+            _surrogate(content, given),
             validation_of(content["validation"]),
             tuple(content["comparison"]),
         )
@@ -94,7 +95,7 @@ def load(path: Path) -> Stored:
         raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
 
 
-def _surrogate(content: dict[str, Any]) -> Surrogate:
+def _surrogate(content: dict[str, Any], key: str) -> Surrogate:
     data = Dataset(
         variables=tuple(content["variables"]),
         low=np.array(content["low"], dtype=float),
@@ -108,10 +109,12 @@ def _surrogate(content: dict[str, Any]) -> Surrogate:
     designs = design_coordinates(data, data.x[:1], form.ridge).shape[1]
     times, spreads = time_targets(data, form.ridge), spread_targets(data, form.ridge)
     share = content["share"]
+    folder = cache_folder()
+    kept = None if folder is None else KeptMatrices(folder, f"{key}-times")
     return Surrogate(
         data=data,
         form=content["form"],
-        times=_process(content["times"], form.terms, designs, times),
+        times=replace(_process(content["times"], form.terms, designs, times), kept=kept),
         spreads=_process(content["spreads"], (SMOOTH,), designs, spreads),
         share=Share(
             designs,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.design import Design, design_of
+from dogshape.pipeline.train.design_verdicts import Verdicts, verdicts
 from dogshape.sim.clutch_tables import DogSection
-from dogshape.sim.errors import DogshapeError, InputError, number_rule
+from dogshape.sim.errors import InputError, number_rule
 from dogshape.sim.texts import TextTable, listed, read_table
-from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate, interval
@@ -49,14 +49,14 @@ class Asked:
 
 @dataclass(frozen=True)
 class Answers:
-    """Checks of each design, and predicted times where there is such a design.
+    """What the checks say of each design, and predicted times where there is such a design.
 
     ``times`` (n, 5) are NaN where there is none; ``known`` tells which lie in the trained range.
     """
 
-    checked: Sequence[Design]
+    checked: Verdicts
     times: Array
-    known: np.ndarray
+    known: Mask
 
 
 @dataclass(frozen=True)
@@ -147,21 +147,12 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
 def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, float]) -> Array:
     """Return the designs in edge units, (n, d); cells that are no numbers raise."""
     x = np.empty((len(table.rows), len(variables)))
-    faults = []
+    faults: list[tuple[int, str]] = []
     for place, name in enumerate(variables):
         if name in filled:
             x[:, place] = filled[name]
-            continue
-        for row, ((number, _), text) in enumerate(zip(table.rows, table.column(name), strict=True)):
-            try:
-                x[row, place] = float(text)
-            except ValueError:
-                x[row, place] = np.nan
-            whole = name != "count" or x[row, place] % 1.0 == 0.0
-            if not (np.isfinite(x[row, place]) and whole):
-                rule = "a whole number" if name == "count" else number_rule(text)
-                faults.append((number, f"row {number}, column {name} is '{text}', but it must be "
-                               f"{rule}; correct the cell"))  # fmt: skip
+        else:
+            x[:, place] = _numbers(table, name, faults)
     if faults:
         told = [fault for _, fault in sorted(faults)]
         more = [f"and {len(told) - TOLD} more cells"] if len(told) > TOLD else []
@@ -169,24 +160,42 @@ def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, 
     return x
 
 
-def _checked(study: Setup, params: dict[str, float]) -> Design:
-    """Return a design with its checks; values that no dog can have are no design either."""
+def _numbers(table: TextTable, name: str, faults: list[tuple[int, str]]) -> Array:
+    """Return the numbers of a column, (n,), and add what is none to the faults, with its row."""
+    texts = table.column(name)
     try:
-        return design_of(study, params)
-    except DogshapeError as error:
-        return Design(params, None, (), str(error))
+        found = np.array([float(text) for text in texts])
+    except ValueError:
+        found = np.array([_number(text) for text in texts])
+    wrong = ~np.isfinite(found)
+    if name == "count":
+        wrong |= found % 1.0 != 0.0
+    for row in np.flatnonzero(wrong).tolist():
+        number, text = table.rows[row][0], texts[row]
+        rule = "a whole number" if name == "count" else number_rule(text)
+        faults.append((number, f"row {number}, column {name} is '{text}', but it must be "
+                       f"{rule}; correct the cell"))  # fmt: skip
+    return found
+
+
+def _number(text: str) -> float:
+    """Read a number; NaN where a text is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return np.nan
 
 
 def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
-    names = surrogate.data.variables
-    checked = [_checked(study, dict(zip(names, row.tolist(), strict=True))) for row in x]
-    real = np.array([design.dog is not None for design in checked])
+    checked = verdicts(study, surrogate.data.variables, x)
+    real = checked.real
     times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
     if real.any():
         time, error = Over(surrogate, mix).predict(x[real])
         low, high = interval(time, error)
-        times[real] = np.column_stack([time, low, high, error, surrogate.distance(x[real])])
-        known[real] = in_range(surrogate, x[real], mix)
+        distance = surrogate.distance(x[real])
+        times[real] = np.column_stack([time, low, high, error, distance])
+        known[real] = in_range(surrogate, x[real], mix, distance)
     return Answers(checked, times, known)
 
 
@@ -196,16 +205,16 @@ def write_predicted(found: Predicted, target: Path) -> None:
     with target.open("w", newline="", encoding="utf-8") as handle:
         writer = csv.writer(handle)
         writer.writerow([*table.head, *TIMES, *CHECKS])
-        for (_, cells), design, times, known in zip(
-            table.rows, answers.checked, answers.times.tolist(), answers.known.tolist(), strict=True
-        ):
-            if design.dog is None:
-                writer.writerow([*cells, *[""] * len(TIMES), False, "", "", design.refusal])
+        checked, numbers = answers.checked, answers.times.tolist()
+        for place, (_, cells) in enumerate(table.rows):
+            if not checked.real[place]:
+                refusal = checked.refusal[place]
+                writer.writerow([*cells, *[""] * len(TIMES), False, "", "", refusal])
                 continue
-            worst = min(design.checks, key=lambda check: check.margin)
-            numbers = (f"{number:.6g}" for number in times)
-            checked = (design.feasible, f"{worst.margin:.4g}", worst.name, "")
-            writer.writerow([*cells, *numbers, known, *checked])
+            texts = ["%.6g" % number for number in numbers[place]]  # noqa: UP031  half the time
+            margin, name = f"{checked.margin[place]:.4g}", checked.worst[place]
+            known, feasible = answers.known[place], checked.feasible[place]
+            writer.writerow([*cells, *texts, known, feasible, margin, name, ""])
 
 
 def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
@@ -213,14 +222,12 @@ def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
     asked, answers = found.asked, found.answers
     kept = [asked.table.column(name) for name in asked.kept]
     rows = []
-    for place, design in enumerate(answers.checked):
-        worst = min(design.checks, key=lambda check: check.margin, default=None)
-        checks = (
-            design.feasible,
-            None if worst is None else worst.margin,
-            "" if worst is None else worst.name,
-            design.refusal,
-        )
+    judged = answers.checked
+    for place, (real, feasible) in enumerate(
+        zip(judged.real.tolist(), judged.feasible.tolist(), strict=True)
+    ):
+        margin = float(judged.margin[place]) if real else None
+        checks = (feasible, margin, judged.worst[place], judged.refusal[place])
         rows.append(
             dict(zip(asked.kept, (column[place] for column in kept), strict=True))
             | dict(zip(found.variables, asked.designs[place].tolist(), strict=True))
@@ -234,15 +241,13 @@ def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
 def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
     """Give what was asked and answered, as JSON takes it; ``target`` is where it was written."""
     variables, asked, answers = found.variables, found.asked, found.answers
-    real = np.array([design.dog is not None for design in answers.checked])
-    feasible = np.array([design.feasible for design in answers.checked])
+    checked = answers.checked
     impossible = [
-        {"row": number, "reason": design.refusal}
-        for (number, _), design in zip(asked.table.rows, answers.checked, strict=True)
-        if design.dog is None
+        {"row": asked.table.rows[place][0], "reason": checked.refusal[place]}
+        for place in np.flatnonzero(~checked.real).tolist()
     ]
 
-    def best(among: np.ndarray) -> dict[str, Any] | None:
+    def best(among: Mask) -> dict[str, Any] | None:
         if not among.any():
             return None
         row = int(np.where(among, answers.times[:, 0], np.inf).argmin())
@@ -254,12 +259,12 @@ def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
 
     return {
         "file": None if target is None else str(target),
-        "n": len(answers.checked),
+        "n": len(checked.real),
         "in_range": int(answers.known.sum()),
-        "feasible": int(feasible.sum()),
+        "feasible": int(checked.feasible.sum()),
         "impossible": impossible,
         "filled": dict(asked.filled),
         "kept": list(asked.kept),
-        "best": best(real),
-        "best_feasible": best(feasible),
+        "best": best(checked.real),
+        "best_feasible": best(checked.feasible),
     }

@@ -40,7 +40,7 @@ LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
 _ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
-_LENGTHS = {
+LENGTHS = {
     "height_mm": (0.2e-3, 0.1),
     "outer_diameter_mm": (5e-3, 2.0),
     "inner_diameter_mm": (2e-3, 2.0),
@@ -246,7 +246,7 @@ def _require_numbers(dog: Dog) -> None:
         if not 0.0 <= angle < math.radians(60.0):
             rule = "it must be at least 0 and below 60 deg"
             _refuse_value(name, angle, rule, "check the angle and that it is in degrees")
-    for name, (low, high) in _LENGTHS.items():
+    for name, (low, high) in LENGTHS.items():
         length = getattr(dog, name.removesuffix("_mm"))
         remedy = "check the length and that it is in millimetres"
         require_between(f"dog.{name}", length / MM, low / MM, high / MM, remedy)

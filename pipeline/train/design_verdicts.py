@@ -1,0 +1,105 @@
+"""Verdicts of the closed-form checks about many designs, column by column where they allow it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.simulate.design import Design, design_of, limits_of
+from dogshape.sim.clutch_tables import si_fields
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.strength.columns import Dogs
+from dogshape.sim.strength.many import covers, strength_margins
+from dogshape.surrogate.covariance import Array, Mask
+
+CHUNK = 5000  #: designs that are worked out at a time
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """What the checks say of designs, (n,) each.
+
+    Parameters
+    ----------
+    real : whether there is such a dog.
+    feasible : whether it keeps every check before landing.
+    margin : the smallest one, NaN where there is no dog.
+    worst : the check that has it, empty without one.
+    refusal : why there is no dog, empty where there is one.
+    """
+
+    real: Mask
+    feasible: Mask
+    margin: Array
+    worst: list[str]
+    refusal: list[str]
+
+
+def verdicts(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
+    """Judge designs (n, d) in edge units by every check that needs no simulation."""
+    if not by_columns(study, names):
+        return _one_by_one(study, names, x)
+    found = [_in_columns(study, names, x[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
+    return Verdicts(
+        np.concatenate([one.real for one in found]),
+        np.concatenate([one.feasible for one in found]),
+        np.concatenate([one.margin for one in found]),
+        [name for one in found for name in one.worst],
+        [words for one in found for words in one.refusal],
+    )
+
+
+def by_columns(study: Setup, names: Sequence[str]) -> bool:
+    """Decide whether columns say all: the study adds no check or limit that hangs on the design."""
+    if set(names) & set(OPERATED) or any(one.exact is not None for one, _ in limits_of(study)):
+        return False
+    return covers(study.clutch.dog, study.limits)
+
+
+def _one_by_one(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
+    designs = [_checked(study, dict(zip(names, row, strict=True))) for row in x.tolist()]
+    weakest = [smallest_margin(one.checks) if one.checks else None for one in designs]
+    return Verdicts(
+        np.array([one.dog is not None for one in designs], dtype=bool),
+        np.array([one.feasible for one in designs], dtype=bool),
+        np.array([np.nan if check is None else check.margin for check in weakest]),
+        ["" if check is None else check.name for check in weakest],
+        [one.refusal for one in designs],
+    )
+
+
+def _checked(study: Setup, params: dict[str, float]) -> Design:
+    """Return a design with its checks; values that no dog can have are no design either."""
+    try:
+        return design_of(study, params)
+    except DogshapeError as error:
+        return Design(params, None, (), str(error))
+
+
+def _in_columns(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
+    dogs = _dogs(study, names, x)
+    real = dogs.possible()
+    # Why a shape cannot be is said in words by the dog itself.
+    other = _one_by_one(study, names, x[~real])
+    margins = strength_margins(_dogs(study, names, x[real]), study.limits)
+    every, columns = list(margins), np.column_stack(list(margins.values()))
+    least = columns.argmin(axis=1)
+    margin = np.full(len(x), np.nan)
+    margin[real], margin[~real] = columns[np.arange(len(least)), least], other.margin
+    worst, refusal = np.full(len(x), "", dtype=object), np.full(len(x), "", dtype=object)
+    worst[real], worst[~real] = [every[place] for place in least], other.worst
+    refusal[~real] = other.refusal
+    dog = real.copy()
+    dog[~real] = other.real
+    return Verdicts(dog, dog & (margin >= 0.0), margin, worst.tolist(), refusal.tolist())
+
+
+def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
+    """Give designs in edge units as columns, what is not named from the study's dog."""
+    own = {f.name: np.full(len(x), getattr(study.clutch.dog, f.name), float) for f in fields(Dogs)}
+    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))  # type: ignore[arg-type]

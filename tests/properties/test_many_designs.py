@@ -1,0 +1,113 @@
+"""Checks by columns against those of one design, for designs drawn at random."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.simulate.design import Design, design_of
+from dogshape.pipeline.train.design_verdicts import by_columns, verdicts
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.strength.columns import Dogs
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.many import strength_margins
+from dogshape.sim.units import DEG, MM
+from dogshape.surrogate.covariance import Array
+
+NAMES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+DESIGNS = 120
+WIDE = np.array([[0.0, 60.0], [0.0, 65.0], [0.0, 65.0], [0.1, 12.0], [1, 60]])
+CLOSE = np.array([[0.0, 22.0], [2.0, 32.0], [2.0, 32.0], [1.2, 7.0], [5, 40]])
+SETTINGS: dict[str, tuple[str, ...]] = {
+    "as it is": (),
+    "spline": ("mechanism.spline_friction=0.1", "mechanism.spline_radius_mm=18"),
+    "coast, abuse and a thin rim": (
+        "load.coast_share=0.4", "load.abuse_torque_Nm=600", "manufacturing.rim_mm=2.5"
+    ),
+    "flanks that are pulled": ("load.release_by_itself=false", "load.pull_out_force_limit_N=500"),
+    "exact dimensions": tuple(
+        f"tolerance.{name}=0"
+        for name in ("chamfer_deg", "traction_deg", "height_mm", "root_radius_mm")
+    ),
+    "wide tolerances": ("tolerance.traction_deg=3", "tolerance.height_mm=1.5"),
+}  # fmt: skip
+
+
+def _drawn(ranges: Array, seed: int) -> Array:
+    low, high = ranges.T
+    x: Array = low + np.random.default_rng(seed).random((DESIGNS, len(low))) * (high - low)
+    x[:, -1] = np.round(x[:, -1])
+    return x
+
+
+def _columns(study: Any, x: Array) -> Dogs:
+    own, ones = study.clutch.dog, np.ones(len(x))
+    return Dogs(
+        x[:, 4], *(x[:, :3] * DEG).T, x[:, 3] * MM, own.outer_diameter * ones,
+        own.inner_diameter * ones, own.axial_gap * ones,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_columns_say_what_one_design_says(name: str) -> None:
+    study = load_study("mq200_paper", SETTINGS[name])
+    assert by_columns(study, NAMES)
+    x = _drawn(CLOSE, 1)
+    possible = _columns(study, x).possible()
+    assert 20 < possible.sum() < DESIGNS
+    margins = strength_margins(_columns(study, x[possible]), study.limits)
+    for place, row in enumerate(x[possible].tolist()):
+        dog = study.dog_with(dict(zip(NAMES, row, strict=True)))
+        checks = strength_checks(dog, study.limits)
+        assert list(margins) == [check.name for check in checks]
+        for check in checks:
+            assert margins[check.name][place] == pytest.approx(check.margin, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("ranges", [CLOSE, WIDE])
+def test_columns_know_which_dogs_can_be(ranges: Array) -> None:
+    study = load_study("mq200_paper")
+    x = _drawn(ranges, 2)
+    possible = _columns(study, x).possible()
+    assert 0 < possible.sum() < DESIGNS
+    for row, can_be in zip(x.tolist(), possible.tolist(), strict=True):
+        try:
+            study.dog_with(dict(zip(NAMES, row, strict=True)))
+        except DogshapeError:
+            assert not can_be
+        else:
+            assert can_be
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        (),
+        ("load.accuracy=8",),
+        ("dog.edge_radius_mm=0.2",),
+        ("search.limits.smallest_margin_worst=0.0",),
+    ],
+)
+def test_verdicts_are_those_of_each_design(settings: tuple[str, ...]) -> None:
+    study = load_study("mq200_paper", settings)
+    assert by_columns(study, NAMES) == (not settings)
+    x = _drawn(CLOSE, 3)[:40]
+    found = verdicts(study, NAMES, x)
+    assert 0 < found.real.sum() < len(x)
+    for place, row in enumerate(x.tolist()):
+        params = dict(zip(NAMES, row, strict=True))
+        try:
+            design = design_of(study, params)
+        except DogshapeError as error:
+            design = Design(params, None, (), str(error))
+        assert found.real[place] == (design.dog is not None)
+        assert found.feasible[place] == design.feasible
+        assert found.refusal[place] == design.refusal
+        if design.dog is not None:
+            margins = {check.name: check.margin for check in design.checks}
+            assert found.margin[place] == pytest.approx(min(margins.values()), rel=1e-12)
+            # Of two that are equally small either may be named.
+            assert margins[found.worst[place]] == pytest.approx(found.margin[place], rel=1e-12)
