@@ -120,6 +120,10 @@ NUMERICAL = {
     "inference.unknown": "SCALES values, OFFSETS standard errors",
     "inference.equivalence": "DRAWN values",
     "inference.series_drift": "DRAWN values",
+    "inference.influence": "DEEP nat, NEAR nat, UNEVEN 1, MOVED of the weight, "
+    "WEIGHTY probability, DOUBTFUL of the limit, RISEN probability, WITHIN probability, "
+    "LIKELY probability",
+    "inference.pareto_tail": "LEAST weights, PRIOR weights, CENTRE 1",
     "inference.classes": "DRAWN values",
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",

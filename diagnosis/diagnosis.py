@@ -19,6 +19,7 @@ from dogshape.diagnosis.inference.classes import (
 )
 from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
+from dogshape.diagnosis.inference.influence import Influence, influence
 from dogshape.diagnosis.inference.next_test import (
     MeanPrediction,
     NextTest,
@@ -41,6 +42,7 @@ from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Sco
 from dogshape.diagnosis.likelihood.signature import Metric
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.prediction.prediction import Emulator
+from dogshape.diagnosis.report.influence_words import influence_in_words
 from dogshape.diagnosis.report.wording import Found, headline, in_words
 from dogshape.diagnosis.settings import USUAL, Decision, Settings
 from dogshape.diagnosis.terms import Hypothesis
@@ -72,6 +74,7 @@ class Diagnosis:
     senses : the answers given either sense of rotation, none where it is known.
     equivalence : the gap beside its margin; None where the baseline has no times.
     drift : trend over the series; None where the order of the shifts is not known.
+    influence : what each operating point does to the answer; None for a single one.
     settings : with which all this was decided.
     range_ends : where sizes lay at an end of their range, and what was done about it.
     """
@@ -98,6 +101,7 @@ class Diagnosis:
     senses: tuple[SenseAnswer, ...] = ()
     equivalence: Equivalence | None = None
     drift: SeriesDrift | None = None
+    influence: Influence | None = None
     settings: Settings = USUAL
     range_ends: tuple[RangeEnd, ...] = ()
 
@@ -140,6 +144,7 @@ class Diagnosis:
                 }
                 for one in self.gaps
             ],
+            "influence": self._influence(),
             "next_test": {
                 **self.tests[0].as_dict(),
                 "why": why(self.tests[0], self.posterior, self.effects),
@@ -228,6 +233,13 @@ class Diagnosis:
         """Parameters of each hypothesis with 90 % intervals."""
         return {h: intervals(one) for h, one in self.scored.items()}
 
+    def _influence(self) -> Record | None:
+        if self.influence is None:
+            return None
+        points = [(c.point.mismatch / RPM, c.point.profile.force) for c in self.bench.cells]
+        said = influence_in_words(self.influence, points, self.effects)
+        return {"sentence": said, **self.influence.as_dict(points)}
+
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
         found = self.scored.get(hypothesis)
         record: Record = {
@@ -288,10 +300,13 @@ def diagnose(
     hidden = invisible(list(scored.values()), metric, limits.visible)
     same = equivalence(problem, scored, ranking.raw, posterior.get(UNKNOWN, 0.0), bench.margin)
     measured = [fact.effect for fact in facts_of(bench)]
-    within = same.probability if same else 0.0
-    verdict = decide(posterior, parts, ranking.fits, within, measured, limits=limits)
-    if verdict.kind == "none" and sees_nothing(hidden, limits.blind):
-        verdict = replace(verdict, kind="ambiguous")
+
+    def settle(those: Probabilities, fits: Mapping[Hypothesis, float], within: float) -> Verdict:
+        found = decide(those, parts, fits, within, measured, limits=limits)
+        blind = found.kind == "none" and sees_nothing(hidden, limits.blind)
+        return replace(found, kind="ambiguous") if blind else found
+
+    verdict = settle(posterior, ranking.fits, same.probability if same else 0.0)
     return Diagnosis(
         bench=bench,
         verdict=verdict,
@@ -315,6 +330,7 @@ def diagnose(
         senses=sense_answers(problem, ranking),
         equivalence=same,
         drift=series_drift(problem, ranking),
+        influence=influence(problem, ranking, settle, verdict, same),
         settings=settings,
     )
 

@@ -53,26 +53,41 @@ class Sum:
     error: float
 
 
-def evidence(problem: Problem, space: Space, best: float = -np.inf) -> Scored:
+def evidence(
+    problem: Problem, space: Space, best: float = -np.inf, cells: np.ndarray | None = None
+) -> Scored:
     """Return a hypothesis with its evidence.
 
     ``best`` is the log evidence that it would need to lead: what lies far below is left early.
+    ``cells``, true or false, are those whose data count, all by default.
     """
 
     def at(shares: Array) -> Rows:
-        return score(problem, space, shares)
+        rows = score(problem, space, shares)
+        return rows if cells is None else rows.of(cells)
 
     size = len(space.parameters)
     if size == 0:
         rows = at(np.zeros((1, 0)))
         total = float(rows.whole[0])
         return Scored(space, rows, np.zeros(1), total, 0.0)
-    if sum(bool(effect.parameters) for effect in space.effects) == 1 and size in FIRST:
+    if by_quadrature(space):
         found = normalised(quadrature(at, size, best))
     else:
         found = normalised(sampled(at, size, best))
     parts = found.rows, found.log_prior, found.log_evidence, found.error
     return Scored(space, *parts, ends=at(outside(size)))
+
+
+def by_quadrature(space: Space) -> bool:
+    """Test that the evidence of a hypothesis is a sum over boxes rather than over draws."""
+    alone = sum(bool(effect.parameters) for effect in space.effects) == 1
+    return alone and len(space.parameters) in FIRST
+
+
+def effective(log: Array) -> float:
+    """Return the effective number of draws with these logarithms of weights."""
+    return float(np.exp(2.0 * log_sum(log, axis=0) - log_sum(2.0 * log, axis=0)))
 
 
 def normalised(found: Sum) -> Sum:
@@ -167,9 +182,9 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     for finished in range(SAMPLINGS):
         likely = rows.whole
         log = -_log_mixture(rows.shares, proposals, counts)
-        if hopeless(rows, best, finished) or _effective(log + likely) > ENOUGH:
+        if hopeless(rows, best, finished) or effective(log + likely) > ENOUGH:
             break
-        if log_sum(log + likely, axis=0) < best - BEHIND and _effective(log + likely) > SOME:
+        if log_sum(log + likely, axis=0) < best - BEHIND and effective(log + likely) > SOME:
             break
         proposal = _fitted(rows.shares, log, likely)
         new = proposal.draw(DRAWS, generator)
@@ -180,14 +195,9 @@ def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
             rows = rows.joined(at(new))
     likely = rows.whole
     log = -_log_mixture(rows.shares, proposals, counts)
-    error = 1.0 / np.sqrt(_effective(log + likely))
+    error = 1.0 / np.sqrt(effective(log + likely))
     # Draws outside the cube have no likelihood but count in the mixture, which has them.
     return Sum(rows, log, float(log_sum(log + likely, axis=0)), float(error))
-
-
-def _effective(log: Array) -> float:
-    """Return the effective number of draws with these logarithms of weights."""
-    return float(np.exp(2.0 * log_sum(log, axis=0) - log_sum(2.0 * log, axis=0)))
 
 
 @dataclass(frozen=True)
@@ -224,7 +234,7 @@ def _log_mixture(points: Array, proposals: list[_Proposal], counts: list[int]) -
 def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
     """Fit a Student-t to weights that are flattened until enough draws share them."""
     power, size = 1.0, points.shape[1]
-    while _effective(log + power * likely) < 8.0 * size and power > 1e-3:
+    while effective(log + power * likely) < 8.0 * size and power > 1e-3:
         power *= 0.7
     weights = np.exp(log + power * likely - log_sum(log + power * likely, axis=0))
     centre = weights @ points

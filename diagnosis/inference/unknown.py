@@ -119,6 +119,14 @@ class Unknown:
         """Logarithm of the evidence of all cells."""
         return self._total() + float(self.engaged.sum()) + self.flight
 
+    def log_evidence_of(self, cells: np.ndarray, flown: float = 1.0) -> float:
+        """Compute the logarithm of the evidence of some cells.
+
+        ``flown`` is their part of what is said of the marks of flights.
+        """
+        times = float(log_sum(self._logs(cells), axis=0))
+        return times + float(self.engaged[cells].sum()) + flown * self.flight
+
     @property
     def log_evidence_as_failed(self) -> float:
         """The same with the unknown shifts read as failed."""

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -57,6 +58,14 @@ class Observed:
     timeout: float
     flights: tuple[SeenFlight, ...] = ()
     drift: Drift | None = None
+
+    def of(self, cells: np.ndarray) -> Self:
+        """Select some cells, (cells,) true or false; the marks of flights stay."""
+        every = {f.name: getattr(self, f.name) for f in fields(self)}
+        some: dict[str, Any] = {n: a[cells] for n, a in every.items() if isinstance(a, np.ndarray)}
+        for name in ("singles", "outlier_times"):
+            some[name] = tuple(a for a, there in zip(every[name], cells, strict=True) if there)
+        return replace(self, **some)
 
     @property
     def cells(self) -> int:

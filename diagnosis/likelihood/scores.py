@@ -7,7 +7,7 @@ rows, so the emulator is asked once for each value.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
 
@@ -65,6 +65,11 @@ class PredictionSummary(Table):
     shape: Array
     flight: Array | None = None
 
+    def of(self, cells: np.ndarray) -> Self:
+        """Select some cells; the marks of flights stay."""
+        names = [f.name for f in fields(self) if f.name != "flight"]
+        return replace(self, **{name: getattr(self, name)[:, cells] for name in names})
+
 
 @dataclass(frozen=True)
 class Rows(Table):
@@ -97,6 +102,18 @@ class Rows(Table):
             return added
         return added + marginals(self.slopes.of(cells), prior, joint).log
 
+    def of(self, cells: np.ndarray) -> Self:
+        """Select some cells."""
+        return replace(
+            self,
+            log_likelihood=self.log_likelihood[:, cells],
+            as_failed=self.as_failed[:, cells],
+            predicted=self.predicted.of(cells),
+            slopes=self.slopes.of(cells),
+            discrepancy=self.discrepancy.of(cells),
+            joint=self.joint[:, cells],
+        )
+
     def joined(self, other: Self) -> Self:
         """Append other rows."""
         # Each row's sum is its own, and costs more than the rest of joining.
@@ -116,13 +133,15 @@ class Rows(Table):
 class Problem:
     """Inference problem: observations, and the emulator that predicts them per hypothesis.
 
-    ``sense`` says whether the sign of the mismatch is known.
+    ``sense`` says whether the sign of the mismatch is known; ``places`` are the cells' numbers in
+    the emulator where only some of them are seen.
     """
 
     seen: Observed
     emulator: Emulator
     settings: Settings
     sense: Sense = "known"
+    places: tuple[int, ...] | None = None
 
     @cached_property
     def discrepancy(self) -> Discrepancy:
@@ -136,10 +155,21 @@ class Problem:
 
     def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
         """Predict the times of all cells for values (m, p) of a hypothesis."""
-        cells = range(self.seen.cells)
+        cells = range(self.seen.cells) if self.places is None else self.places
         return CellPredictions.of(
             [self.emulator.at(hypothesis, values, k) for k in cells], self.settings.likelihood
         )
+
+    def of(self, cells: np.ndarray) -> Self:
+        """Select some cells, (cells,) true or false; the marks of flights stay.
+
+        The discrepancy at these is the same as among all cells.
+        """
+        places = tuple(np.flatnonzero(cells).tolist())
+        mine = places if self.places is None else tuple(self.places[k] for k in places)
+        found = replace(self, seen=self.seen.of(cells), places=mine)
+        vars(found)["discrepancy"] = self.discrepancy.of(cells)
+        return found
 
     @cached_property
     def flights(self) -> tuple[SeenFlight, ...]:
@@ -225,6 +255,12 @@ class Scored:
     def log_table(self, cells: np.ndarray | None = None) -> Array:
         """Return the log likelihood of some cells, or all, (m,)."""
         return self.rows.whole if cells is None else self.rows.total(cells)
+
+    def of(self, cells: np.ndarray) -> Scored:
+        """Return the same given the data of some cells, whose evidence is summed anew."""
+        rows = self.rows.of(cells)
+        total = float(log_sum(self.log_prior + rows.whole, axis=0))
+        return replace(self, rows=rows, log_evidence=total, ends=None)
 
     def read_as_failed(self) -> Scored:
         """Return the same with the unknown shifts read as failed."""

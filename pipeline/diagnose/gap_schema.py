@@ -96,6 +96,44 @@ class DriftRow(Section):
     sentence: str = key("the drift in words")
 
 
+class CellInfluenceRow(Section):
+    """What an operating point does to the answer, given all others."""
+
+    mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
+    force_N: float = key("final shift force", "N")
+    log_bayes_factor: float = key(
+        "what it adds to the log Bayes factor of the leading hypothesis over the rival; left out, "
+        "that is less by so much",
+        "nat",
+    )
+    log_bayes_factor_error: float = key("standard error of that sum", "nat")
+    elpd: float = key("log predictive density of its data by the leading hypothesis", "nat")
+    rival_elpd: float = key("the same by the rival", "nat")
+    probability_without: float = key("probability of the leading hypothesis without it", SHARE)
+    most_probable_without: list[str] = key("most probable hypothesis without it")
+    verdict_without: Literal["effect", "none", "unknown", "ambiguous"] = key("verdict without it")
+    causes_without: list[str] = key("causes by that verdict")
+    effective_draws: float = key("effective draws of the leading hypothesis without it")
+    k_hat: float | None = key(
+        "shape of the tail of their weights, uneven above 0.7; null for a quadrature", "1"
+    )
+    refitted: bool = key("whether the evidence was computed anew without it")
+
+
+class InfluenceRow(Section):
+    """Influence of the operating points, each left out in turn."""
+
+    sentence: str = key("finding in words")
+    leading: list[str] = key("leading hypothesis")
+    rival: list[str] = key("its best rival")
+    elpd: float = key("sum over the points by the leading hypothesis", "nat")
+    rival_elpd: float = key("the same by the rival", "nat")
+    elpd_difference: float = key("leading less rival", "nat")
+    elpd_difference_error: float | None = key("its standard error; null for one point", "nat")
+    verdict_holds: bool = key("whether the verdict is the same without any one point")
+    cells: list[CellInfluenceRow] = key("operating points that have data, in their order")
+
+
 class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
@@ -239,6 +277,11 @@ class InferenceRecord(Section):
         "trend over the series; absent where the order of the shifts is not known", "", None
     )
     where: list[PointRow] = key("gap at each operating point")
+    influence: InfluenceRow | None = key(
+        "influence of each operating point; null for a single one, absent in earlier versions",
+        "",
+        None,
+    )
     next_test: NextTestRow = key("advised test")
     tests: list[MenuRow] = key("best tests of the menu")
     inclusion: dict[str, float] = key("probability of each effect to be part of the cause", SHARE)
