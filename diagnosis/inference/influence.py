@@ -289,10 +289,13 @@ def _all_without(
 
 
 def _few(one: Scored) -> bool:
-    """Test that a hypothesis was sampled with fewer draws than one that leads."""
-    if len(one.log_prior) == 1 or by_quadrature(one.space):
+    """Test that a hypothesis was left early, or sampled with fewer draws than one that leads."""
+    if len(one.log_prior) == 1:
         return False
-    return effective(one.log_prior + one.rows.whole) < ENOUGH
+    early = not np.isfinite(one.error)
+    if by_quadrature(one.space):
+        return early
+    return early or effective(one.log_prior + one.rows.whole) < ENOUGH
 
 
 def _unknown_without(problem: Problem, ranking: Ranking) -> Array:
