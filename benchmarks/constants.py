@@ -111,6 +111,7 @@ NUMERICAL = {
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
     "likelihood.drift": "ROUNDS rounds",
+    "likelihood.nominal_errors": "STEP of ln force",
     "likelihood.scores": "IMPOSSIBLE nat",
     "likelihood.flight_likelihood": "SCALES values",
     "inference.evidence": "FIRST boxes, TOLERANCE of the evidence, ROUNDS rounds, POINTS values, "

@@ -37,6 +37,7 @@ from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answ
 from dogshape.diagnosis.inference.series_drift import SeriesDrift, series_drift
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, decide
+from dogshape.diagnosis.likelihood.nominal_errors import Propagated
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric
@@ -75,6 +76,7 @@ class Diagnosis:
     equivalence : the gap beside its margin; None where the baseline has no times.
     drift : trend over the series; None where the order of the shifts is not known.
     influence : what each operating point does to the answer; None for a single one.
+    inputs : what errors of nominal force and mismatch make; None where the data set states none.
     settings : with which all this was decided.
     range_ends : where sizes lay at an end of their range, and what was done about it.
     """
@@ -102,13 +104,15 @@ class Diagnosis:
     equivalence: Equivalence | None = None
     drift: SeriesDrift | None = None
     influence: Influence | None = None
+    inputs: Propagated | None = None
     settings: Settings = USUAL
     range_ends: tuple[RangeEnd, ...] = ()
 
     def as_dict(self) -> Record:
         """Write the record of the contract, with more."""
         from_rival = self.rival[1] if self.rival else None
-        more = {} if self.drift is None else {"drift": self.drift.as_dict()}
+        told = {"drift": self.drift, "nominal_errors": self.inputs}
+        more = {key: part.as_dict() for key, part in told.items() if part is not None}
         aliases = {name: effect.aliases for name, effect in self.effects.items()}
         return {
             "bench": self.bench.name,
@@ -226,6 +230,7 @@ class Diagnosis:
             self.equivalence,
             self.range_ends,
             self.drift,
+            self.inputs,
         )
 
     @property
@@ -331,6 +336,7 @@ def diagnose(
         equivalence=same,
         drift=series_drift(problem, ranking),
         influence=influence(problem, ranking, settle, verdict, same),
+        inputs=seen.inputs.propagated(problem.baseline) if seen.inputs else None,
         settings=settings,
     )
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
+from dogshape.diagnosis.bench.nominal_errors import EXACT, NominalErrors
 from dogshape.diagnosis.bench.reading import Cell, Reading, gather
 from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.sense import Sense
@@ -44,7 +45,8 @@ class Bench:
     those that were asked for and made, ``warnings`` what looks odd in the corrected data.
     ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
     ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
-    tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done.
+    tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done,
+    ``errors`` those of nominal force and mismatch.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Bench:
     folder: Path | None = None
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
+    errors: NominalErrors = EXACT
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -108,6 +111,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         folder=folder,
         tests=stand.tests,
         margin=stand.margin,
+        errors=stand.errors,
     )
 
 

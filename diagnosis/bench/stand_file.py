@@ -8,6 +8,12 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from dogshape.diagnosis.bench.nominal_errors import (
+    EXACT,
+    ErrorTables,
+    NominalErrors,
+    nominal_errors,
+)
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.sim.clutch_tables import (
     DogSection,
@@ -71,6 +77,7 @@ class _BenchFile(Section):
     sensor: _Sensor | None = None
     actuator_calibration: list[_Calibration] = Field(default_factory=list)
     tests: list[_Test] = Field(default_factory=list)
+    errors: ErrorTables | None = None
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ class Stand:
     mismatch_sense: Sense = "known"
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
+    errors: NominalErrors = EXACT
 
 
 def load_stand(path: Path) -> Stand:
@@ -169,6 +177,7 @@ def load_stand(path: Path) -> Stand:
         mismatch_sense=file.mismatch_sense,
         tests=tuple(_terms(path, one) for one in file.tests),
         margin=_margin(path, file),
+        errors=nominal_errors(path, file.errors),
     )
 
 

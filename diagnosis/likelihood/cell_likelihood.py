@@ -57,7 +57,7 @@ class CellPredictions(Prediction):
     Parameters
     ----------
     mean, sd : of shifts that are no outliers, s.
-    model : part of ``error`` that any simulation has, s.
+    model : part of ``error`` that any simulation of the operating points has, s.
     shape : error of the logarithm of ``sd``.
     kurtosis : of ``times``.
     missed, jump : share of cells that are odd, and by how much their mean is off, s.
@@ -74,14 +74,19 @@ class CellPredictions(Prediction):
     rules: Rules
 
     @classmethod
-    def of(cls, cells: list[Prediction], rules: Rules) -> Self:
-        """Gather predictions, one a cell; the model's own error joins the emulator's."""
+    def of(cls, cells: list[Prediction], rules: Rules, setting: Array | float = 0.0) -> Self:
+        """Gather predictions, one a cell; the model's own error joins the emulator's.
+
+        ``setting`` is the error of each mean by those of its nominal values, s, (cells,).
+        """
         every = {f.name: np.stack([getattr(c, f.name) for c in cells]) for f in fields(Prediction)}
         times = every["times"]
         mean = times.mean(axis=2)
         sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
         simulated = mean - every["delay"]
         model = np.hypot(rules.model_error * simulated, rules.least_error)
+        if np.any(setting):
+            model = np.hypot(model, np.reshape(setting, (-1, 1)))
         every["error"] = np.maximum(np.hypot(every["error"], model), 1e-5)
         least = max(rules.late_share, 1.0 / (times.shape[2] + 2.0)) * np.isnan(every["behind"])
         share = np.maximum(every["outlier_share"], least)

@@ -11,6 +11,7 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.likelihood.drift import Drift, drift_of
+from dogshape.diagnosis.likelihood.nominal_errors import NominalInputs, inputs_of
 from dogshape.diagnosis.prediction.outliers import MOST, bulk
 from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array
@@ -40,6 +41,7 @@ class Observed:
     flights : marks of the traces, one for each force profile that has any.
     drift : trend over the series, where the order of the shifts is known; what repeated operating
         points say of it is taken off all times.
+    inputs : nominal values with their errors, where the data set states any.
     """
 
     singles: tuple[Array, ...]
@@ -58,6 +60,7 @@ class Observed:
     timeout: float
     flights: tuple[SeenFlight, ...] = ()
     drift: Drift | None = None
+    inputs: NominalInputs | None = None
 
     def of(self, cells: np.ndarray) -> Self:
         """Select some cells, (cells,) true or false; the marks of flights stay."""
@@ -138,6 +141,7 @@ def observe(bench: Bench, rules: Rules = USUAL.likelihood) -> Observed:
         timeout=bench.clutch.timeout,
         flights=flights_of(bench),
         drift=drift,
+        inputs=inputs_of(bench),
     )
 
 

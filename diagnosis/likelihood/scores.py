@@ -149,26 +149,45 @@ class Problem:
         means = self.predictions(NONE, np.zeros((1, 0))).mean[:, 0]
         seen = self.seen
         prior = discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood)
-        if seen.drift is None:
-            return prior
-        return replace(prior, beside=seen.drift.direction[:, None])
+        beside = [] if seen.drift is None else [seen.drift.direction[:, None]]
+        if seen.inputs is not None:
+            beside.append(np.nan_to_num(seen.inputs.systematic(self.baseline)))
+        return replace(prior, beside=np.hstack(beside)) if beside else prior
+
+    @cached_property
+    def baseline(self) -> Array:
+        """Mean times without any effect, s, (cells,); NaN where nothing engages."""
+        nothing = np.zeros((1, 0))
+        times = [self.emulator.at(NONE, nothing, k).times for k in range(self.seen.cells)]
+        return np.array([one.mean() for one in times])
+
+    @cached_property
+    def _setting(self) -> Array:
+        """Error of each mean by those of its nominal values, s, (cells,)."""
+        inputs = self.seen.inputs
+        if inputs is None:
+            return np.zeros(self.seen.cells)
+        return np.nan_to_num(inputs.each_point(self.baseline))
 
     def predictions(self, hypothesis: Hypothesis, values: Array) -> CellPredictions:
         """Predict the times of all cells for values (m, p) of a hypothesis."""
         cells = range(self.seen.cells) if self.places is None else self.places
         return CellPredictions.of(
-            [self.emulator.at(hypothesis, values, k) for k in cells], self.settings.likelihood
+            [self.emulator.at(hypothesis, values, k) for k in cells],
+            self.settings.likelihood,
+            self._setting,
         )
 
     def of(self, cells: np.ndarray) -> Self:
         """Select some cells, (cells,) true or false; the marks of flights stay.
 
-        The discrepancy at these is the same as among all cells.
+        The discrepancy at these is the same as among all cells, and the errors of nominal values.
         """
         places = tuple(np.flatnonzero(cells).tolist())
         mine = places if self.places is None else tuple(self.places[k] for k in places)
         found = replace(self, seen=self.seen.of(cells), places=mine)
         vars(found)["discrepancy"] = self.discrepancy.of(cells)
+        vars(found)["_setting"] = self._setting[cells]
         return found
 
     @cached_property

@@ -15,6 +15,7 @@ from dogshape.diagnosis.inference.range_ends import RangeEnd
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer
 from dogshape.diagnosis.inference.series_drift import SeriesDrift
 from dogshape.diagnosis.inference.verdict import NAMED, Verdict
+from dogshape.diagnosis.likelihood.nominal_errors import Propagated
 from dogshape.diagnosis.prediction.hypotheses import NONE, in_common, plain, without
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
@@ -42,6 +43,7 @@ class Found:
     equivalence: Equivalence | None = None
     range_ends: tuple[RangeEnd, ...] = ()
     drift: SeriesDrift | None = None
+    inputs: Propagated | None = None
 
     def named(
         self, hypotheses: Sequence[Hypothesis], *, chances: bool = False, less: Hypothesis = ()
@@ -145,6 +147,7 @@ def parts_in_words(found: Found) -> dict[str, str]:
         "sense": _senses(found),
         "left": _far(found),
         "ranges": " ".join(range_sentence(one, found.effects) for one in found.range_ends),
+        "inputs": found.inputs.sentence if found.inputs else "",
         "drift": found.drift.sentence if found.drift and found.drift.worth_saying else "",
         "next": f"Next: {why(found.test, found.posterior, found.effects)}",
     }

@@ -134,6 +134,15 @@ class InfluenceRow(Section):
     cells: list[CellInfluenceRow] = key("operating points that have data, in their order")
 
 
+class NominalErrorsRow(Section):
+    """Errors of nominal force and mismatch in the mean times, root mean square over the points."""
+
+    systematic_rms_s: float = key("by errors that all operating points share", "s")
+    each_point_rms_s: float = key("by errors of each setting", "s")
+    u_input_rms_s: float = key("both together, u_input of ASME V&V 20", "s")
+    sentence: str = key("the errors in words, with what the data set cannot propagate")
+
+
 class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
@@ -275,6 +284,9 @@ class InferenceRecord(Section):
     )
     drift: DriftRow | None = key(
         "trend over the series; absent where the order of the shifts is not known", "", None
+    )
+    nominal_errors: NominalErrorsRow | None = key(
+        "errors of nominal values; absent where the data set states none", "", None
     )
     where: list[PointRow] = key("gap at each operating point")
     influence: InfluenceRow | None = key(

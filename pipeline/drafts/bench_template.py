@@ -39,4 +39,11 @@ friction_velocity_m_s = 1.0 # read and not used
 # displacement_at = "actuator"
 # linkage_ratio = 3.2       # actuator travel over sleeve travel
 # linkage_efficiency = 0.8  # share of the force that arrives
+
+# Standard uncertainties of nominal values (docs/bench.md): alike in the whole series, or of each
+# setting anew. Also force_N and mismatch_percent.
+# [errors.systematic]
+# force_percent = 0.5
+# [errors.each_point]
+# mismatch_rpm = 0.5
 """

@@ -15,7 +15,7 @@ from dogshape.pipeline.diagnose.gap_schema import InferenceRecord, require_gap
 from dogshape.sim.errors import InputError
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
-SOME = {"drift"}  #: keys of data sets that say more than their times
+SOME = {"drift", "nominal_errors"}  #: keys of data sets that say more than their times
 EVIDENCE = Path(__file__).parents[2] / "docs" / "evidence"
 
 

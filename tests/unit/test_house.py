@@ -252,8 +252,8 @@ def test_one_place_makes_consoles() -> None:
 def test_no_room_asks_for_the_time_of_day() -> None:
     """Only a report's provenance does, to say when it was written; no result depends on it.
 
-    What a table of a bench says of its shifts' times is read, not asked for. Kept matrices go oldest
-    first, which no result depends on either.
+    What a table of a bench says of its shifts' times is read, not asked for. Kept matrices go
+    oldest first, which no result depends on either.
     """
     provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
     kept = ROOT / "surrogate" / "kept_matrices.py"

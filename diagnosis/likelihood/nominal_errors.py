@@ -1,0 +1,198 @@
+r"""Errors of nominal force and mismatch, propagated to mean times: *u_input* of ASME V&V 20.
+
+The time at the operating point *k* changes with force and mismatch by
+
+.. math:: \frac{\partial T}{\partial \ln F} = \frac{\partial t_0}{\partial \ln F}
+          \frac{\Delta T}{\Delta t_0}, \qquad
+          \frac{\partial T}{\partial n} = \frac{1}{|n| + n_1}
+          \frac{\Delta T}{\Delta \ln(|n| + n_1)},
+
+with :math:`t_0` the free flight, whose derivative at the same rise time has a closed form, and
+differences between neighbours of the data set (:math:`n_1` is 1/min). Along its grid the rise time
+mostly changes with the force, which an error of the force does not; the free flight has both in it.
+*T* is the simulated mean without any effect. Errors of each point add to the variance of their
+mean; systematic ones are directions that cells err along together, integrated out beside the
+discrepancy (``diagnosis.likelihood.discrepancy``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.units import RPM
+
+STEP = 0.01  #: of ln force
+ONE_FORCE = (
+    "Where a mismatch has one force only, an error of the force is propagated by the free flight "
+    "alone."
+)
+ONE_MISMATCH = "Where a force has one mismatch only, an error of the mismatch is not propagated."
+
+
+@dataclass(frozen=True)
+class Propagated:
+    """Errors of nominal values in the mean times, root mean square over the cells, s."""
+
+    systematic: float
+    each_point: float
+    lacking: tuple[str, ...]
+
+    @property
+    def whole(self) -> float:
+        """Both together: *u_input*, s."""
+        return float(np.hypot(self.systematic, self.each_point))
+
+    @property
+    def sentence(self) -> str:
+        """The errors in words."""
+        parts = [
+            f"{1e3 * size:.2g} ms {kind}"
+            for size, kind in (
+                (self.systematic, "at all operating points alike"),
+                (self.each_point, "at each operating point anew"),
+            )
+            if size > 0.0
+        ]
+        made = " and ".join(parts) or "nothing"
+        said = f"The stated errors of nominal force and mismatch make {made} (root mean square)."
+        return " ".join([said, *self.lacking])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Write the record ``nominal_errors``."""
+        return {
+            "systematic_rms_s": self.systematic,
+            "each_point_rms_s": self.each_point,
+            "u_input_rms_s": self.whole,
+            "sentence": self.sentence,
+        }
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change of the mean times with nominal values, (cells,) each.
+
+    ``force`` is s for ln force, ``mismatch`` s for rad/s. ``lacking`` has sentences on what the
+    data set does not show.
+    """
+
+    force: Array
+    mismatch: Array
+    lacking: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class NominalInputs:
+    """Nominal values of a data set with their errors, each (cells,).
+
+    ``mismatch`` in rad/s, ``force`` in N, ``rise`` in s; ``flight`` is the time of the free flight,
+    s, ``flight_slope`` its change with ln force, s.
+    """
+
+    errors: NominalErrors
+    mismatch: Array
+    force: Array
+    rise: Array
+    flight: Array
+    flight_slope: Array
+
+    def sensitivity(self, baseline: Array) -> Sensitivity:
+        """Differentiate mean times without effect, s, (cells,), NaN where there are none."""
+        slow = abs(self.mismatch) + RPM
+        by_flight, alone = _slopes(baseline, self.flight, [self.mismatch])
+        by_flight = np.where(alone, 1.0, by_flight)
+        lacking = [ONE_FORCE] if alone.any() and self._stated("force") else []
+        sides = np.sign(self.mismatch)
+        by_mismatch, alone = _slopes(baseline, np.log(slow), [self.force, self.rise, sides])
+        lacking += [ONE_MISMATCH] if alone.any() and self._stated("mismatch") else []
+        return Sensitivity(
+            self.flight_slope * by_flight,
+            sides * by_mismatch / slow,
+            tuple(lacking),
+        )
+
+    def _stated(self, quantity: str) -> bool:
+        """Test that an error of a quantity is stated."""
+        kinds = self.errors.systematic, self.errors.each_point
+        return any(getattr(k, quantity) or getattr(k, f"{quantity}_share") for k in kinds)
+
+    def systematic(self, baseline: Array) -> Array:
+        """Return the offsets that one deviation of each systematic error makes, s, (cells, q)."""
+        return self._columns(self.errors.systematic, baseline)
+
+    def propagated(self, baseline: Array) -> Propagated:
+        """Summarise the errors over the cells whose mean time is known, s."""
+        there = np.isfinite(baseline)
+        squares = (
+            (self.systematic(baseline)[there] ** 2).sum(axis=1),
+            self.each_point(baseline)[there] ** 2,
+        )
+        sizes = [float(np.sqrt(one.mean())) if there.any() else 0.0 for one in squares]
+        return Propagated(sizes[0], sizes[1], self.sensitivity(baseline).lacking)
+
+    def each_point(self, baseline: Array) -> Array:
+        """Return the standard deviation of a cell's mean by errors of its setting, s, (cells,)."""
+        columns = self._columns(self.errors.each_point, baseline)
+        whole: Array = np.sqrt((columns**2).sum(axis=1))
+        return whole
+
+    def _columns(self, size: Tolerance, baseline: Array) -> Array:
+        """Return the offsets of one deviation of each error, s, (cells, q)."""
+        slope = self.sensitivity(baseline)
+        every = (
+            slope.force * size.force_share,
+            slope.force * size.force / self.force,
+            slope.mismatch * size.mismatch_share * self.mismatch,
+            slope.mismatch * size.mismatch,
+        )
+        found = [column for column in every if column.any()]
+        return np.stack(found, axis=1) if found else np.zeros((self.force.size, 0))
+
+
+def inputs_of(bench: Bench) -> NominalInputs | None:
+    """Return the nominal values of a data set that states errors of them, None else."""
+    if not bench.errors:
+        return None
+    points = [cell.point for cell in bench.cells]
+    flights = np.array(
+        [[_flight(bench.clutch, p, by) for by in (0.0, -STEP, STEP)] for p in points]
+    )
+    return NominalInputs(
+        bench.errors,
+        np.array([point.mismatch for point in points]),
+        np.array([point.profile.force for point in points]),
+        np.array([point.profile.rise for point in points]),
+        flights[:, 0],
+        (flights[:, 2] - flights[:, 1]) / (2.0 * STEP),
+    )
+
+
+def _flight(clutch: Clutch, point: OperatingPoint, by: float) -> float:
+    """Return the free flight's time in s with a force whose logarithm is changed."""
+    profile = ForceProfile(point.profile.force * float(np.exp(by)), point.profile.rise)
+    return profile.free_flight_time(clutch.shift_travel, clutch.rings.mass)
+
+
+def _slopes(values: Array, place: Array, alike: Sequence[Array]) -> tuple[Array, np.ndarray]:
+    """Differentiate values over their places, among cells that are alike in all else, (cells,).
+
+    The second marks cells that have no neighbour; their slope is zero.
+    """
+    found, alone = np.zeros(values.size), np.zeros(values.size, dtype=bool)
+    _, groups = np.unique(np.round(np.stack(alike, axis=1), 9), axis=0, return_inverse=True)
+    for group in np.unique(groups):
+        mine = np.flatnonzero((groups.ravel() == group) & np.isfinite(values))
+        steps, first, places = np.unique(place[mine], return_index=True, return_inverse=True)
+        if steps.size < 2:
+            alone[mine] = True
+            continue
+        found[mine] = np.gradient(values[mine][first], steps)[places.ravel()]
+    return found, alone
