@@ -1,19 +1,26 @@
-"""The surrogate from rows of the compiled engine that pairs with Drake correct.
+"""The surrogate of a clutch that was never seen, from the compiled engine that Drake corrects.
 
     python -m benchmarks.two_fidelities [--clutch NAME ...] [--designs N ...] [--contact SET]
 
-Fits a clutch as ``dogshape fit --levels 2`` does, without the rows that the package brings, with
-the first designs of its filling, more and more of them. References in two levels judge each fit;
-each has Drake's shifts of its own. At every number of designs three ways are compared:
+Fits a clutch as ``dogshape fit --levels 2`` does, without the rows that the package brings.
+References that no fit saw, 40 that fill the space and 20 of the best tenth, judge
 
-- ``parametric``: rows corrected by a constant and a slope over the mismatch, as ``fit`` does;
-- ``process``: rows corrected by a Gaussian process of the pairs over design and operating point,
-  which is co-kriging with a scale of one (Kennedy & O'Hagan 2000);
+- ``all points``: designs at all of the study's operating points, more and more of them, the last
+  with those that were chosen as likely to be among the best, which is what ``fit`` has;
+- ``own points``: what the rows at operating points of their own say without these;
+- ``one engine``: rows as ``--levels 1`` has them, of as many designs as Drake simulates in the
+  processor time of all that is learnt from. They are rows of the compiled engine, whose means are
+  Drake's to the discrepancy that is printed, and Drake's time of a shift is that of the pairs.
+
+Three ways to correct the rows at points of their own are compared with few designs:
+
+- ``parametric``: by a constant and a slope over the mismatch, as ``fit`` does;
+- ``process``: by a Gaussian process of the pairs over design and operating point, which is
+  co-kriging with a scale of one (Kennedy & O'Hagan 2000);
 - ``uncorrected``: rows as they are.
 
-``Drake alone`` has as many designs in Drake as take the processor time of the rows and pairs of
-the most designs. Shifts are kept in ``results/two_fidelities-NAME-SET``, and a second run simulates
-none: processor times are of a run that finds none.
+Shifts are kept in ``results/two_fidelities-NAME-SET`` with the processor times of the run that
+simulated them, and a second run simulates none.
 """
 
 from __future__ import annotations
@@ -21,6 +28,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -32,25 +40,29 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import filling_blocks, first_designs
-from dogshape.pipeline.train.training import fill, references_of
+from dogshape.pipeline.train.filling import first_designs
+from dogshape.pipeline.train.mix_rows import count_of, simulate_mix_rows
+from dogshape.pipeline.train.training import fill, references_of, train
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
 from dogshape.pipeline.train.two_level_rows import (
+    DENSE,
     Times,
     compiled,
     pair_blocks,
     pairs_of,
     row_blocks,
     times_of,
+    two_level_data,
 )
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import DIGITS, Dataset
+from dogshape.surrogate.dataset import DIGITS, WHERE, Dataset
 from dogshape.surrogate.discrepancy import ERROR, MEAN, SPREAD, Discrepancy, discrepancy_of
 from dogshape.surrogate.learning import fit
-from dogshape.surrogate.model import MIN_DESIGNS
+from dogshape.surrogate.mix_learning import fitted, mix_times
+from dogshape.surrogate.model import MIN_DESIGNS, Surrogate
 from dogshape.surrogate.process_targets import point_coordinates
 from dogshape.surrogate.validation_figures import Validation, figures, predict, ranked
 
@@ -58,6 +70,8 @@ HEAD = (
     "rows          designs  rmse,ms  bias,ms  Q2     in 95 %  Q2 points  in 95 %  rank of best"
     "  fit,s"
 )
+FEW_DESIGNS = 60  #: with which ways to correct are compared
+REFERENCE_ERROR = 0.003  #: relative standard error of the expected time of a reference
 POINTS = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0]}
 CLUTCHES: dict[str, dict[str, object]] = {
     "prototype": {},
@@ -167,70 +181,111 @@ def first(study: Setup, shifts: list[Record], count: int) -> list[Record]:
     return [s for s in shifts if tuple(round(s[name], 3) for name in names) in kept]
 
 
-def judged(study: Setup, folder: StudyFolder, rows: Dataset) -> tuple[Validation, float]:
-    """Fit rows, and judge the fit by the folder's references; with the fit's processor time, s."""
-    begun = time.process_time()
-    model = fit(replace(rows, physics=study.physics))
-    seconds = time.process_time() - begun
+def judged(study: Setup, folder: StudyFolder, model: Surrogate, shifts: int) -> Validation:
+    """Judge a surrogate by the folder's references."""
     space, best = references_of(study, folder)
     mix = study_mix(study)
-    found = figures(space, predict(model, space.x, mix), "references", rows.shifts)
-    if len(best):
-        found = ranked(found, best, predict(model, best.x, mix).time)
-    return found, seconds
+    found = figures(space, predict(model, space.x, mix), "references", shifts)
+    return ranked(found, best, predict(model, best.x, mix).time) if len(best) else found
 
 
-def simulate(study: Setup, folder: StudyFolder) -> float:
-    """Simulate rows and pairs, without references; return the processor time, s."""
-    designs, begun = first_designs(study, study.file.surrogate.designs), time.process_time()
+def simulate(study: Setup, folder: StudyFolder) -> dict[str, float]:
+    """Simulate a clutch and give processor times in s: of all that is learnt from, of Drake's pairs
+    in it, and of references.
+
+    They are those of the run that simulated, which the folder keeps.
+    """
+    designs, kept = first_designs(study, study.file.surrogate.designs), folder.root / "seconds.json"
+    begun = time.process_time()
     with folder.writing():
         folder.open(study, resume=True)
-        Executor(ShiftJournal(folder.compiled), 1).run(row_blocks(study, designs))
+        executor = Executor(ShiftJournal(folder.compiled), 1)
+        executor.run(row_blocks(study, designs))
+        before = time.process_time()
         Executor(ShiftJournal(folder.pairs), 1).run(pair_blocks(study, designs))
-    return time.process_time() - begun
+        pairs = time.process_time() - before
+        simulate_mix_rows(compiled(study), folder, executor)
+    learnt = time.process_time() - begun
+    fill(study, folder, 1, levels=2)
+    if not kept.exists():
+        apart = time.process_time() - begun - learnt
+        write_json(kept, {"learnt": learnt, "pairs": pairs, "references": apart})
+    found: dict[str, float] = read_json(kept, "remove the folder and run again")
+    return found
 
 
-def alone(study: Setup, folder: StudyFolder, seconds: float) -> Dataset:
-    """Simulate in Drake what takes this processor time, at least the designs that a fit needs."""
-    journal = ShiftJournal(folder.root / "alone.jsonl")
-    executor, begun = Executor(journal, 1), time.process_time()
-    for count, design in enumerate(first_designs(study, study.file.surrogate.designs)):
-        if count >= MIN_DESIGNS and time.process_time() - begun >= seconds:
-            break
-        executor.run(filling_blocks(study, design, count, study.file.surrogate.seed))
-    return dataset_of(study, journal.rows.values())
+def halved(shifts: list[Record], names: list[str]) -> list[Record]:
+    """Select every second angle of each row, so that those that are left are even again."""
+    groups: dict[tuple[float, ...], list[Record]] = defaultdict(list)
+    for shift in shifts:
+        groups[tuple(shift[name] for name in (*names, *WHERE))].append(shift)
+    return [
+        shift
+        for group in groups.values()
+        for shift in sorted(group, key=lambda one: float(one["relative_angle_deg"]))[::DENSE]
+    ]
 
 
 def compare(study: Setup, folder: StudyFolder, counts: list[int]) -> None:
     """Simulate a clutch, fit it in all ways, judge and print."""
     seconds = simulate(study, folder)
-    fill(study, folder, 1, levels=2)
+    begun = time.process_time()
+    whole = train(folder).surrogate
+    fitting = time.process_time() - begun
+    data, mixed = two_level_data(study, folder)
+    _say_data(study, folder, whole, seconds | {"fits": fitting})
     cheap = list(ShiftJournal(folder.compiled).rows.values())
     dear = list(ShiftJournal(folder.pairs).rows.values())
-    ours, theirs = times_of(compiled(study), cheap), times_of(study, dear)
-    _say_data(study, folder, (len(cheap), len(dear)), seconds)
+    theirs = times_of(study, dear)
+    ours = {k: v for k, v in times_of(compiled(study), cheap).items() if k in theirs}
     _say_discrepancy(discrepancy_of(pairs_of(ours, theirs)))
     print(HEAD)
-    for count in sorted(counts):
-        rows = dataset_of(compiled(study), first(study, cheap, count))
-        kept = {tuple(np.round(x, DIGITS)) for x in rows.designs.tolist()}
-        own = {place: times for place, times in theirs.items() if place[0] in kept}
-        for way, correct in WAYS.items():
-            print(line(way, count, *judged(study, folder, correct(rows, ours, own))), flush=True)
-    data = alone(study, folder, seconds)
-    print(line("Drake alone", len(data.designs), *judged(study, folder, data)))
+
+    def say(name: str, designs: int, model: Surrogate, spent: float, shifts: int) -> None:
+        print(line(name, designs, judged(study, folder, model, shifts), spent), flush=True)
+
+    size, every = len(study.points), count_of(study)
+    for count in [*(n for n in sorted(counts) if n < every), every]:
+        begun = time.process_time()
+        rows = mixed.rows[: count * size]
+        own = fitted(mix_times(data, rows, study_mix(study)))
+        say("all points", count, replace(whole, own=own), time.process_time() - begun, own.shifts)
+    say("own points", len(data.designs), replace(whole, own=None), 0.0, data.shifts)
+    for way, correct in WAYS.items():
+        some = dataset_of(compiled(study), first(study, cheap, FEW_DESIGNS))
+        kept = {tuple(np.round(x, DIGITS)) for x in some.designs.tolist()}
+        own_pairs = {place: times for place, times in theirs.items() if place[0] in kept}
+        say(way, FEW_DESIGNS, *_fitted(study, correct(some, ours, own_pairs)))
+    settings = study.file.surrogate
+    a_design = seconds["pairs"] / len(dear) * settings.points * settings.angles
+    number = max(MIN_DESIGNS, round(seconds["learnt"] / a_design))
+    few = halved(first(study, cheap, number), list(study.variables))
+    say("one engine", number, *_fitted(study, dataset_of(compiled(study), few)))
     print()
 
 
-def _say_data(study: Setup, folder: StudyFolder, shifts: tuple[int, int], seconds: float) -> None:
+def _fitted(study: Setup, rows: Dataset) -> tuple[Surrogate, float, int]:
+    """Fit rows at points of their own; give the processor time, s, and the shifts, too."""
+    begun = time.process_time()
+    model = fit(replace(rows, physics=study.physics))
+    return model, time.process_time() - begun, rows.shifts
+
+
+def _say_data(
+    study: Setup, folder: StudyFolder, model: Surrogate, seconds: dict[str, float]
+) -> None:
     space, best = references_of(study, folder)
     apart = len(ShiftJournal(folder.references).rows)
     dense = len(ShiftJournal(folder.compiled_references).rows)
     error = float(np.sqrt((space.error**2).mean()))
-    print(f"{study.name}: {shifts[0]} shifts compiled, {shifts[1]} of Drake in pairs")
+    levels = model.data.levels
+    print(f"{study.name}: {levels['planar']} shifts compiled, {levels['drake']} of Drake in pairs")
     print(f"references: {len(space)} that fill the space and {len(best)} of the best tenth,")
     print(f"{dense} shifts compiled and {apart} of Drake; s.e. of a time {error * 1e3:.2f} ms")
-    print(f"processor time of rows and pairs {seconds:.0f} s")
+    print(
+        f"processor time {seconds['learnt']:.0f} s of rows and pairs, "
+        f"{seconds['references']:.0f} s of references, {seconds['fits']:.0f} s of fits"
+    )
     print()
 
 
@@ -245,26 +300,26 @@ def _say_discrepancy(found: Discrepancy) -> None:
     print()
 
 
+def study_of(clutch: str, contact: str) -> Setup:
+    """Return the study of a clutch, with denser references than a fit makes by itself."""
+    more: dict[str, object] = {
+        "name": f"two_fidelities-{clutch}-{contact}",
+        "contact.set": contact,
+        "surrogate.reference_error": REFERENCE_ERROR,
+    }
+    return load_study("mq200_paper", CLUTCHES[clutch] | more)
+
+
 def main() -> None:
     """Compare the clutches that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clutch", choices=CLUTCHES, nargs="+", default=list(CLUTCHES))
-    parser.add_argument("--designs", type=int, nargs="+", default=[60, 125, 250, 500])
+    parser.add_argument("--designs", type=int, nargs="+", default=[100, 200, 400])
     parser.add_argument("--contact", default="lubricated_steel")
-    parser.add_argument("--references", type=int, default=28, help="that fill the space")
     given = parser.parse_args()
     for clutch in given.clutch:
-        name = f"two_fidelities-{clutch}-{given.contact}"
-        settings = CLUTCHES[clutch] | {
-            "name": name,
-            "contact.set": given.contact,
-            "surrogate.designs": max(given.designs),
-            "surrogate.references": given.references,
-            "surrogate.best_references": 12,
-        }
-        compare(
-            load_study("mq200_paper", settings), StudyFolder(Path("results") / name), given.designs
-        )
+        study = study_of(clutch, given.contact)
+        compare(study, StudyFolder(Path("results") / study.name), given.designs)
 
 
 if __name__ == "__main__":

@@ -29,6 +29,7 @@ from dogshape.surrogate.covariance import Array, Term, distance
 from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import FLOOR, design_coordinates, point_coordinates
 
@@ -82,13 +83,18 @@ class Expected:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """Fitted processes with their data; ``surrogate.learning.fit`` makes one."""
+    """Fitted processes with their data; ``surrogate.learning.fit`` makes one.
+
+    ``own`` has the times at the study's own operating points, where designs were simulated at all
+    of them; whatever mix it has is asked of it.
+    """
 
     data: Dataset
     form: str
     times: Process
     spreads: Process
     share: Share
+    own: MixTimes | None = None
 
     def coordinates(self, x: Array) -> Array:
         """Return coordinates of designs (m, d) in edge units, (m, c)."""
@@ -110,22 +116,49 @@ class Surrogate:
     def expected(self, x: Array, mix: Mix) -> Expected:
         """Predict one design (d,) over a mix."""
         inputs = self.crossed(x[None, :], mix.points)
-        return self.summed(inputs, *self.times.joint(inputs), mix)
+        own = self.own_process(mix)
+        if own is None:
+            return self.summed(inputs, *self.times.joint(inputs), mix)
+        mean, covariance = own.joint(self.own_coordinates(x[None, :]))
+        time = float(np.exp(mean[0] + 0.5 * covariance[0, 0]))
+        variance = time**2 * float(np.expm1(covariance[0, 0]))
+        return self._with_retries(inputs, np.exp(self.times.mean(inputs)), (time, variance), mix)
+
+    def own_process(self, mix: Mix) -> Process | None:
+        """Return the process that has a mix of the study's own points, None where none has."""
+        return None if self.own is None else self.own.process_of(mix)
+
+    def own_coordinates(self, x: Array) -> Array:
+        """Return coordinates of designs (m, d), edge units, for ``own_process``, (m, c)."""
+        assert self.own is not None
+        return self.own.coordinates(x)
 
     def mean(self, x: Array, mix: Mix) -> float:
         """Predict one design (d,) over a mix without its error, at once, s."""
         inputs = self.crossed(x[None, :], mix.points)
         share = self.share.at(inputs)[0]
-        times = np.exp(self.times.mean(inputs)) + (1.0 - share) / share * mix.retry
-        return float(mix.weights @ times)
+        retries = float(mix.weights @ ((1.0 - share) / share)) * mix.retry
+        own = self.own_process(mix)
+        if own is not None:
+            return float(np.exp(own.mean(self.own_coordinates(x[None, :]))[0])) + retries
+        return float(mix.weights @ np.exp(self.times.mean(inputs))) + retries
 
     def summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
         """Sum a mix from the mean (m,) and covariance (m, m) of logarithms at its inputs."""
         times = np.exp(mean + 0.5 * np.diag(covariance))
-        share, unsure = self.share.at(inputs)
         parts = mix.weights * times
-        time = float(parts.sum())
         variance = float(parts @ np.expm1(covariance) @ parts)
+        return self._with_retries(inputs, times, (float(parts.sum()), variance), mix)
+
+    def _with_retries(
+        self, inputs: Array, times: Array, engaged: tuple[float, float], mix: Mix
+    ) -> Expected:
+        """Add retries to the time of shifts that engage and its variance, s and s2.
+
+        ``times`` are those at the inputs (m, c + 2), (m,).
+        """
+        time, variance = engaged
+        share, unsure = self.share.at(inputs)
         retries = float(mix.weights @ ((1.0 - share) / share)) * mix.retry
         lost = mix.weights * np.sqrt(unsure) / share**2 * mix.retry
         retry_error = float(lost @ self.share.alike(inputs) @ lost) ** 0.5

@@ -21,6 +21,7 @@ from dogshape.surrogate.covariance import Array, Covariance, Term, starting
 from dogshape.surrogate.dataset import COLUMNS, Dataset
 from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.kept_matrices import KeptMatrices, cache_folder
+from dogshape.surrogate.mix_times import own_of, own_record
 from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import (
@@ -54,6 +55,7 @@ def save(path: Path, stored: Stored) -> None:
         "physics": data.physics,
         "engine": data.engine,
         **({"levels": data.levels} if data.levels else {}),
+        **({} if surrogate.own is None else {"own": own_record(surrogate.own)}),
         "variables": list(data.variables),
         "low": data.low.tolist(),
         "high": data.high.tolist(),
@@ -124,6 +126,7 @@ def _surrogate(content: dict[str, Any], key: str) -> Surrogate:
             np.inf if share["length"] is None else float(share["length"]),
             float(share["strength"]),
         ),
+        own=own_of(content["own"], data) if "own" in content else None,
     )
 
 

@@ -103,9 +103,14 @@ def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
 def _predicted(surrogate: Surrogate, x: Array, mix: Mix) -> tuple[float | Array, ...]:
     """Return the fields of a prediction for one design (d,)."""
     inputs = surrogate.crossed(x[None, :], mix.points)
-    mean, covariance = surrogate.times.joint(inputs)
-    expected = surrogate.summed(inputs, mean, covariance, mix)
-    variance = np.maximum(np.diag(covariance), 0.0)
+    own = surrogate.own
+    if own is not None and own.covers(mix):
+        expected = surrogate.expected(x, mix)
+        mean, variance = (found[0] for found in own.at_points(x[None, :]))
+    else:
+        mean, covariance = surrogate.times.joint(inputs)
+        expected = surrogate.summed(inputs, mean, covariance, mix)
+        variance = np.maximum(np.diag(covariance), 0.0)
     return (
         expected.time,
         expected.error,

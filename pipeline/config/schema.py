@@ -324,6 +324,8 @@ class SurrogateSection(Section):
     Each design gets ``points`` operating points of its own with ``angles`` angles; a reference
     gets all of the study's with ``reference_angles``, and more where the relative standard error
     of its expected time would exceed ``reference_error``.
+
+    In two levels ``mix_shifts`` more are of designs that have all of the study's operating points.
     """
 
     designs: Annotated[int, Field(ge=10)] = 500
@@ -333,6 +335,7 @@ class SurrogateSection(Section):
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
     reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.007
+    mix_shifts: Annotated[int, Field(ge=0)] = 130_000
     seed: Annotated[int, Field(ge=0)] = 1
 
 

@@ -10,6 +10,8 @@
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
 ``compiled.jsonl``   of a fit in two levels, shifts of the compiled engine
 ``pairs.jsonl``      those of Drake at some of the same angles
+``mix.jsonl``        rows of the compiled engine, of designs at all operating points of the study
+``chosen.json``      which of these designs were chosen as likely to be among the best
 ``compiled-references.jsonl`` shifts of the compiled engine of the designs apart
 ``best.json``        which of them are of the best tenth
 ``effects.json``     effects and indices from the surrogate, for the report
@@ -49,6 +51,8 @@ class StudyFolder:
         self.references = root / "references.jsonl"
         self.compiled = root / "compiled.jsonl"
         self.pairs = root / "pairs.jsonl"
+        self.mix = root / "mix.jsonl"
+        self.chosen = root / "chosen.json"
         self.compiled_references = root / "compiled-references.jsonl"
         self.best = root / "best.json"
         self.points = root / "points.csv"

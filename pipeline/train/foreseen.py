@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.forecast import Kind
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.train.two_level_rows import paired
 
 AGAIN = 0.4  #: shifts of the later rounds of references over those of the first, about
 
@@ -18,7 +19,8 @@ def to_fill(study: Setup, rows: int, pairs: int, levels: int) -> dict[Kind, floa
     points = designs * len(study.points)
     references = points * settings.reference_angles * (1.0 + AGAIN)
     if levels == 2:
-        return {"fit": 1, "quick": rows + references, "shift": pairs + points}
+        apart = designs * len(paired(0, len(study.points)))
+        return {"fit": 2, "quick": rows + references, "shift": pairs + apart}
     return {"fit": 1, engine_kind(study): rows + references}
 
 

@@ -26,8 +26,6 @@ from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
-from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.model import Surrogate
 
 APART = 90_000  #: added to the seed of the surrogate's data for designs that it never sees
 MOST = 96  #: angles of an operating point at most
@@ -39,16 +37,16 @@ def reference_designs(study: Setup, count: int) -> list[dict[str, float]]:
     return list(islice(designs, count))
 
 
-def best_designs(study: Setup, surrogate: Surrogate) -> list[dict[str, float]]:
-    """Return designs of the tenth that the surrogate finds best, as many as references.
+def best_designs(study: Setup, times: Callable[[Array], Array]) -> list[dict[str, float]]:
+    """Return designs of the tenth that is expected to be best, as many as references.
 
-    They are drawn after those of ``reference_designs``, and so are others.
+    They are drawn after those of ``reference_designs``, and so are others; ``times`` predicts
+    those of designs (m, d) in edge units, (m,).
     """
     pool = best_pool(study)
     if not len(pool):
         return []
-    time = Over(surrogate, study_mix(study)).predict(pool)[0]
-    best = np.argsort(time)[: study.file.surrogate.best_references]
+    best = np.argsort(times(pool))[: study.file.surrogate.best_references]
     return [study.named(pool[place]) for place in sorted(best.tolist())]
 
 
@@ -64,16 +62,23 @@ def simulate_references(
     designs: Sequence[dict[str, float]],
     executor: Executor,
     ahead: Callable[[int], None],
+    *,
+    alike: bool = True,
 ) -> None:
     """Simulate designs to the study's error of references, at most ``MOST`` angles at a point.
 
-    The shifts are in the executor's journal; ``ahead`` is told how many each round adds.
+    The shifts are in the executor's journal; ``ahead`` is told how many each round adds. Designs
+    share their angles where they are ``alike``.
     """
     clutches = [study.clutch.with_dog(study.dog_with(design)) for design in designs]
     counts, size = [study.file.surrogate.reference_angles] * len(study.points), len(study.points)
     before = 0
     while clutches:
-        blocks = [block for clutch in clutches for block in _blocks(study, clutch, counts)]
+        blocks = [
+            block
+            for index, clutch in enumerate(clutches)
+            for block in _blocks(study, clutch, counts, 0 if alike else index)
+        ]
         shifts = sum(len(block.angles) for block in blocks)
         ahead(shifts - before)
         before = shifts
@@ -86,9 +91,9 @@ def simulate_references(
         counts = finer
 
 
-def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int]) -> list[Block]:
+def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int], more: int) -> list[Block]:
     settings = study.file.surrogate
-    first, seed = settings.reference_angles, settings.seed + APART
+    first, seed = settings.reference_angles, settings.seed + APART + more
     finest = {
         count: even_blocks(clutch, study.points, count, seed, first, uncertainty=study.uncertainty)
         for count in set(counts)

@@ -2,8 +2,8 @@
 
 A folder of a search holds the search's own shifts. A folder that ``dogshape fit`` fills holds
 designs that fill their space, in ``shifts.jsonl``, and references apart, in ``references.jsonl``;
-in two levels the rows are in ``compiled.jsonl`` and ``pairs.jsonl``. Rows that the package brings
-for the same physics join those of one level.
+in two levels the rows are in ``compiled.jsonl``, ``mix.jsonl`` and ``pairs.jsonl``. Rows that the
+package brings for the same physics join those of one level.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,12 @@ from dogshape.pipeline.train.filling import filling_blocks, first_designs
 from dogshape.pipeline.train.foreseen import engine_kind, round_by_round, to_fill
 from dogshape.pipeline.train.found_surrogates import joining
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
+from dogshape.pipeline.train.mix_rows import (
+    angles_of,
+    count_of,
+    expected,
+    simulate_mix_rows,
+)
 from dogshape.pipeline.train.reference_designs import (
     best_designs,
     reference_designs,
@@ -33,6 +40,7 @@ from dogshape.pipeline.train.reference_designs import (
 )
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix, with_rows
 from dogshape.pipeline.train.two_level_rows import (
+    compiled,
     pair_blocks,
     row_blocks,
     simulate_two_level_references,
@@ -41,10 +49,13 @@ from dogshape.pipeline.train.two_level_rows import (
 )
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
+from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, Dataset, among
+from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.fitting import WHOLE, Effort
 from dogshape.surrogate.form_choice import compare
 from dogshape.surrogate.learning import fit
+from dogshape.surrogate.mix_learning import fitted, mix_times
 from dogshape.surrogate.model import USUAL, Surrogate
 from dogshape.surrogate.references import Reference, reference_of
 from dogshape.surrogate.store import Stored, save
@@ -107,7 +118,9 @@ def _lasting(foreseen: Forecast, jobs: int) -> str:
 def _executor(
     journal: ShiftJournal, jobs: int, cluster: str | None, counter: WorkCounter, kind: Kind
 ) -> Executor:
-    return Executor(journal, jobs, counter.of(kind), cluster, counter.known_of(kind))
+    return Executor(
+        journal, jobs, counter.of(kind), cluster, counter.known_of(kind), counter.of("quick")
+    )
 
 
 def _references(
@@ -140,6 +153,7 @@ def _fill_in_two_levels(
         designs = first_designs(study, settings.designs)
         cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
         every, few = (sum(len(block.angles) for block in both) for both in (cheap, dear))
+        every += count_of(study) * angles_of(study) * len(study.points)
         keeping = "the same command goes on"
         foreseen = Forecast(to_fill(study, every, few, 2), workers_of(jobs))
         with (
@@ -156,6 +170,7 @@ def _fill_in_two_levels(
             )
             rows.run(cheap)
             pairs.run(dear)
+            simulate_mix_rows(compiled(study), folder, rows)
             simulate_two_level_references(
                 study,
                 _references(study, folder, designs, counter),
@@ -187,11 +202,21 @@ def _best(study: Setup, folder: StudyFolder, say: Say) -> list[dict[str, float]]
     """Return designs of the best tenth, by a quick fit; chosen once and kept."""
     if not folder.best.exists():
         say("choosing references among the best designs")
-        model = fit(_data_of(study, folder), effort=QUICK)
-        write_json(folder.best, {"designs": best_designs(study, model)})
+        write_json(folder.best, {"designs": best_designs(study, _quickly(study, folder))})
     remedy = "remove it and fit again"
     kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
     return kept
+
+
+def _quickly(study: Setup, folder: StudyFolder) -> Callable[[Array], Array]:
+    """Give what predicts the expected times of designs (m, d) from a folder's rows, (m,), s."""
+    data, mixed = _data_of(study, folder)
+    if mixed is not None:
+        return partial(
+            expected, fitted(mix_times(data, mixed.rows, study_mix(study)), points=False)
+        )
+    over = Over(fit(data, effort=QUICK), study_mix(study))
+    return lambda x: over.predict(x)[0]
 
 
 def train(
@@ -203,7 +228,7 @@ def train(
     Fewer designs than it needs raise InputError.
     """
     study = folder.stored_study()
-    data = _data_of(study, folder)
+    data, mixed = _data_of(study, folder)
     brought = None if folder.references.exists() else joining(study, say)
     known = None if brought is None else brought.surrogate
     if known is not None:
@@ -216,6 +241,10 @@ def train(
     rows = FILLED if one else WHOLE.rows
     effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
     surrogate = fit(data, form, known, effort)
+    if mixed is not None:
+        say("the expected time over the study's own operating points")
+        own = fitted(mix_times(data, mixed.rows, study_mix(study)))
+        surrogate = replace(surrogate, own=own)
     before = brought.validation if brought is not None and keeps else None
     figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
@@ -225,17 +254,20 @@ def train(
     return stored
 
 
-def _data_of(study: Setup, folder: StudyFolder) -> Dataset:
+def _data_of(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset | None]:
+    """Return the rows of a folder, and those of designs at all of the study's operating points."""
     if folder.compiled.exists():
-        return two_level_data(study, folder)
+        data, mixed = two_level_data(study, folder)
+        return data, mixed if len(mixed) else None
     # A shift does not say which set-point and factors moved its operating point there.
     shifts = () if study.searches_operation else ShiftJournal(folder.shifts).rows.values()
     own = dataset_of(study, shifts)
     if not folder.others.exists():
-        return own
+        return own, None
     rows = read_json(folder.others, "run 'dogshape study' with --resume to write it again")
     width = len(study.variables) + len(COLUMNS)
-    return with_rows(study, np.array(rows["rows"], dtype=float).reshape(-1, width)).joined(own)
+    shared = with_rows(study, np.array(rows["rows"], dtype=float).reshape(-1, width))
+    return shared.joined(own), None
 
 
 def _judged(

@@ -1,17 +1,22 @@
 """Rows of two levels: many shifts of the compiled engine, corrected by some of Drake's.
 
-Rows have the designs and operating points of one level and ``FEW`` times the angles, all in the
-compiled engine. ``PAIRS`` of them, one a design, have ``FEW`` of the same angles in Drake too,
-which says what the compiled engine's means are off by (``surrogate.discrepancy``).
+Rows have the designs and operating points of one level and ``DENSE`` times the angles, all in the
+compiled engine; other designs have all of the study's points (``pipeline.train.mix_rows``).
+``PAIRS`` of the rows, one a design, have ``FEW`` of the same angles in Drake too, which says what
+the compiled engine's means are off by (``surrogate.discrepancy``).
 
-References are corrected one by one and not by that fit, or its errors would be in what judges it.
-Each has one shift of Drake at each operating point, at another of its angles from design to
-design. The mean is that of the compiled engine and the difference of the pair, which is unbiased;
-how much single differences scatter is common to all references of like mismatch.
+References are not corrected by that fit, or its errors would be in what judges it. Each has one
+shift of Drake at ``APIECE`` or more operating points, at other points and angles from design to
+design. What these differ by from the compiled engine's, in the mean over all references of like
+mismatch, is added to the references, and its standard error to theirs: a pair of shifts that part
+at a crest differ by tens of milliseconds, and would leave a reference that it alone corrected with
+an error larger than that of its angles. Each reference draws angles of its own: with common ones
+their errors would go together, and look like a bias of what they judge.
 """
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -24,6 +29,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import filling_blocks
+from dogshape.pipeline.train.mix_rows import mix_rows
 from dogshape.pipeline.train.reference_designs import APART, simulate_references
 from dogshape.pipeline.train.training_rows import dataset_of, shifts_of, study_mix
 from dogshape.sim.statistics.blocks import Block, even_block
@@ -34,7 +40,9 @@ from dogshape.surrogate.discrepancy import Pair, discrepancy_of
 from dogshape.surrogate.references import Reference, reference_of
 
 PAIRS = 80  #: rows that Drake has, too
-FEW = 4  #: angles of such a row in Drake; the compiled engine has so many times a row's angles
+FEW = 4  #: angles of such a row in Drake
+DENSE = 2  #: the compiled engine has so many times a row's angles
+APIECE = 8  #: operating points of a reference that Drake has, about
 NEAR = 6  #: decimals of a relative angle in degrees by which two engines have the same
 
 Place = tuple[tuple[float, ...], tuple[float, ...]]  #: design and operating point
@@ -49,12 +57,11 @@ def compiled(study: Setup) -> Setup:
 def row_blocks(study: Setup, designs: Sequence[dict[str, float]]) -> list[Block]:
     """Return the shifts of all rows in the compiled engine."""
     seed, angles = study.file.surrogate.seed, study.file.surrogate.angles
+    dense = FEW * math.ceil(DENSE * angles / FEW)
     return [
         block
         for index, design in enumerate(designs)
-        for block in filling_blocks(
-            compiled(study), design, index, seed, angles=FEW * angles, base=FEW
-        )
+        for block in filling_blocks(compiled(study), design, index, seed, angles=dense, base=FEW)
     ]
 
 
@@ -73,37 +80,52 @@ def simulate_two_level_references(
     executors: tuple[Executor, Executor],
     ahead: tuple[Callable[[int], None], Callable[[int], None]],
 ) -> None:
-    """Simulate references in the compiled engine, and one of the angles of each point in Drake.
+    """Simulate references in the compiled engine, and at some points one of the angles in Drake.
 
     ``executors`` are of the compiled engine and of Drake, and ``ahead`` is told what each adds.
     """
-    simulate_references(compiled(study), designs, executors[0], ahead[0])
+    simulate_references(compiled(study), designs, executors[0], ahead[0], alike=False)
     settings = study.file.surrogate
     count, seed = settings.reference_angles, settings.seed + APART
     blocks = []
     for index, design in enumerate(designs):
         clutch = study.clutch.with_dog(study.dog_with(design))
-        for place, point in enumerate(study.points):
-            draw = (seed, place)
+        for place in paired(index, len(study.points)):
+            point, draw = study.points[place], (seed + index, place)
             whole = even_block(clutch, point, count, draw, count, uncertainty=study.uncertainty)
             blocks.append(whole.only([(index + place) % count]))
     ahead[1](len(blocks))
     executors[1].run(blocks)
 
 
-def two_level_data(study: Setup, folder: StudyFolder) -> Dataset:
-    """Return the rows of a folder in two levels, as Drake's; InputError for too few pairs."""
+def paired(index: int, size: int) -> range:
+    """Return the operating points, of ``size``, that Drake has of the reference at ``index``."""
+    stride = max(1, size // APIECE)
+    return range(index % stride, size, stride)
+
+
+def two_level_data(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset]:
+    """Return the rows of a folder in two levels, as Drake's; InputError for too few pairs.
+
+    Those at operating points of their own, and those of designs at all of the study's.
+    """
     cheap = ShiftJournal(folder.compiled).rows.values()
     dear = ShiftJournal(folder.pairs).rows.values()
-    data = dataset_of(compiled(study), cheap)
-    found = discrepancy_of(pairs_of(times_of(compiled(study), cheap), times_of(study, dear)))
-    corrected = found.corrected(data)
+    data, names = dataset_of(compiled(study), cheap), list(study.variables)
+    there = {tuple(round(float(shift[name]), DIGITS) for name in names) for shift in dear}
+    beside = [s for s in cheap if tuple(round(float(s[name]), DIGITS) for name in names) in there]
+    found = discrepancy_of(pairs_of(times_of(compiled(study), beside), times_of(study, dear)))
+    mixed = replace(data, rows=mix_rows(compiled(study), folder))
     levels: dict[str, Any] = {
-        "planar": data.shifts,
+        "planar": data.shifts + mixed.shifts,
         "drake": len(dear),
         "discrepancy": found.as_dict(),
     }
-    return replace(corrected, physics=study.physics, levels=levels)
+    corrected, also = (
+        replace(found.corrected(rows), physics=study.physics, levels=levels)
+        for rows in (data, mixed)
+    )
+    return corrected, also
 
 
 def two_level_references(study: Setup, folder: StudyFolder) -> Reference:
@@ -116,10 +138,14 @@ def two_level_references(study: Setup, folder: StudyFolder) -> Reference:
         found.x, _points(study), times_of(compiled(study), cheap), times_of(study, dear)
     )
     speeds = np.round(np.abs(mix.points[:, 0]), NEAR)
-    spread = np.zeros(len(speeds))
+    shift, unsure = np.zeros(len(speeds)), np.zeros(len(speeds))
     for speed in np.unique(speeds):
-        spread[speeds == speed] = np.sqrt((apart[:, speeds == speed] ** 2).mean())
-    means, errors = found.means + apart, np.hypot(found.errors, spread)
+        pairs = apart[:, speeds == speed]
+        pairs = pairs[np.isfinite(pairs)]
+        if len(pairs) > 1:
+            shift[speeds == speed] = pairs.mean()
+            unsure[speeds == speed] = pairs.std(ddof=1) / len(pairs) ** 0.5
+    means, errors = found.means + shift, np.hypot(found.errors, unsure)
     return replace(
         found,
         means=means,
@@ -162,13 +188,13 @@ def _points(study: Setup) -> list[tuple[float, ...]]:
 def _differences(x: Array, points: Sequence[tuple[float, ...]], cheap: Times, dear: Times) -> Array:
     """Return Drake's time less the compiled engine's, of designs (k, d) at points, (k, m), s.
 
-    Zero where a shift engages in one of them alone.
+    NaN where a design has no pair, or its shift engages in one of them alone.
     """
-    apart = np.zeros((len(x), len(points)))
+    apart = np.full((len(x), len(points)), np.nan)
     for k, row in enumerate(x.tolist()):
         for j, where in enumerate(points):
             place = tuple(row), where
             beside = cheap.get(place, {})
             found = [t - beside[a] for a, t in dear.get(place, {}).items() if a in beside]
-            apart[k, j] = np.mean(found) if found else 0.0
+            apart[k, j] = np.mean(found) if found else np.nan
     return apart

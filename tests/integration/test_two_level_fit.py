@@ -24,6 +24,7 @@ FEW = SETTINGS | {
     "surrogate.best_references": 0,
     "surrogate.reference_angles": 6,
     "surrogate.reference_error": 0.2,
+    "surrogate.mix_shifts": 18 * 128,
 }
 SPACE = Path("results/mq200_paper-space")
 
@@ -51,7 +52,7 @@ def fitted(begun: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_the_rows_say_that_they_are_of_two_levels(fitted: dict[str, Any]) -> None:
-    assert fitted["shifts_planar"] == 12 * 2 * 4 * 3
+    assert fitted["shifts_planar"] == 12 * 2 * 8 + 18 * 128
     assert fitted["shifts_drake"] == 12 * 4
     assert fitted["seconds"] > 0.0
     study = ds.Study("mq200_paper", FEW).config

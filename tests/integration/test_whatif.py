@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -20,8 +21,11 @@ from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.tolerance import losses
 from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.fitting import Effort
 from dogshape.surrogate.learning import fit
+from dogshape.surrogate.mix_learning import fitted
+from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.references import reference_of
 from dogshape.surrogate.store import Stored, save
 from dogshape.surrogate.validation import validate
@@ -71,9 +75,14 @@ def study() -> Setup:
     return load_study("mq200_paper", WHOLE)
 
 
-@pytest.fixture(scope="module")
-def surrogate(study: Setup, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A surrogate of made-up times, some of whose shifts do not engage."""
+@pytest.fixture(scope="module", params=[False, True], ids=["rows", "own-mix"])
+def surrogate(
+    study: Setup, tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
+) -> Path:
+    """A surrogate of made-up times, some of whose shifts do not engage.
+
+    Once with a process of the study's own mix, too.
+    """
     rng = np.random.default_rng(2)
     designs = [list(one.values()) for one in islice(filling_designs(study, 3, border=False), 30)]
     x = np.repeat(np.array(designs, dtype=float), ROWS, axis=0)
@@ -85,9 +94,21 @@ def surrogate(study: Setup, tmp_path_factory: pytest.TempPathFactory) -> Path:
     columns = (mean, 0.01 * mean, 0.3 * mean, engaged, np.full(count, 8), np.ones(count))
     data = with_rows(study, np.column_stack([x, points, *columns]))
     model = fit(data, effort=Effort(rows=120, steps=15))
+    if request.param:
+        model = replace(model, own=_own(study, data))
     path = tmp_path_factory.mktemp("made") / "surrogate.json"
     save(path, Stored(model, validate(model, study_mix(study), _reference(study, model.data.x))))
     return path
+
+
+def _own(study: Setup, data: Dataset) -> MixTimes:
+    """Times over the study's mix that are of other designs than the rows."""
+    mix = study_mix(study)
+    x = study.rows(list(islice(filling_designs(study, 5, border=False), 24)))
+    time = 0.07 * (x[:, 4] / 15.0) ** -0.2 * (1.0 + 0.01 * x[:, 0])
+    means = time[:, None] * np.linspace(0.7, 1.3, len(mix.points))
+    noise = np.full(1 + len(mix.points), 1e-4)
+    return fitted(MixTimes(mix, data, x, means, noise, 9), Effort(rows=24, steps=10))
 
 
 def _reference(study: Setup, x: Array) -> Any:

@@ -30,17 +30,18 @@ const Times = (() => {
     return apart < 1 ? (1 - apart) ** power * (power * apart + 1) : 0;
   }
 
-  // A term's factor of a design and each simulated one.
-  function designFactor(part, z) {
-    const found = new Float64Array(count).fill(1);
+  // A term's factor of a design and each of the known ones.
+  function factorOf(part, z, designs) {
+    const size = z.length, found = new Float64Array(designs.length / size).fill(1);
     if (part.design === null) return found;
-    for (let k = 0; k < count; k++) {
+    for (let k = 0; k < found.length; k++) {
       let square = 0;
-      for (let i = 0; i < wide; i++) square += ((z[i] - known[k * wide + i]) / part.design[i]) ** 2;
-      found[k] = correlation(part.rough, square, wide);
+      for (let i = 0; i < size; i++) square += ((z[i] - designs[k * size + i]) / part.design[i]) ** 2;
+      found[k] = correlation(part.rough, square, size);
     }
     return found;
   }
+  const designFactor = (part, z) => factorOf(part, z, known);
 
   function amplitude(part, o) {
     const size = Math.abs(o[0]) - 1, [steep, bent] = part.growth;
@@ -102,6 +103,42 @@ const Times = (() => {
     return found;
   }
 
+  // The process over designs alone that has the study's own mix (surrogate/mix_times.py).
+  const own = model.own && {...model.own, known: numbers(model.own.known, Float64Array),
+    weights: numbers(model.own.weights, Float64Array), root: numbers(model.own.root, Float32Array)};
+  const isOwn = mix => own !== null
+    && JSON.stringify([mix.points, mix.weights]) === JSON.stringify([model.mix.points, model.mix.weights]);
+
+  function ownInputs(x) {
+    const tangent = angle => Math.tan(angle * Math.PI / 180);
+    const z = [...scaled(x), ...own.angles.map(i =>
+      Math.tanh((tangent(x[i]) - model.ridge.friction) / model.ridge.width))];
+    if (own.shape === null) return z;
+    const [chamfer, traction, braking, height, dogs, outer, inner] =
+      own.shape.map(({place, value}) => place === null ? value : x[place]);
+    const play = height * (tangent(traction) + tangent(braking));
+    const tip = Math.PI * 0.25 * (outer + inner) / dogs - 0.5 * play;
+    const fall = tip * tangent(chamfer) / (1 - tangent(chamfer) * tangent(braking));
+    return [...z, ...[play, tip, fall].map((value, i) => (value - own.low[i]) / own.span[i])];
+  }
+
+  // Logarithm of the expected time of a design over the study's mix, and its variance.
+  function ownTime(x) {
+    const z = ownInputs(x), size = own.weights.length, linked = new Float64Array(size);
+    let variance = 0;
+    for (const part of own.parts) {
+      const factor = factorOf(part, z, own.known);
+      for (let k = 0; k < size; k++) linked[k] += part.variance * factor[k];
+      variance += part.variance;
+    }
+    for (let i = 0, start = 0; i < size; start += ++i) {
+      let sum = 0;
+      for (let m = 0; m <= i; m++) sum += own.root[start + m] * linked[m];
+      variance -= sum * sum;
+    }
+    return {mean: own.centre + dot(linked, own.weights), variance: Math.max(variance, 0)};
+  }
+
   const near = square => share.length === null ? 1 : Math.exp(-0.5 * square / share.length ** 2);
 
   // Share of shifts that engage at each node, and its variance.
@@ -130,28 +167,42 @@ const Times = (() => {
     return [Math.exp(centre - 1.96 * relative), Math.exp(centre + 1.96 * relative)];
   }
 
-  // Expected shift time of a design (edge units) over operating points with weights.
-  function expected(x, mix) {
-    const z = inputs(x), nodes = mix.points.map(place_of), crossed = cross(z, nodes, false);
-    const mean = means(crossed), covariance = joint(crossed, nodes), parts = engaged(z, nodes);
-    const times = mean.map((value, j) => Math.exp(value + 0.5 * covariance[j][j]));
-    const weighted = times.map((time, j) => mix.weights[j] * time);
-    const lost = parts.map((one, j) =>
-      mix.weights[j] * Math.sqrt(one.variance) / one.share ** 2 * model.retry);
-    let time = 0, variance = 0, retries = 0, unsure = 0;
+  // Expected time of shifts that engage with its variance, and half the variances of logarithms.
+  function ownEngages(x) {
+    const {mean, variance} = ownTime(x), time = Math.exp(mean + 0.5 * variance);
+    return {time, variance: time * time * Math.expm1(variance), grown: [0.5 * variance]};
+  }
+
+  function engagesBy(crossed, nodes, mix) {
+    const covariance = joint(crossed, nodes), grown = covariance.map((row, j) => 0.5 * row[j]);
+    const weighted = means(crossed).map((value, j) => mix.weights[j] * Math.exp(value + grown[j]));
+    let time = 0, variance = 0;
     for (let j = 0; j < nodes.length; j++) {
       time += weighted[j];
+      for (let k = 0; k < nodes.length; k++)
+        variance += weighted[j] * weighted[k] * Math.expm1(covariance[j][k]);
+    }
+    return {time, variance, grown};
+  }
+
+  // Expected shift time of a design (edge units) over operating points with weights.
+  function expected(x, mix) {
+    const z = inputs(x), nodes = mix.points.map(place_of), parts = engaged(z, nodes);
+    const {time: engages, variance: unknown, grown} = isOwn(mix) ? ownEngages(x)
+      : engagesBy(cross(z, nodes, false), nodes, mix);
+    const lost = parts.map((one, j) =>
+      mix.weights[j] * Math.sqrt(one.variance) / one.share ** 2 * model.retry);
+    let retries = 0, unsure = 0;
+    for (let j = 0; j < nodes.length; j++) {
       retries += mix.weights[j] * (1 - parts[j].share) / parts[j].share * model.retry;
       for (let k = 0; k < nodes.length; k++) {
-        variance += weighted[j] * weighted[k] * Math.expm1(covariance[j][k]);
         unsure += lost[j] * lost[k]
           * near((nodes[j][0] - nodes[k][0]) ** 2 + (nodes[j][1] - nodes[k][1]) ** 2);
       }
     }
-    const error = Math.sqrt(Math.max(variance, 0) + unsure);
-    const [low, high] = interval(time + retries, error);
-    const grown = covariance.map((row, j) => 0.5 * row[j]);
-    return {time: time + retries, low, high, error, grown,
+    const error = Math.sqrt(Math.max(unknown, 0) + unsure), time = engages + retries;
+    const [low, high] = interval(time, error);
+    return {time, low, high, error, grown,
             engaged: Math.min(...parts.map(one => one.share))};
   }
 
@@ -159,8 +210,11 @@ const Times = (() => {
   // logarithms at each node (half of it, "grown") is taken as that of the present design.
   function trend(x, mix, grown) {
     const z = inputs(x), nodes = mix.points.map(place_of), parts = engaged(z, nodes);
-    return means(cross(z, nodes, true)).reduce((sum, mean, j) => sum + mix.weights[j]
-      * (Math.exp(mean + grown[j]) + (1 - parts[j].share) / parts[j].share * model.retry), 0);
+    const retries = parts.reduce((sum, {share}, j) =>
+      sum + mix.weights[j] * (1 - share) / share * model.retry, 0);
+    if (isOwn(mix)) return Math.exp(ownTime(x).mean + grown[0]) + retries;
+    return means(cross(z, nodes, true)).reduce((sum, mean, j) =>
+      sum + mix.weights[j] * Math.exp(mean + grown[j]), retries);
   }
 
   // The nearest simulated design, and how far it is in the usual distance of one to the next.

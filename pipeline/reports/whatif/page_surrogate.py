@@ -17,6 +17,8 @@ from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.covariance import Part
 from dogshape.surrogate.engaged_share import Share
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.mix_times import SHAPE
 from dogshape.surrogate.model import ALTERNATIVES, Surrogate
 from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
 from dogshape.surrogate.query import FAR
@@ -50,6 +52,33 @@ def packed(study: Setup, surrogate: Surrogate) -> Row:
         "share": _share(surrogate.share, data.design_of_row),
         "mix": {"points": mix.points.tolist(), "weights": mix.weights.tolist()},
         "retry": mix.retry,
+        "own": _own(surrogate, mix),
+    }
+
+
+def _own(surrogate: Surrogate, mix: Mix) -> Row | None:
+    """Return the process that has the study's mix over designs alone, None where none has."""
+    own, process = surrogate.own, surrogate.own_process(mix)
+    if own is None or process is None:
+        return None
+    names, physics = list(own.about.variables), own.about.physics
+    shape, known = own.spans, process.whitening
+    low, span = (None, None) if shape is None else (shape[0].tolist(), shape[1].tolist())
+    return {
+        "known": array_text(process.inputs, "f8"),
+        "weights": array_text(process.weights, "f8"),
+        "root": array_text(known[np.tril_indices(len(known))], "f4"),
+        "centre": process.centre,
+        "parts": [_part(part) for part in process.covariance.parts],
+        "angles": [i for i, name in enumerate(names) if name in ANGLES],
+        "shape": None
+        if shape is None
+        else [
+            {"place": names.index(name) if name in names else None, "value": physics.get(name)}
+            for name in SHAPE
+        ],
+        "low": low,
+        "span": span,
     }
 
 

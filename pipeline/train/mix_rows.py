@@ -1,0 +1,171 @@
+"""Designs simulated at every operating point of the study, in the compiled engine.
+
+The first two thirds fill the space as the other rows do. The others are of the fifth that is
+expected to be best then, where a search has to tell designs apart: they are chosen once and kept.
+The file has a line for each design and not for each shift, or it would have hundreds of megabytes;
+of what a run had not written when it was stopped, a few designs, shifts are simulated again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
+from dogshape.pipeline.store.journal import append, drop_torn_line
+from dogshape.pipeline.train.filling import filling_designs, first_designs
+from dogshape.pipeline.train.training_rows import row_record, study_mix, with_rows
+from dogshape.sim.errors import StorageError
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.shift_records import content_key, unfinished
+from dogshape.sim.versions import engine
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import COLUMNS, row_of
+from dogshape.surrogate.mix_learning import fitted, mix_times
+from dogshape.surrogate.mix_times import MixTimes
+
+APART = 30_000  #: added to the seed of the surrogate's data for the angles
+POOL = 60_000  #: and for the designs of which the best are taken
+LEAST = 8  #: angles of an operating point, at least
+USUAL = 128  #: shifts of a design, at least
+FILLS = 2.0 / 3.0  #: share of the designs that fill the space
+BEST = 5  #: one in so many of the others' pool is taken
+TOGETHER = 32  #: designs that are written at a time
+
+Design = dict[str, float]
+Lines = dict[str, list[list[float | None]]]  #: rows of a design by its key
+
+
+def angles_of(study: Setup) -> int:
+    """Return the angles of each operating point of a design: a power of two from ``LEAST`` on."""
+    angles = LEAST
+    while angles * len(study.points) < USUAL:
+        angles *= 2
+    return angles
+
+
+def count_of(study: Setup) -> int:
+    """Return how many designs the study's ``mix_shifts`` are enough for."""
+    return study.file.surrogate.mix_shifts // (angles_of(study) * len(study.points))
+
+
+def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
+    """Return the shifts of the design at ``index``; ``study`` is that in the compiled engine."""
+    clutch = study.clutch.with_dog(study.dog_with(design))
+    seed, size = study.file.surrogate.seed + APART, len(study.points)
+    return [
+        even_block(
+            clutch,
+            point,
+            angles_of(study),
+            (seed, index * size + place),
+            uncertainty=study.uncertainty,
+        )
+        for place, point in enumerate(study.points)
+    ]
+
+
+def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> None:
+    """Simulate the designs that a folder lacks; ``study`` is that in the compiled engine.
+
+    Shifts are counted as quick ones of the executor; those of its journal are none of them.
+    """
+    count = count_of(study)
+    if count == 0:
+        return
+    filling = first_designs(study, round(FILLS * count))
+    known = _lines(folder.mix)
+    _simulate(study, filling, 0, (folder.mix, known), executor)
+    chosen = _chosen(study, folder, filling, count - len(filling))
+    _simulate(study, chosen, len(filling), (folder.mix, known), executor)
+
+
+def mix_rows(study: Setup, folder: StudyFolder) -> Array:
+    """Return the rows of a folder's designs, (n, d + 8); ``study`` is in the compiled engine."""
+    filling = first_designs(study, round(FILLS * count_of(study)))
+    chosen = read_json(folder.chosen, "fit again")["designs"] if folder.chosen.exists() else []
+    return _rows(study, [*filling, *chosen], _lines(folder.mix))
+
+
+def _rows(study: Setup, designs: Sequence[Design], lines: Lines) -> Array:
+    keys = (_key(mix_blocks(study, design, index)) for index, design in enumerate(designs))
+    found = [row for key in keys for row in lines.get(key, [])]
+    return np.array(found, dtype=float).reshape(-1, len(study.variables) + len(COLUMNS))
+
+
+def _chosen(study: Setup, folder: StudyFolder, filling: list[Design], count: int) -> list[Design]:
+    """Choose designs of those that are expected to be best, once."""
+    if not folder.chosen.exists():
+        rows = _rows(study, filling, _lines(folder.mix))
+        model = fitted(mix_times(with_rows(study, rows[:0]), rows, study_mix(study)), points=False)
+        seed = study.file.surrogate.seed + POOL
+        drawn = islice(filling_designs(study, seed, border=False), BEST * count)
+        pool = [design for design in drawn if design not in filling]
+        best = np.argsort(expected(model, study.rows(pool)), kind="stable")[:count]
+        write_json(folder.chosen, {"designs": [pool[place] for place in sorted(best.tolist())]})
+    found: list[Design] = read_json(folder.chosen, "remove it and fit again")["designs"]
+    return found
+
+
+def expected(model: MixTimes, x: Array) -> Array:
+    """Predict the expected time over the mix of designs (m, d) in edge units, (m,), s."""
+    mean, variance = model.processes[0].predict(model.coordinates(x))
+    return np.exp(mean + 0.5 * variance)
+
+
+def _simulate(
+    study: Setup,
+    designs: Sequence[Design],
+    first: int,
+    known: tuple[Path, Lines],
+    executor: Executor,
+) -> None:
+    """Simulate what the file lacks of designs that are counted from ``first`` on."""
+    path, lines = known
+    blocks = [mix_blocks(study, design, first + k) for k, design in enumerate(designs)]
+    keys = [_key(of_design) for of_design in blocks]
+    there = [k for k, key in enumerate(keys) if key in lines]
+    if there and executor.known is not None:
+        executor.known(sum(len(block.angles) for k in there for block in blocks[k]))
+    left = [k for k, key in enumerate(keys) if key not in lines]
+    for start in range(0, len(left), TOGETHER):
+        some = left[start : start + TOGETHER]
+        with executor.apart() as own:
+            found = iter(own.run([block for k in some for block in blocks[k]]))
+        for k in some:
+            shifts = [next(found) for _ in blocks[k]]
+            x = study.rows([designs[k]])[0].tolist()
+            rows = row_record(np.array([row_of(x, one) for one in shifts], dtype=float))
+            lines[keys[k]] = rows
+            if not any(unfinished(shift) for one in shifts for shift in one):
+                append(path, {"key": keys[k], "rows": rows})
+
+
+def _key(blocks: Sequence[Block]) -> str:
+    """Return what tells a design's shifts from all others."""
+    first = [[block.only([0]).keys[0], len(block.angles)] for block in blocks]
+    return content_key({"blocks": first, **engine()})
+
+
+def _lines(path: Path) -> Lines:
+    """Read the rows of each design by its key."""
+    if not path.exists():
+        return {}
+    drop_torn_line(path)
+    found: Lines = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        try:
+            record = json.loads(line)
+            found[record["key"]] = record["rows"]
+        except (ValueError, KeyError, TypeError) as error:
+            raise StorageError(
+                f"{path}, line {number} is not a finished design; remove the line or fit the "
+                "study in another folder"
+            ) from error
+    return found

@@ -1,0 +1,60 @@
+"""From designs simulated at every point of a mix to processes of their expected times."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dogshape.sim.errors import InputError
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import Dataset
+from dogshape.surrogate.fitting import Effort, fit_process
+from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.mix_times import TERMS, MixTimes
+from dogshape.surrogate.model import MIN_DESIGNS
+from dogshape.surrogate.process import Process
+from dogshape.surrogate.references import Reference, reference_of
+
+EFFORT = Effort(rows=400, steps=60)  #: of the process of the mix
+POINT_EFFORT = Effort(rows=300, steps=25)  #: of each point, from the parameters of the mix
+EXACT = 1e-4  #: least relative error of a time
+
+
+def mix_times(about: Dataset, rows: Array, mix: Mix) -> MixTimes:
+    """Collect the designs of rows (n, d + 8) that engage at every point of a mix.
+
+    ``about`` has their variables, ranges and physics. InputError for fewer than ``MIN_DESIGNS``.
+    """
+    data = Dataset(about.variables, about.low, about.high, rows, about.physics, about.engine)
+    found = reference_of(data, mix)
+    if len(found) < MIN_DESIGNS:
+        raise InputError(
+            f"{len(found)} designs engage at every operating point of the study, but the expected "
+            f"time over them needs at least {MIN_DESIGNS}; raise surrogate.mix_shifts, or give "
+            "--levels 1"
+        )
+    return MixTimes(mix, about, found.x, found.means, _noise(found, mix), data.shifts)
+
+
+def _noise(found: Reference, mix: Mix) -> Array:
+    """Return the mean variance of the logarithms, of the expected time and at each point."""
+    whole = ((found.error / (found.means @ mix.weights)) ** 2).mean()
+    each = ((found.errors / found.means) ** 2).mean(axis=0)
+    return np.maximum(np.concatenate([[whole], each]), EXACT**2)
+
+
+def fitted(times: MixTimes, effort: Effort = EFFORT, *, points: bool = True) -> MixTimes:
+    """Fit the process of the mix and, with ``points``, one for each of its points."""
+    inputs, targets = times.inputs, times.logarithms
+    count = inputs.shape[1]
+
+    def process(place: int, start: Array | None, effort: Effort) -> Process:
+        noise = np.full(len(inputs), times.noise[place])
+        return fit_process(TERMS, count, (inputs, targets[:, place], noise), start, effort)
+
+    first = process(0, None, effort)
+    others = range(1, targets.shape[1] if points else 1)
+    start = first.covariance.theta
+    each = [process(place, start, POINT_EFFORT) for place in others]
+    return replace(times, processes=(first, *each))
