@@ -114,10 +114,17 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     run, found = _simulated(plant, point, relative_angle)
     if not passed_through(run, found):
         return found
-    solver = plant.clutch.solver
-    finer = replace(solver, max_step=solver.max_step / FINER)
-    again = _simulated(ClutchPlant(replace(plant.clutch, solver=finer)), point, relative_angle)[1]
+    again = _simulated(_finer(plant), point, relative_angle)[1]
     return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
+
+
+def _finer(plant: ClutchPlant) -> ClutchPlant:
+    """Build the same plant with steps of at most a tenth."""
+    solver, steps = plant.clutch.solver, plant.steps
+    finer = replace(solver, max_step=solver.max_step / FINER)
+    if steps is not None:
+        steps = replace(steps, time_step=steps.time_step / FINER)
+    return ClutchPlant(replace(plant.clutch, solver=finer), steps)
 
 
 def _simulated(

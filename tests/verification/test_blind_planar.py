@@ -78,7 +78,7 @@ def test_all_effects_of_the_list_are_compared_but_the_draw_of_angles() -> None:
 
 def test_its_own_contact_makes_a_model_error_of_some_percent() -> None:
     plain, truth = PlanarEngine(STAND), Truth()
-    same = planar_shift._clutch(STAND, truth)
+    same = planar_shift.clutch_of(STAND, truth, planar_shift.LAW)
     assert same.contact.stiffness == pytest.approx(0.8 * truth.stiffness)
     slow = Point(25.0 * np.pi / 30.0, 641.5, 0.12614)
     angles = (np.arange(24) + 0.5) / 24 * STAND.pitch

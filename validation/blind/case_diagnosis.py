@@ -46,7 +46,10 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
 
 
 def seen_by(folder: Path, jobs: int = 0) -> Seen:
-    """Return with what ``diagnose_folder`` diagnoses a blind case as a user gets it."""
+    """Return with what ``diagnose_folder`` diagnoses a blind case as a user gets it.
+
+    The bank of simulations is made where there is none.
+    """
     means, effects = Means(jobs=jobs), load(None)
     bench = with_bank_engine(load_bench(folder), effects, means)
     emulator, _ = emulator_of(bench, effects, means)

@@ -94,8 +94,8 @@ def write_case(
     engage.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "bench.toml").write_text(_bench(base, name), encoding="utf-8")
-    places = _swapped(series.points) if case.swapped else range(len(series.points))
+    (folder / "bench.toml").write_text(bench_text(base, name), encoding="utf-8")
+    places = swapped(series.points) if case.swapped else range(len(series.points))
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(HEAD)
@@ -106,8 +106,12 @@ def write_case(
     return [series.times[place] for place in places]
 
 
-def _bench(base: Path, name: str) -> str:
-    """Return the base's ``bench.toml`` with another name and the sensor at the actuator."""
+def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None) -> str:
+    """Return the base's ``bench.toml`` with another name and the sensor at the actuator.
+
+    ``errors`` are the standard deviations of true over nominal force and mismatch, where the stand
+    says them.
+    """
     data: dict[str, Any] = tomllib.loads((base / "bench.toml").read_text(encoding="utf-8"))
     plain = {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}}
     if "mismatch_sense" in data:
@@ -117,9 +121,16 @@ def _bench(base: Path, name: str) -> str:
         lines += ["", f"[{table}]"]
         lines += [f"{key} = {_toml(value)}" for key, value in data[table].items()]
     lines += ["", "[sensor]", 'displacement_at = "actuator"', ""]
+    if errors is not None and SAYS_ERRORS:
+        lines += [
+            "[errors]",
+            *(f"{key} = {100.0 * one:.3g}" for key, one in zip(SAYS_ERRORS, errors, strict=True)),
+            "",
+        ]
     return "\n".join(lines)
 
 
+SAYS_ERRORS: tuple[str, ...] = ()  #: keys of ``[errors]`` in percent, of force and mismatch
 _PLAIN = ("timeout_s", "shift_travel_mm")
 
 
@@ -127,7 +138,7 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def _swapped(points: Sequence[Point]) -> list[int]:
+def swapped(points: Sequence[Point]) -> list[int]:
     """Return whose shifts stand beside each point: those of the forces in reverse order."""
     found = list(range(len(points)))
     for mismatch in {point.mismatch for point in points}:
@@ -141,15 +152,9 @@ def _swapped(points: Sequence[Point]) -> list[int]:
 def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[str, ...]]:
     """Return ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of one point's rows."""
     mine = series.shifts[place]
-    times = [shift.time for shift in mine if shift.time is not None]
     found: list[tuple[str, ...]] = []
     if case.form == "means":
-        failed = len(mine) - len(times)
-        if times:
-            found.append((str(len(times)), f"{np.mean(times):.6f}", "true", ""))
-        if failed:
-            found.append((str(failed), "", "false", ""))
-        return found
+        return mean_rows(mine)
     for k, shift in enumerate(mine):
         trace = ""
         if shift.motion is not None and shift.time is not None:
@@ -157,6 +162,18 @@ def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[st
             _write_trace(folder / trace, case, series.points[place], shift, place * 100 + k)
         time = "" if shift.time is None else f"{shift.time:.6f}"
         found.append(("1", time, "false" if shift.time is None else "true", trace))
+    return found
+
+
+def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
+    """Return ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of a mean's rows."""
+    times = [shift.time for shift in shifts if shift.time is not None]
+    failed = len(shifts) - len(times)
+    found: list[tuple[str, ...]] = []
+    if times:
+        found.append((str(len(times)), f"{np.mean(times):.6f}", "true", ""))
+    if failed:
+        found.append((str(failed), "", "false", ""))
     return found
 
 

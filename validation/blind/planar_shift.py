@@ -18,6 +18,7 @@ from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
@@ -47,28 +48,38 @@ class PlanarEngine:
                 "the compiled engine has no ripple, no high dog and no force in stages; give "
                 "--engine mujoco"
             )
-        self._plant = planar_clutch(_clutch(stand, self.truth))
+        self._plant = planar_clutch(clutch_of(stand, self.truth, LAW).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; InputError where its motion is to be kept."""
         if keep:
             raise InputError("the compiled engine makes no traces; give --engine mujoco")
-        truth, sign = self.truth, math.copysign(1.0, point.mismatch)
-        mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
-        force = point.force * truth.force_factor * draw.fade
-        profile = (
-            LaggedProfile(force, point.rise, lag=truth.lag)
-            if truth.lag
-            else ForceProfile(force, point.rise)
-        )
-        asked = OperatingPoint(-mismatch if truth.reversed else mismatch, profile)
-        found = engage(self._plant, asked, draw.angle)
-        time = found.actuator_time if truth.linkage else found.shift_time
-        ended = None if time is None else float(time) + truth.delay + draw.late
-        return Shift(None if ended is None or ended > self.stand.timeout else ended)
+        found = engage(self._plant, asked_of(self.truth, point, draw), draw.angle)
+        return read_of(self.stand, self.truth, draw, found)
 
 
-def _clutch(stand: Stand, truth: Truth) -> Clutch:
+def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
+    """Return what a shift really runs at, of the nominal operating point."""
+    sign = math.copysign(1.0, point.mismatch)
+    mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
+    force = point.force * truth.force_factor * draw.fade
+    profile = (
+        LaggedProfile(force, point.rise, lag=truth.lag)
+        if truth.lag
+        else ForceProfile(force, point.rise)
+    )
+    return OperatingPoint(-mismatch if truth.reversed else mismatch, profile)
+
+
+def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement) -> Shift:
+    """Read a simulated shift as the stand does."""
+    time = found.actuator_time if truth.linkage else found.shift_time
+    ended = None if time is None else float(time) + truth.delay + draw.late
+    return Shift(None if ended is None or ended > stand.timeout else ended)
+
+
+def clutch_of(stand: Stand, truth: Truth, law: Law) -> Clutch:
+    """Build the clutch with its truth, mechanisms as those of the effects of the list."""
     dog = Dog(
         count=stand.count,
         chamfer=stand.chamfer + truth.chamfer_offset,
@@ -86,9 +97,9 @@ def _clutch(stand: Stand, truth: Truth) -> Clutch:
         name="blind",
         static_friction=stand.static_friction if static is None else static,
         dynamic_friction=stand.dynamic_friction if dynamic is None else dynamic,
-        stiction_velocity=LAW.stiction * stand.stiction_speed,
-        stiffness=LAW.stiffness * truth.stiffness,
-        dissipation=LAW.dissipation * truth.dissipation,
+        stiction_velocity=law.stiction * stand.stiction_speed,
+        stiffness=law.stiffness * truth.stiffness,
+        dissipation=law.dissipation * truth.dissipation,
     )
     mechanism = Mechanism(
         added_mass=truth.added_mass,
@@ -104,5 +115,4 @@ def _clutch(stand: Stand, truth: Truth) -> Clutch:
         free_play=truth.free_play,
     )
     solver = solver_for(contact)
-    clutch = Clutch(dog, rings, contact, solver, stand.timeout, stand.seated, mechanism=mechanism)
-    return clutch.with_engine("planar")
+    return Clutch(dog, rings, contact, solver, stand.timeout, stand.seated, mechanism=mechanism)

@@ -13,6 +13,7 @@ from dogshape.validation.blind.stand import Point, Stand, Truth
 ENGINES: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "mujoco": ("mujoco_shift", "Engine", ("published", "tuning")),
     "planar": ("planar_shift", "PlanarEngine", ("wide",)),
+    "drake": ("drake_discrete_shift", "DiscreteEngine", ()),
 }
 
 
@@ -29,6 +30,8 @@ def require_engine(name: str, which: str) -> None:
     if name not in ENGINES:
         raise InputError(f"--engine is '{name}', which there is not; {did_you_mean(name, ENGINES)}")
     kinds = ENGINES[name][2]
+    if not kinds:
+        raise InputError(f"--engine {name} makes a part of field sets only; give --which field")
     if which not in kinds:
         raise InputError(
             f"--which is '{which}', but the engine {name} makes {' or '.join(kinds)} sets only; "

@@ -135,6 +135,75 @@ def _rows(found: Record) -> list[tuple[str, Any]]:
     return rows
 
 
+def field_table(found: Record) -> RenderableType:
+    """Return the headline figures of a field set with their aims, then by engine and clutch."""
+    table = columns("figure, not told", "value (95 %)", "n", "aim", "met")
+    met = {True: "yes", False: "no", None: "-"}
+    for one in found["headline"]:
+        figure = one["figure"]
+        table.add_row(
+            one["words"], _figure(figure), str(figure["n"]), one["aim"] or "-", met[one["met"]]
+        )
+    others = columns("figure, not told", "value (95 %)", "n")
+    for words, figure in _field_rows(found):
+        others.add_row(words, _figure(figure), str(figure["n"]))
+    return Group(_code_line(found["code"]), "", table, "", others, "", _chance_line(found))
+
+
+def _code_line(code: Record) -> str:
+    """Say by what code a set is scored."""
+    if code["changed"]:
+        return f"scored by other code than sealed: {', '.join(code['changed'])}"
+    if not code["figures_as_sealed"]:
+        return "scored by other headline figures than sealed"
+    return "scored by the code and the headline figures that were sealed"
+
+
+def _chance_line(found: Record) -> str:
+    by_chance = found["calibration_by_chance"]
+    if by_chance is None:
+        return "no case has a probability"
+    return f"calibration error of right probabilities at this number of cases: {by_chance:.3f}"
+
+
+def _field_rows(found: Record) -> list[tuple[str, Any]]:
+    """List the other figures of a field set: groups of cases, bands, outside, baselines."""
+    words = {one["name"]: one["words"] for one in found["headline"]}
+    rows = [
+        (f"{group}: {words[name]}", figure)
+        for part in ("by_engine", "by_clutch")
+        for group, mine in found[part].items()
+        for name, figure in mine.items()
+    ]
+    some = {
+        "top_class": "cause or class right",
+        "named": "a cause named",
+        "named_wrongly": "named wrongly",
+        "unknown": "unknown or refused",
+        "none": "none within the margin",
+        "both_or_all_found": "all causes found",
+        "coverage_90": "in the 90 % set",
+    }
+    for title, part in (("", "bands"), ("clear, ", "clear_by_kind"), ("outside, ", "outside")):
+        rows += [
+            (f"{title}{group}: {said}", mine[name])
+            for group, mine in found[part].items()
+            for name, said in some.items()
+        ]
+    plain = found["plain"]
+    rows += [
+        ("clear single effects: the diagnosis", plain["diagnosis"]),
+        ("the same: smallest RMSE", plain["smallest_rmse"]),
+        ("the same: AICc", plain["aicc"]),
+        ("AICc above 0.8, all cases: named right", plain["aicc_named_right"]),
+        ("AICc above 0.8, no effect: one is named", plain["aicc_false_alarms"]),
+        ("clear single effects: calibration error of AICc", plain["aicc_calibration"]),
+        ("hypotheses in the 90 % set", found["size_90"]),
+        ("seconds a case", found["time_s"]),
+    ]
+    return [row for row in rows if row[1]["n"]]
+
+
 def _figure(figure: Record) -> str:
     if figure["value"] is None:
         return "-"

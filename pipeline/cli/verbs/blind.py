@@ -6,17 +6,25 @@ import os
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Jobs, Json
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.blind_tables import made_lines, run_table, score_table
+from dogshape.pipeline.cli.tables.blind_tables import (
+    field_table,
+    made_lines,
+    run_table,
+    score_table,
+)
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
+from dogshape.validation.blind.field_cases import WHICH
+from dogshape.validation.blind.field_score import score_field
+from dogshape.validation.blind.field_set import STANDS, FieldWanted, make_field
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.score import score as score_of
 from dogshape.validation.blind.sealed import Wanted, manifest_of, points_for
@@ -43,11 +51,17 @@ def make(
         str, typer.Option(help="data set whose clutch and operating points are taken")
     ] = "mq200_adams",
     which: Annotated[
-        str, typer.Option(help="published, tuning or (engine planar) wide: strengths and draws")
+        str,
+        typer.Option(
+            help="published, tuning, (engine planar) wide: strengths and draws; or field: three "
+            "engines and three clutches of its own"
+        ),
     ] = "",
-    size: Annotated[str, typer.Option(help="full (130 to 170 cases) or small")] = "full",
+    size: Annotated[str, typer.Option(help="full (130 to 310 cases) or small")] = "full",
     seed: Annotated[int | None, typer.Option(min=0, help="default: that of the set")] = None,
-    engine: Annotated[str, typer.Option(help="of the truths: mujoco or planar")] = "mujoco",
+    engine: Annotated[
+        str, typer.Option(help="of the truths: mujoco or planar; field has all")
+    ] = "mujoco",
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
@@ -55,6 +69,10 @@ def make(
 
     Example: dogshape blind make results/blind --size small
     """
+    if which == WHICH:
+        sealed = _field(folder, size, seed, jobs)
+        emit(sealed, json, lambda: made_lines(folder, sealed))
+        return
     usual = "wide" if engine == "planar" else "published"
     wanted = Wanted(_base(bench), which or usual, size, seed, engine)
     points_for(wanted)  # refuses a bad stand before anything is simulated
@@ -70,10 +88,14 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
     Example: dogshape blind run results/blind
     """
-    total = len(manifest_of(folder)["cases"])
+    manifest = manifest_of(folder)
+    total = len(manifest["cases"])
     # It loads the simulation, which making and scoring without pairs do not need.
-    diagnose_folder = import_module("dogshape.validation.blind.case_diagnosis").diagnose_folder
-    alone, beside = (partial(diagnose_folder, jobs=n) for n in (jobs, 1))
+    diagnosis = import_module("dogshape.validation.blind.case_diagnosis")
+    alone, beside = (partial(diagnosis.diagnose_folder, jobs=n) for n in (jobs, 1))
+    if manifest["set"] == WHICH:
+        for stand in sorted((folder / STANDS).iterdir()):
+            diagnosis.seen_by(stand, jobs)  # one bank serves all cases on a clutch
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
         found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)
     emit({"cases": found}, json, lambda: run_table(found))
@@ -87,6 +109,10 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind score results/blind --json
     """
 
+    if manifest_of(folder)["set"] == WHICH:
+        emit(beside := score_field(folder), json, lambda: field_table(beside))
+        return
+
     def seen_by(case: Path) -> Seen:
         found: Seen = import_module("dogshape.validation.blind.case_diagnosis").seen_by(case, jobs)
         return found
@@ -94,6 +120,14 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     with WorkCounter(ProgressBar(), 0) as progress:
         found = score_of(folder, seen_by, progress, _processes(jobs))
     emit(found, json, lambda: score_table(found))
+
+
+def _field(folder: Path, size: str, seed: int | None, jobs: int) -> dict[str, Any]:
+    """Make a field set; its cases count twice, data and yardstick."""
+    wanted = FieldWanted(size, seed)
+    seen = import_module("dogshape.validation.blind.case_diagnosis").seen_by
+    with WorkCounter(ProgressBar(), 2 * len(wanted.cases), unit="cases") as progress:
+        return make_field(folder, wanted, seen, _processes(jobs), progress.advance)
 
 
 def _base(bench: str) -> Path:

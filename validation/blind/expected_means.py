@@ -1,0 +1,76 @@
+"""Mean times and spreads of a truth in its engine without scatter, at even relative angles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dogshape.diagnosis.prediction.outliers import Array, bulk
+from dogshape.validation.blind.field_cases import FieldCase
+from dogshape.validation.blind.mujoco_shift import Draw
+from dogshape.validation.blind.stand import Point, Stand, Truth
+from dogshape.validation.blind.truth_engines import engine_of
+
+ANGLES = {"planar": 96, "mujoco": 24, "drake": 16}  #: even ones, by engine
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Mean times and spreads of an engine without scatter, s, (points,); late shifts left out."""
+
+    mean: Array
+    sd: Array
+
+
+def expected(
+    name: str,
+    stand: Stand,
+    points: Sequence[Point],
+    truth: Truth,
+    fades: Sequence[float] | None = None,
+) -> Expected:
+    """Simulate even angles of nominal operating points, weighted as the truth draws them.
+
+    ``fades`` are the shares of the force that a drift has left at each point. A sticking valve
+    delays by its mean, and its own spread joins that of the angles.
+    """
+    count = ANGLES[name]
+    engine, turns = engine_of(name, stand, truth), (np.arange(count) + 0.5) / count
+    weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
+    # Phases of a ripple go round several times while the angles go round once.
+    phases = 2.0 * np.pi * (7.0 * turns % 1.0)
+    times = np.array(
+        [
+            [
+                engine.shift(point, Draw(turn * stand.pitch, truth.sticking, phase, fade)).time
+                for turn, phase in zip(turns.tolist(), phases.tolist(), strict=True)
+            ]
+            for point, fade in zip(points, fades or [1.0] * len(points), strict=True)
+        ],
+        float,
+    )
+    return moments(times, weights, truth.sticking)
+
+
+def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:
+    """Compute mean and spread of times (points, n) with weights (n,), late shifts left out.
+
+    ``more`` is the standard deviation of a further delay, s; NaN stands for no shift.
+    """
+    having = np.isfinite(bulk(times))
+    known = having.any(axis=1)
+    share = np.where(known, (having * weights).sum(axis=1), np.nan)
+    soon = np.where(having, times, 0.0)
+    mean = (soon * weights).sum(axis=1) / share
+    apart = np.where(having, times - mean[:, None], 0.0)
+    return Expected(mean, np.sqrt((apart**2 * weights).sum(axis=1) / share + more**2))
+
+
+def fades_of(case: FieldCase) -> list[float]:
+    """Return the mean share of the force that a drift leaves at each operating point."""
+    numbers = np.array(case.numbers)
+    middle = numbers.cumsum() - 0.5 * (numbers + 1)
+    fades: list[float] = (1.0 - case.case.truth.drift * middle / max(1, numbers.sum() - 1)).tolist()
+    return fades

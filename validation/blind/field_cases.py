@@ -1,0 +1,222 @@
+"""Cases of a field set: three engines of truths, three clutches, and data as a stand gives them.
+
+Each case has an engine and a clutch of its own, some of the clutch's operating points, another
+number of shifts at each, and a true force and mismatch at each that are off the nominal ones by
+some percent. Kinds and numbers of cases are fixed by engine (``COUNTS``, ``OUTSIDE``); clutch,
+effects, strengths and form are drawn. Pairs and threes have neither dead time nor friction of the
+sleeve, which come with every bench.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.validation.blind.cases import BEYOND, LEAST, REVERSED, Case, Form
+from dogshape.validation.blind.stand import Point
+from dogshape.validation.blind.true_effects import RANGES, Values, values_of
+
+WHICH = "field"
+CLUTCHES = ("half", "fine", "large")  #: folders of ``studies/blind``
+SEED = 6021  #: of the draws, unless another is given
+#: Cases of each kind by engine; ``single`` is how often each effect of the list comes alone.
+COUNTS: dict[str, dict[str, int]] = {
+    "planar": {"none": 60, "single": 2, "pair": 26, "three": 12, "beyond": 10, "other": 6},
+    "mujoco": {"none": 24, "single": 1, "pair": 10, "three": 4, "beyond": 4, "other": 2},
+    "drake": {"none": 24, "single": 1, "pair": 10, "three": 4, "beyond": 4, "other": 2},
+}
+#: Things outside the list by engine and name: in how many cases, the first of them with traces.
+OUTSIDE: dict[str, dict[str, tuple[int, int]]] = {
+    "planar": {"drift": (4, 0), "sticking_valve": (4, 0), "swapped_column": (2, 0)},
+    "mujoco": {
+        "drift": (3, 1),
+        "sticking_valve": (3, 1),
+        "speed_ripple": (3, 1),
+        "high_dog": (2, 1),
+        "two_stages": (3, 2),
+        "swapped_column": (2, 0),
+    },
+    "drake": {"drift": (2, 0), "sticking_valve": (2, 0), "swapped_column": (1, 0)},
+}
+#: A small set: cases of each kind in each engine.
+SMALL = {"none": 1, "single": 2, "pair": 1, "outside": 1}
+SHOWN = ("actuation_lag", "detent_force", "moving_mass", "viscous_damping")
+COMMON = ("actuation_delay", "sleeve_friction")  #: come with every bench
+POINTS = (6, 12)  #: operating points of a case, at least and at most
+NUMBERS = (3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 50)  #: shifts of an operating point
+FEW = (3, 4, 5)  #: the same with traces
+FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
+SINGLES = 0.5  #: share of cases with single shifts
+
+
+@dataclass(frozen=True)
+class FieldCase:
+    """One case with its engine, clutch and test series.
+
+    Parameters
+    ----------
+    case : causes, form of the data and seed of the draws.
+    engine, stand : names of the engine and of the clutch.
+    places : of its operating points among those of the clutch, (points,).
+    numbers : shifts at each of them, (points,).
+    force_error, speed_error : standard deviations of true over nominal force and mismatch.
+    """
+
+    case: Case
+    engine: str
+    stand: str
+    places: tuple[int, ...]
+    numbers: tuple[int, ...]
+    force_error: float
+    speed_error: float
+
+    def record(self) -> dict[str, Any]:
+        """Write the entry of the key."""
+        return {
+            **self.case.record(),
+            "engine": self.engine,
+            "stand": self.stand,
+            "places": list(self.places),
+            "numbers": list(self.numbers),
+            "force_error": self.force_error,
+            "speed_error": self.speed_error,
+        }
+
+
+def case_of(record: dict[str, Any]) -> FieldCase:
+    """Read the entry of a key."""
+    names = ("kind", "form", "seed", "strength", "parameters", "outside")
+    return FieldCase(
+        Case(**{name: record[name] for name in names}),
+        record["engine"],
+        record["stand"],
+        tuple(record["places"]),
+        tuple(record["numbers"]),
+        record["force_error"],
+        record["speed_error"],
+    )
+
+
+def field_cases(
+    size: str, grids: Mapping[str, Sequence[Point]], seed: int | None = None
+) -> tuple[FieldCase, ...]:
+    """Draw the cases of a field set in shuffled order.
+
+    Parameters
+    ----------
+    size : ``small`` or ``full``.
+    grids : operating points of each clutch, by name.
+    seed : of all draws.
+    """
+    if size not in ("small", "full"):
+        raise InputError(
+            f"--size is '{size}', which there is not; {did_you_mean(size, ('small', 'full'))}"
+        )
+    generator = np.random.default_rng(SEED if seed is None else seed)
+    found = []
+    for engine in COUNTS:
+        mine = list(_full(generator, engine) if size == "full" else _small(generator, engine))
+        # Each clutch has a third of each kind, since kinds stand in blocks.
+        order = generator.permutation(list(grids)).tolist()
+        found += [
+            _placed(generator, case, engine, order[k % len(order)], grids)
+            for k, case in enumerate(mine)
+        ]
+    return tuple(found[k] for k in generator.permutation(len(found)))
+
+
+def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
+    counts = COUNTS[engine]
+    for _ in range(counts["none"]):
+        yield _drawn(generator, "none", {})
+    for _ in range(counts["single"]):
+        for name in sorted(RANGES):
+            traced = engine == "mujoco" and name in SHOWN
+            yield _drawn(generator, "single", _anywhere(generator, [name]), traced=traced)
+    for kind, many in (("pair", 2), ("three", 3)):
+        for _ in range(counts[kind]):
+            names = generator.choice(_rare(), many, replace=False).tolist()
+            yield _drawn(generator, kind, _anywhere(generator, names))
+    beyond = generator.permutation(list(BEYOND)).tolist() * 2
+    for name in beyond[: counts["beyond"]]:
+        parameter, low, high = BEYOND[name]
+        yield _drawn(generator, "beyond", {name: {parameter: float(generator.uniform(low, high))}})
+    for place in range(counts["other"]):
+        factor = 1.0 + (-1.0) ** place * float(generator.uniform(0.1, 0.25))
+        yield _drawn(generator, "other", {"mismatch_speed": {"mismatch_factor": factor}})
+    for name, (many, shown) in OUTSIDE[engine].items():
+        for k in range(many):
+            yield _outside(generator, name, traced=k < shown)
+
+
+def _small(generator: np.random.Generator, engine: str) -> Iterator[Case]:
+    for _ in range(SMALL["none"]):
+        yield _drawn(generator, "none", {})
+    for name in generator.choice(_rare(), SMALL["single"], replace=False).tolist():
+        yield _drawn(generator, "single", _anywhere(generator, [name]))
+    for _ in range(SMALL["pair"]):
+        names = generator.choice(_rare(), 2, replace=False).tolist()
+        yield _drawn(generator, "pair", _anywhere(generator, names))
+    name = {"planar": "sticking_valve", "mujoco": "two_stages", "drake": "drift"}[engine]
+    yield _outside(generator, name, traced=engine == "mujoco")
+
+
+def _rare() -> list[str]:
+    """List the effects with parameters that do not come with every bench."""
+    return sorted(name for name, ranges in RANGES.items() if ranges and name not in COMMON)
+
+
+def _anywhere(generator: np.random.Generator, names: Sequence[str]) -> dict[str, Values]:
+    return {
+        name: {}
+        if name == REVERSED
+        else values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
+        for name in sorted(names)
+    }
+
+
+def _outside(generator: np.random.Generator, name: str, *, traced: bool) -> Case:
+    strength = {name: float(generator.uniform(0.4, 1.0))}
+    return _drawn(generator, "outside", {}, strength, traced=traced, single=name == "drift")
+
+
+def _drawn(
+    generator: np.random.Generator,
+    kind: Any,
+    parameters: dict[str, Values],
+    outside: dict[str, float] | None = None,
+    *,
+    traced: bool = False,
+    single: bool = False,
+) -> Case:
+    form: Form = "singles" if generator.random() < SINGLES or single else "means"
+    seed = int(generator.integers(2**31))
+    return Case(kind, "traces" if traced else form, seed, "drawn", parameters, outside or {})
+
+
+def _placed(
+    generator: np.random.Generator,
+    case: Case,
+    engine: str,
+    stand: str,
+    grids: Mapping[str, Sequence[Point]],
+) -> FieldCase:
+    """Draw operating points, numbers of shifts and errors of the nominal values."""
+    grid = grids[stand]
+    most = min(POINTS[1], len(grid))
+    while True:
+        count = int(generator.integers(POINTS[0], most + 1))
+        places = tuple(sorted(generator.choice(len(grid), count, replace=False).tolist()))
+        speeds = [grid[k].mismatch for k in places]
+        # A stand is swept over both: of two mismatches at least there are two forces.
+        if sum(speeds.count(one) > 1 for one in set(speeds)) > 1 and len(set(speeds)) > 2:
+            break
+    numbers = generator.choice(FEW if case.form == "traces" else NUMBERS, count).tolist()
+    return FieldCase(
+        case, engine, stand, places, tuple(numbers),
+        float(generator.uniform(*FORCE_ERRORS)), float(generator.uniform(*SPEED_ERRORS)),
+    )  # fmt: skip

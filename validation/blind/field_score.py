@@ -1,0 +1,245 @@
+"""Score of a field set by bands of the yardstick, all aims fixed before it was opened.
+
+``headline`` has the figures of ``validation.blind.field_figures`` over all cases, and the same by
+engine, clutch, kind and form. Shares have Wilson's 95 % interval. The diagnosis is told nothing of
+what engines differ by. There is no column of one that is, since only a stand without any effect
+could tell that.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dogshape.validation.blind.case_marks import Mark, mark_of
+from dogshape.validation.blind.field_figures import CLEAR, HEADLINES, SEEN, scoring_code
+from dogshape.validation.blind.intervals import Interval, calibration, mean, share
+from dogshape.validation.blind.sealed import manifest_of, opened, results_of
+
+Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
+
+BINS = 10  #: of the calibration
+CHANCES = 500  #: draws of its level by chance
+SURE = 0.8  #: weight from which AICc counts as naming
+LISTED = ("single", "pair", "three", "beyond", "other")
+
+
+@dataclass(frozen=True)
+class FieldMark:
+    """Marks of one case with its engine, clutch and yardstick.
+
+    ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
+    ``open_with_test`` tells that the answer is left open and a test is advised.
+    """
+
+    mark: Mark
+    engine: str
+    stand: str
+    noncentrality: float
+    rival: tuple[str, ...]
+    open_with_test: bool
+
+    @property
+    def kind(self) -> str:
+        """Kind of the case."""
+        return self.mark.kind
+
+    @property
+    def band(self) -> str:
+        """Band of the yardstick."""
+        if self.kind == "none":
+            return "none"
+        if self.noncentrality >= CLEAR:
+            return "clear"
+        return "between" if self.noncentrality >= SEEN else "hidden"
+
+    @property
+    def named_wrongly(self) -> bool:
+        """Test that a cause is named that is not the truth, no more and no less."""
+        return self.mark.named and not self.mark.named_right
+
+
+def score_field(folder: Path) -> Record:
+    """Open the key of a field set whose cases are all diagnosed, and score.
+
+    Raises StorageError where the key is not the sealed one, InputError where results are missing.
+    """
+    results, manifest = results_of(folder), manifest_of(folder)
+    key = opened(folder)
+    marks = [field_mark(n, truth, key, results[n]) for n, truth in key["cases"].items()]
+    return {"set": key["set"], "code": code_of(manifest), **scored_field(marks)}
+
+
+def code_of(manifest: Mapping[str, Any]) -> Record:
+    """Compare the scoring code and the list of figures with the sealed ones."""
+    sealed, now = manifest.get("scoring_sha256", {}), scoring_code()
+    changed = sorted(n for n in {*sealed, *now} if sealed.get(n) != now.get(n))
+    figures = [asdict(one) for one in HEADLINES]
+    return {"changed": changed, "figures_as_sealed": manifest.get("figures") == figures}
+
+
+def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMark:
+    """Hold one result against the truth of its case (of the key)."""
+    times = key["references"][f"{truth['engine']}_{truth['stand']}"]["times_s"]
+    reference = {"reference_s": [times[k] for k in truth["places"]]}
+    yard = truth["yardstick"]
+    found = result.get("diagnosis", {})
+    advised = bool(found.get("next_test", {}).get("name"))
+    mark = mark_of(name, truth, reference, result)
+    return FieldMark(
+        mark,
+        truth["engine"],
+        truth["stand"],
+        float(yard.get("noncentrality", 0.0)),
+        tuple(yard.get("rival", ())),
+        mark.verdict == "ambiguous" and advised,
+    )
+
+
+def scored_field(marks: Sequence[FieldMark]) -> Record:
+    """Compute all figures from the marks of the cases."""
+    head = headline(marks)
+    return {
+        "cases": len(marks),
+        "headline": [
+            {**asdict(one), "aim": one.aim, "figure": head[one.name],
+             "met": one.met(head[one.name]["value"])}
+            for one in HEADLINES
+        ],
+        "calibration_by_chance": by_chance(marks),
+        "size_90": mean(float(len(m.mark.credible)) for m in marks if not m.mark.refused),
+        "bands": _split(marks, lambda m: m.band, figures),
+        "by_engine": _split(marks, lambda m: m.engine, headline),
+        "by_clutch": _split(marks, lambda m: m.stand, headline),
+        "by_kind": _split(marks, lambda m: m.kind, figures),
+        "clear_by_kind": _split([m for m in marks if m.band == "clear"], lambda m: m.kind, figures),
+        "by_form": _split(marks, lambda m: m.mark.form, figures),
+        "outside": _split(
+            [m for m in marks if m.kind == "outside"], lambda m: m.mark.outside[0], figures
+        ),
+        "plain": _plain(marks),
+        "time_s": mean(m.mark.time for m in marks),
+        "marks": [_row(m) for m in marks],
+    }  # fmt: skip
+
+
+def headline(marks: Sequence[FieldMark]) -> dict[str, Interval]:
+    """Compute the headline figures of some cases, by name."""
+    clear = [m for m in marks if m.band == "clear"]
+    listed = [m.mark for m in clear if m.kind in LISTED]
+    none = [m.mark for m in marks if m.kind == "none"]
+    answered = [m.mark for m in marks if not m.mark.refused]
+    return {
+        "cause_right": share(m.right_class for m in listed),
+        "named_right": share(m.mark.named_right for m in marks if m.mark.named),
+        "unknown_recognised": share(
+            m.mark.verdict in ("unknown", "refused") for m in clear if m.kind == "outside"
+        ),
+        "false_unknown": share(m.verdict in ("unknown", "refused") for m in listed),
+        "both_of_a_pair": share(m.found == 2 for m in listed if m.kind == "pair"),
+        "false_alarms": share(m.named for m in none),
+        "none_said": share(m.verdict == "none" for m in none),
+        "coverage_90": share(m.truth in m.credible for m in answered),
+        "calibration": calibration([[(m.chances[m.top], m.right)] for m in answered]),
+        "named_wrongly_between": share(m.named_wrongly for m in marks if m.band == "between"),
+        "left_open": share(m.open_with_test for m in marks if m.band == "hidden"),
+    }
+
+
+def figures(marks: Sequence[FieldMark]) -> Record:
+    """Compute the figures that any group of cases has."""
+    mine = [m.mark for m in marks]
+    return {
+        "n": len(mine),
+        "top_1": share(m.right for m in mine),
+        "top_class": share(m.right_class for m in mine),
+        "named": share(m.named for m in mine),
+        "named_right": share(m.named_right for m in mine if m.named),
+        "named_wrongly": share(m.named_wrongly for m in marks),
+        "named_causes_true": share(m.causes_true for m in mine if m.causes),
+        "unknown": share(m.verdict in ("unknown", "refused") for m in mine),
+        "none": share(m.verdict == "none" for m in mine),
+        "both_or_all_found": share(m.found == len(m.truth) for m in mine),
+        "coverage_90": share(m.truth in m.credible for m in mine if not m.refused),
+        "parameter_coverage_90": share(ok for m in mine if m.right for ok in m.inside),
+    }
+
+
+def by_chance(marks: Sequence[FieldMark], seed: int = 0) -> float | None:
+    """Compute the calibration error that right probabilities would have at this number of cases."""
+    tops = np.array([m.mark.chances[m.mark.top] for m in marks if not m.mark.refused])
+    if not tops.size:
+        return None
+    came = np.random.default_rng(seed).random((CHANCES, tops.size)) < tops
+    place = np.minimum((tops * BINS).astype(int), BINS - 1)
+    inside = place[None] == np.arange(BINS)[:, None]
+    apart = (tops - came) @ inside.T.astype(float)
+    return float(abs(apart).sum(axis=1).mean() / tops.size)
+
+
+def _split(
+    marks: Sequence[FieldMark],
+    key: Callable[[FieldMark], str],
+    figures_of: Callable[[Sequence[FieldMark]], Any],
+) -> Record:
+    groups = sorted({key(m) for m in marks})
+    return {group: figures_of([m for m in marks if key(m) == group]) for group in groups}
+
+
+def _plain(marks: Sequence[FieldMark]) -> Record:
+    """Count right answers of the plain baselines, beside the diagnosis on the same cases."""
+    clear = [m.mark for m in marks if m.band == "clear" and m.kind == "single" and m.mark.weights]
+    best = [(m, _heaviest(m)) for m in clear]
+    sure = [
+        (m.mark, _heaviest(m.mark))
+        for m in marks
+        if m.mark.weights and m.mark.weights[_heaviest(m.mark)] > SURE
+    ]
+    return {
+        "diagnosis": share(m.right for m in clear),
+        "smallest_rmse": share(m.plain == m.truth for m in clear),
+        "aicc": share(h == m.truth for m, h in best),
+        "aicc_named_right": share(h == m.truth for m, h in sure if h),
+        "aicc_false_alarms": share(
+            bool(_heaviest(m.mark)) and m.mark.weights[_heaviest(m.mark)] > SURE
+            for m in marks
+            if m.kind == "none" and m.mark.weights
+        ),
+        "aicc_calibration": calibration([[(m.weights[h], h == m.truth)] for m, h in best]),
+    }
+
+
+def _heaviest(mark: Mark) -> tuple[str, ...]:
+    return max(mark.weights, key=lambda h: mark.weights[h])
+
+
+def _row(one: FieldMark) -> Record:
+    mark = one.mark
+    return {
+        "case": mark.name,
+        "engine": one.engine,
+        "clutch": one.stand,
+        "kind": mark.kind,
+        "form": mark.form,
+        "truth": list(mark.truth),
+        "outside": list(mark.outside),
+        "noncentrality": one.noncentrality if math.isfinite(one.noncentrality) else None,
+        "rival": list(one.rival),
+        "band": one.band,
+        "gap_in_errors": mark.gap if math.isfinite(mark.gap) else None,
+        "verdict": mark.verdict,
+        "causes": list(mark.causes),
+        "top": list(mark.top),
+        "probability": mark.chances.get(mark.top),
+        "probability_of_truth": mark.chances.get(mark.truth, 0.0),
+        "right": mark.right,
+        "right_class": mark.right_class,
+        "in_the_90_set": mark.truth in mark.credible,
+        "open_with_test": one.open_with_test,
+        "time_s": mark.time,
+    }

@@ -1,0 +1,284 @@
+"""A field set: its data, the yardstick of each case, and the seal over both.
+
+    DIR/cases/case_000/     a data set; its name says nothing
+    DIR/stands/half/        clutch and all operating points of the cases on it, without times
+    DIR/manifest.json       hashes of key, data and scoring code, and the list of headline figures
+    DIR/key.json            truths, yardsticks and a salt
+    DIR/making/             while a set is made: what is finished; gone once it is sealed
+
+The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed, and sealed
+with the truth that it belongs to.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import secrets
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from shutil import rmtree
+from typing import Any
+
+import numpy as np
+
+from dogshape.sim.bundled import bundled_root
+from dogshape.sim.errors import StorageError
+from dogshape.validation.blind.case_marks import timely
+from dogshape.validation.blind.data import bench_text, even_times, swapped
+from dogshape.validation.blind.expected_means import ANGLES, Expected, expected, fades_of
+from dogshape.validation.blind.field_cases import (
+    CLUTCHES,
+    COUNTS,
+    WHICH,
+    FieldCase,
+    case_of,
+    field_cases,
+)
+from dogshape.validation.blind.field_data import simulated, write_field_case
+from dogshape.validation.blind.field_figures import HEADLINES, scoring_code
+from dogshape.validation.blind.pair_refit import Seen
+from dogshape.validation.blind.sealed import FORMAT, MAKING, Advance, hash_of, pool, read, write
+from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
+from dogshape.validation.blind.yardstick import Series, Yardstick, asked_of, rivals_of
+
+Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
+
+STANDS = "stands"
+STEP = 0.05  #: by which force and mismatch are changed for what their errors do
+REFERENCE = 24  #: even angles of the reference without any effect
+
+
+@dataclass(frozen=True)
+class FieldWanted:
+    """Request of a field set: its size and its seed."""
+
+    size: str = "full"
+    seed: int | None = None
+
+    @property
+    def cases(self) -> tuple[FieldCase, ...]:
+        """Draw the cases; InputError for an unknown size."""
+        grids = {name: read_points(base(name)) for name in CLUTCHES}
+        return field_cases(self.size, grids, self.seed)
+
+
+def base(stand: str) -> Path:
+    """Return the folder of a clutch that the package brings."""
+    return bundled_root() / "blind" / stand
+
+
+def make_field(
+    folder: Path,
+    wanted: FieldWanted,
+    seen: Callable[[Path, int], Seen],
+    jobs: int = 1,
+    advance: Advance | None = None,
+) -> Record:
+    """Write a sealed field set and return its manifest; goes on where it was stopped.
+
+    ``seen`` says with what the folder of a clutch is diagnosed, and makes its bank where there is
+    none; it has to be picklable where ``jobs`` is above one. ``advance`` counts cases twice: their
+    data, and their yardsticks.
+
+    Raises StorageError where the folder has a set already, InputError for an unknown size.
+    """
+    if (folder / "manifest.json").exists():
+        raise StorageError(f"{folder} has a set of cases already; give another folder")
+    cases = {f"case_{k:03d}": case for k, case in enumerate(wanted.cases)}
+    stands = sorted({case.stand for case in cases.values()})
+    for stand in stands:
+        _write_stand(folder / STANDS / stand, stand)
+    pairs = sorted({(case.engine, case.stand) for case in cases.values()})
+    with pool(jobs) as submit:
+        references = [submit(_reference, folder, *pair) for pair in pairs]
+        made = [submit(_data, folder, name, case.record()) for name, case in cases.items()]
+        for future in (*references, *made):
+            future.result()
+            (advance or _ignore)(int(future in made))
+    for stand in stands:
+        seen(folder / STANDS / stand, jobs)
+    with pool(jobs) as submit:
+        parts = {
+            stand: submit(
+                _yardsticks, folder, stand, [n for n, c in cases.items() if c.stand == stand], seen
+            )
+            for stand in stands
+        }
+        for part in parts.values():
+            (advance or _ignore)(part.result())
+    return _seal(folder, wanted, cases, pairs)
+
+
+def _ignore(_: int) -> None:
+    """Count nothing."""
+
+
+def _write_stand(folder: Path, stand: str) -> None:
+    """Write clutch and operating points of the cases on it."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write(folder / "bench.toml", bench_text(base(stand), stand))
+    write(folder / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
+
+
+def _kept(folder: Path, name: str, asked: Record, make: Callable[[], Record]) -> Record:
+    """Return what an interrupted run made of the same request, or make and keep it."""
+    path = folder / MAKING / f"{name}.json"
+    if path.exists() and (found := read(path, "remove it"))["asked"] == asked:
+        return dict(found["made"])
+    made = make()
+    path.parent.mkdir(exist_ok=True)
+    write(path, json.dumps({"asked": asked, "made": made}))
+    return made
+
+
+def _reference(folder: Path, engine: str, stand: str) -> Record:
+    """Simulate an engine without any effect at all operating points of a clutch.
+
+    The record has times in s at even angles, means and spreads, and the slopes of the means over
+    the logarithms of force and mismatch.
+    """
+
+    def make() -> Record:
+        bench, points = read_stand(base(stand)), read_points(base(stand))
+        truth = Truth()
+        plain = expected(engine, bench, points, truth)
+        changed = {
+            "force": [replace(p, force=p.force * (1.0 + STEP)) for p in points],
+            "mismatch": [replace(p, mismatch=p.mismatch * (1.0 + STEP)) for p in points],
+        }
+        slopes = {
+            name: ((expected(engine, bench, those, truth).mean - plain.mean) / STEP).tolist()
+            for name, those in changed.items()
+        }
+        times = even_times(bench, points, REFERENCE, None, engine)
+        return {"times_s": times, **_plain(plain), "slopes": slopes}
+
+    return _kept(folder, f"{engine}_{stand}", {"angles": ANGLES[engine]}, make)
+
+
+def _plain(found: Expected) -> Record:
+    return {name: part.tolist() for name, part in asdict(found).items()}
+
+
+def _expected_of(record: Record, places: Sequence[int] | None = None) -> Expected:
+    mean, sd = (np.array(record[name], dtype=float) for name in ("mean", "sd"))
+    where = slice(None) if places is None else list(places)
+    return Expected(mean[where], sd[where])
+
+
+def _data(folder: Path, name: str, record: Record) -> Record:
+    """Make the data of a case, and the expectation of its engine for the truth."""
+
+    def make() -> Record:
+        case = case_of(record)
+        stand, points = read_stand(base(case.stand)), _points(case)
+        shifts = simulated(case, stand, points)
+        times = write_field_case(folder / "cases" / name, base(case.stand), case, points, shifts)
+        return {"times_s": times, "expected": _truth(case, points)}
+
+    return _kept(folder, name, record, make)
+
+
+def _points(case: FieldCase) -> tuple[Point, ...]:
+    points = read_points(base(case.stand))
+    return tuple(points[k] for k in case.places)
+
+
+def _truth(case: FieldCase, points: Sequence[Point]) -> Record | None:
+    """Simulate what the engine of a case expects of its truth; None without any effect."""
+    if case.case.kind == "none":
+        return None
+    stand, truth = read_stand(base(case.stand)), case.case.truth
+    fades = fades_of(case) if truth.drift else None
+    found = expected(case.engine, stand, points, replace(truth, drift=0.0), fades)
+    if case.case.swapped:
+        order = swapped(points)
+        found = Expected(found.mean[order], found.sd[order])
+    return _plain(found)
+
+
+def _yardsticks(
+    folder: Path, stand: str, names: Sequence[str], seen: Callable[[Path, int], Seen]
+) -> int:
+    """Compute the yardstick of each case on a clutch, and return how many these are."""
+    stick: list[Yardstick] = []
+
+    def make(name: str) -> Record:
+        if not stick:
+            stick.append(Yardstick(seen(folder / STANDS / stand, 1)))
+        made = read(folder / MAKING / f"{name}.json", "remove it")
+        case = case_of(made["asked"])
+        reference = read(folder / MAKING / f"{case.engine}_{stand}.json", "remove it")["made"]
+        return yardstick_of(stick[0], case, made["made"], reference)
+
+    for name in names:
+        _kept(folder, f"{name}_yardstick", {"name": name}, partial(make, name))
+    return len(names)
+
+
+def yardstick_of(
+    stick: Yardstick, case: FieldCase, made: Mapping[str, Any], reference: Mapping[str, Any]
+) -> Record:
+    """Compute the yardstick of a case from what its engine expects; empty without any effect.
+
+    ``made`` has times and expectation of the case, ``reference`` those of its engine without any
+    effect at all operating points of its clutch.
+    """
+    if case.case.kind == "none":
+        return {}
+    places = list(case.places)
+    slopes = {n: np.array(part, dtype=float)[places] for n, part in reference["slopes"].items()}
+    nominal = (slopes["force"] * case.force_error) ** 2
+    nominal += (slopes["mismatch"] * case.speed_error) ** 2
+    counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
+    series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
+    truth, plain = _expected_of(dict(made["expected"])), _expected_of(dict(reference), places)
+    asked = asked_of(stick, series, truth, plain)
+    rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)
+    own = None if case.case.outside else stick.at_truth(case.case.parameters)
+    left = stick.left(asked, rivals, own)
+    return {"noncentrality": left.noncentrality, "rival": list(left.rival)}
+
+
+def _seal(
+    folder: Path,
+    wanted: FieldWanted,
+    cases: Mapping[str, FieldCase],
+    pairs: Sequence[tuple[str, str]],
+) -> Record:
+    """Write the key and the manifest."""
+    making = folder / MAKING
+    truths = {}
+    for name, case in cases.items():
+        made = read(making / f"{name}.json", "remove it")["made"]
+        yard = read(making / f"{name}_yardstick.json", "remove it")["made"]
+        truths[name] = {**case.record(), **made, "yardstick": yard}
+    key = {
+        "format": FORMAT,
+        "salt": secrets.token_hex(16),
+        "set": WHICH,
+        "seed": wanted.seed,
+        "references": {
+            f"{engine}_{stand}": read(making / f"{engine}_{stand}.json", "remove it")["made"]
+            for engine, stand in pairs
+        },
+        "cases": truths,
+    }
+    text = json.dumps(key, indent=1)
+    manifest = {
+        "format": FORMAT,
+        "set": WHICH,
+        "engine": "+".join(COUNTS),
+        "size": wanted.size,
+        "cases": {name: hash_of(folder / "cases" / name) for name in truths},
+        "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "figures": [asdict(one) for one in HEADLINES],
+        "scoring_sha256": scoring_code(),
+    }
+    write(folder / "key.json", text)
+    write(folder / "manifest.json", json.dumps(manifest, indent=1))
+    rmtree(making, ignore_errors=True)
+    return manifest

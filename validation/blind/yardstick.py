@@ -1,0 +1,284 @@
+r"""Yardstick of what can be told: what the best refit by a rival leaves of a truth's change.
+
+The engine that made a case says without scatter what the truth changes against no effect: of the
+mean of each operating point :math:`d`, and of the logarithm of the spread :math:`g` where there are
+single shifts. A rival hypothesis *h* changes the same by :math:`\Delta m_h(\theta)` and
+:math:`\Delta\ln\sigma_h(\theta)`, which the emulator of the diagnosis says. The noncentrality is
+
+.. math:: \Lambda = \min_h \min_\theta \; r^T C^{-1} r
+          + \sum_k \frac{(g_k - \Delta\ln\sigma_{h,k})^2}{v_k + \kappa_k^2},
+          \qquad r = d - \Delta m_h(\theta),
+
+within the priors. What engine and emulator differ by without any effect cancels. *C* has all errors
+of a diagnosis that is told nothing: sampling of the case's shifts, errors of its nominal force and
+mismatch, emulation and 1 % of any simulation, and the discrepancy at the scale of its prior.
+Emulation errs by what is larger, the truth's or the rival's error. :math:`v` is the variance of a
+sample's logarithm of the spread and :math:`\kappa` the simulation's error of it.
+
+Half of it is the expected logarithm of the likelihood ratio of the truth over that rival. Late
+shifts, shares engaged and traces, which may tell more, are left out.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.stats import qmc
+
+from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, sample_spread
+from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
+from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.validation.blind.expected_means import Expected
+from dogshape.validation.blind.pair_refit import Seen
+
+TRIED = (1, 65, 256, 384, 512)  #: values of a hypothesis by its number of parameters
+REFINED = 5  #: rivals that are refitted further, those with the least of it
+AROUND = 40  #: values of each round of that
+WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the priors, about the best so far
+ENGAGED = 0.5  #: share below which a rival has no times where the truth has
+MOST_ERROR = 0.1  #: of the mean time, what an emulated mean errs by at most
+
+
+@dataclass(frozen=True)
+class Asked:
+    """Change by a truth at some operating points, with the errors of its data.
+
+    Parameters
+    ----------
+    places : of the operating points among the emulator's cells, (k,).
+    mean, log_sd : change against no effect, s and 1, (k,); NaN where it is not known.
+    covariance : of the means without the emulator's errors, s^2, (k, k).
+    spread : variance of the logarithm of a sample's spread, (k,); infinite without single shifts.
+    """
+
+    places: Sequence[int]
+    mean: Array
+    log_sd: Array
+    covariance: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class Changes:
+    """Changes by a hypothesis at m values against no effect, (m, cells), with their errors.
+
+    ``error`` is that of a mean and ``common`` the one that operating points share, s; ``shape`` is
+    that of the logarithm of the spread. ``there`` marks values that a bench can have and at which
+    shifts engage, (m, cells).
+    """
+
+    shares: Array
+    mean: Array
+    log_sd: Array
+    error: Array
+    common: Array
+    shape: Array
+    there: np.ndarray
+
+
+@dataclass(frozen=True)
+class Left:
+    """Noncentrality that the best rival leaves, and which that is."""
+
+    noncentrality: float
+    rival: Hypothesis
+
+
+@dataclass
+class Yardstick:
+    """Changes by hypotheses at the operating points of one clutch; each is asked once."""
+
+    seen: Seen
+    _tried: dict[Hypothesis, Changes] = field(default_factory=dict)
+    _spaces: dict[Hypothesis, Space] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        every = range(len(self.seen.settings))
+        self._places = list(every)
+        self._plain = self.seen.predictions(NONE, np.zeros((1, 0)), self._places)
+
+    @property
+    def baseline(self) -> Array:
+        """Mean times without any effect, s, (cells,)."""
+        return self._plain.mean[:, 0]
+
+    def left(
+        self, asked: Asked, rivals: Iterable[Hypothesis], truth: Changes | None = None
+    ) -> Left:
+        """Compute what the best of some rivals leaves of a truth's change.
+
+        ``truth`` is what the emulator says of the truth itself (1 value), whose errors count; None
+        where no hypothesis has it, and the errors are those without any effect.
+        """
+        own = truth or self.changes(NONE, np.zeros((1, 0)))
+        found = {h: self._least(asked, own, self.tried(h)) for h in rivals}
+        best = sorted(found, key=lambda h: found[h][0])[:REFINED]
+        whole = {h: self._refined(asked, own, h, found[h][1]) for h in best}
+        rival = min(whole, key=lambda h: whole[h])
+        return Left(whole[rival], rival)
+
+    def tried(self, hypothesis: Hypothesis) -> Changes:
+        """Predict the changes by a hypothesis at values that fill its prior."""
+        if hypothesis not in self._tried:
+            size = len(self._space(hypothesis).parameters)
+            self._tried[hypothesis] = self.changes(hypothesis, filling(size))
+        return self._tried[hypothesis]
+
+    def at_truth(self, parameters: Mapping[str, Mapping[str, float]]) -> Changes | None:
+        """Predict the changes by a truth of the list; None for one that no hypothesis has."""
+        names = tuple(sorted(parameters))
+        effects = self.seen.effects
+        if not all(set(parameters[n]) == {p.name for p in effects[n].parameters} for n in names):
+            return None
+        values = self.seen.values(dict(parameters))
+        return self._changes(names, values, np.zeros((1, values.shape[1])))
+
+    def changes(self, hypothesis: Hypothesis, shares: Array) -> Changes:
+        """Predict the changes by a hypothesis at shares (m, p) of its priors."""
+        return self._changes(hypothesis, self._space(hypothesis).values(shares), shares)
+
+    def _space(self, hypothesis: Hypothesis) -> Space:
+        if hypothesis not in self._spaces:
+            mine = {name: self.seen.effects[name] for name in hypothesis}
+            (space,) = spaces_for([hypothesis], mine, self.seen.settings[0])
+            self._spaces[hypothesis] = space
+        return self._spaces[hypothesis]
+
+    def _changes(self, hypothesis: Hypothesis, values: Array, shares: Array) -> Changes:
+        found = self.seen.predictions(hypothesis, values, self._places)
+        plain: CellPredictions = self._plain
+        engaged = np.broadcast_to(found.engaged >= ENGAGED, found.mean.shape)
+        there = engaged & self._space(hypothesis).possible(values)
+        return Changes(
+            shares,
+            (found.mean - plain.mean).T,
+            np.log(found.sd / plain.sd).T,
+            np.minimum(found.error, MOST_ERROR * found.mean).T,
+            np.broadcast_to(np.nan_to_num(found.common), found.mean.shape).T,
+            found.shape.T,
+            there.T,
+        )
+
+    def _least(self, asked: Asked, own: Changes, tried: Changes) -> tuple[float, Array]:
+        """Return the least of the tried values, with the errors of the truth, and its shares."""
+        squares = squares_of(asked, own, tried)
+        place = int(squares.argmin())
+        return float(squares[place]), tried.shares[place]
+
+    def _refined(self, asked: Asked, own: Changes, hypothesis: Hypothesis, start: Array) -> float:
+        """Search about the best tried value; the result has the rival's errors as well."""
+        best, middle = np.inf, start
+        for width in WIDTHS if start.size else (0.0,):
+            around = middle + width * (2.0 * _halton(start.size, AROUND) - 1.0)
+            shares = np.clip(np.vstack([middle[None], around]), 0.0, 1.0)
+            found = self.changes(hypothesis, shares)
+            squares = squares_of(asked, own, found)
+            place = int(squares.argmin())
+            best, middle = float(squares[place]), shares[place]
+        if not np.isfinite(best):
+            return best
+        rival = self.changes(hypothesis, middle[None])
+        larger = Changes(
+            middle[None], rival.mean, rival.log_sd, np.maximum(own.error, rival.error),
+            np.where(abs(rival.common) > abs(own.common), rival.common, own.common),
+            np.maximum(own.shape, rival.shape), rival.there,
+        )  # fmt: skip
+        return min(best, float(squares_of(asked, larger, rival)[0]))
+
+
+def squares_of(asked: Asked, errors: Changes, rival: Changes) -> Array:
+    """Compute what m values of a rival leave, (m,), with emulation errors of one value.
+
+    Infinite for a value by which nothing engages where shifts do.
+    """
+    places = list(asked.places)
+    common = errors.common[0, places]
+    covariance = asked.covariance + np.diag(errors.error[0, places] ** 2) + np.outer(common, common)
+    known = np.isfinite(asked.mean) & np.isfinite(np.diag(covariance))
+    gaps = (asked.mean - rival.mean[:, places])[:, known]
+    out = ~rival.there[:, places][:, known].all(axis=1) | ~np.isfinite(gaps).all(axis=1)
+    gaps = np.nan_to_num(gaps)
+    squares = np.zeros(len(gaps))
+    if known.any():
+        root = cho_factor(covariance[np.ix_(known, known)], lower=True)
+        squares += (gaps * cho_solve(root, gaps.T).T).sum(axis=1)
+    apart = asked.log_sd - rival.log_sd[:, places]
+    variance = asked.spread + errors.shape[0, places] ** 2
+    counted = np.isfinite(apart) & np.isfinite(variance)
+    squares += np.where(counted, np.nan_to_num(apart) ** 2 / variance, 0.0).sum(axis=1)
+    return np.where(out, np.inf, squares)
+
+
+def filling(size: int) -> Array:
+    """Return shares that fill a prior of ``size`` parameters evenly, (m, size)."""
+    if size == 0:
+        return np.zeros((1, 0))
+    count = TRIED[min(size, len(TRIED) - 1)]
+    return np.linspace(0.0, 1.0, count)[:, None] if size == 1 else _halton(size, count)
+
+
+def _halton(size: int, count: int) -> Array:
+    found: Array = qmc.Halton(size, scramble=False).random(count)
+    return found
+
+
+def rivals_of(kind: str, causes: Sequence[str], effects: Iterable[str]) -> list[Hypothesis]:
+    """List the rivals of a truth: none and each other single effect, and what of pairs can be it.
+
+    Of two and more causes pairs with one of them at least are rivals, of what is outside the list
+    all pairs.
+    """
+    names, mine = sorted(effects), tuple(sorted(causes))
+    singles: list[Hypothesis] = [NONE, *((n,) for n in names if (n,) != mine)]
+    pairs = list(itertools.combinations([n for n in names if n != REVERSED], 2))
+    if kind == "outside":
+        return [*singles, *pairs]
+    if len(mine) < 2:
+        return singles
+    return [*singles, *(p for p in pairs if p != mine and set(p) & set(mine))]
+
+
+@dataclass(frozen=True)
+class Series:
+    """Test series of a case: its operating points and shifts, and how far nominal values are off.
+
+    Parameters
+    ----------
+    places : of the operating points among the emulator's cells, (k,).
+    counts : shifts with a time, (k,).
+    single : whether each shift has its own time.
+    nominal : variance of a mean by the errors of its nominal force and mismatch, s^2, (k,).
+    """
+
+    places: Sequence[int]
+    counts: Array
+    single: bool
+    nominal: Array
+
+
+def asked_of(stick: Yardstick, series: Series, truth: Expected, plain: Expected) -> Asked:
+    """Compute the change by a truth, by its engine, with the errors of the data but emulation."""
+    places, seen = list(series.places), stick.seen
+    settings = [seen.settings[k] for k in places]
+    prior = discrepancy_prior(
+        np.array([s.point.mismatch for s in settings]),
+        np.array([s.point.profile.force for s in settings]),
+        stick.baseline[places],
+        seen.rules,
+    )
+    with np.errstate(divide="ignore", invalid="ignore"):
+        own = truth.sd**2 / series.counts + series.nominal
+        log_sd = np.log(truth.sd / plain.sd)
+    own = np.where(np.isfinite(own) & (series.counts > 0), own, np.inf)
+    freedom = np.where(series.counts > 1, series.counts - 1.0, 0.0) * series.single
+    spread = np.where(freedom > 0, sample_spread(freedom)[1], np.inf)
+    known = np.isfinite(own)
+    covariance = prior.covariance + np.diag(np.where(known, own, 0.0))
+    mean = np.where(known, truth.mean - plain.mean, np.nan)
+    return Asked(places, mean, np.where(known, log_sd, np.nan), covariance, spread)
