@@ -50,6 +50,8 @@ POINTS = (6, 12)  #: operating points of a case, at least and at most
 NUMBERS = (3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 50)  #: shifts of an operating point
 FEW = (3, 4, 5)  #: the same with traces
 FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
+OTHERWISE = (0.1, 0.25)  #: share by which a force or a mismatch is off by another law
+FORCE = 500.0  #: N, of which that is a share
 SINGLES = 0.5  #: share of cases with single shifts
 
 
@@ -146,8 +148,7 @@ def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
         parameter, low, high = BEYOND[name]
         yield _drawn(generator, "beyond", {name: {parameter: float(generator.uniform(low, high))}})
     for place in range(counts["other"]):
-        factor = 1.0 + (-1.0) ** place * float(generator.uniform(0.1, 0.25))
-        yield _drawn(generator, "other", {"mismatch_speed": {"mismatch_factor": factor}})
+        yield _drawn(generator, "other", _otherwise(generator, place))
     for name, (many, shown) in OUTSIDE[engine].items():
         for k in range(many):
             yield _outside(generator, name, traced=k < shown)
@@ -177,6 +178,17 @@ def _anywhere(generator: np.random.Generator, names: Sequence[str]) -> dict[str,
         else values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
         for name in sorted(names)
     }
+
+
+def _otherwise(generator: np.random.Generator, place: int) -> dict[str, Values]:
+    """Draw an effect of the list with another law: a force, or a mismatch, that is off otherwise.
+
+    The diagnosis has a factor of the force and none alone of the mismatch.
+    """
+    size, side = float(generator.uniform(*OTHERWISE)), (-1.0) ** (place // 2)
+    if place % 2:
+        return {"mismatch_speed": {"mismatch_factor": 1.0 + side * size}}
+    return {"force_scale": {"force_offset_N": side * size * FORCE}}
 
 
 def _outside(generator: np.random.Generator, name: str, *, traced: bool) -> Case:

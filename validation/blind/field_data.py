@@ -147,7 +147,8 @@ def acting(truth: Truth, point: Point, times: Array) -> Array:
     """Return the force in N at times (n,) in s from its start: staged, lagged and scaled."""
     step = 1.0 / SAMPLING
     fine = np.arange(0.0, float(times.max()) + step, step)
-    force = truth.force_factor * np.array([signal(truth, point, t) for t in fine])
+    factor = truth.force_factor + truth.force_offset / point.force
+    force = factor * np.array([signal(truth, point, t) for t in fine])
     if truth.lag:
         held, kept = 0.0, math.exp(-step / truth.lag)
         for k, now in enumerate(force.tolist()):

@@ -135,6 +135,9 @@ class Engine:
         """Simulate one shift; ``keep`` keeps its motion."""
         if self.truth.reversed:
             point = replace(point, mismatch=-point.mismatch)
+        if self.truth.force_offset:
+            more = self.truth.force_offset / self.truth.force_factor
+            point = replace(point, force=point.force + more)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
         seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None

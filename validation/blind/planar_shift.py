@@ -62,7 +62,7 @@ def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
     """Return what a shift really runs at, of the nominal operating point."""
     sign = math.copysign(1.0, point.mismatch)
     mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
-    force = point.force * truth.force_factor * draw.fade
+    force = (point.force * truth.force_factor + truth.force_offset) * draw.fade
     profile = (
         LaggedProfile(force, point.rise, lag=truth.lag)
         if truth.lag

@@ -39,6 +39,7 @@ Advance = Callable[[int], None]
 REFERENCE = {"small": 4, "full": 24}  #: even angles of the reference without any effect
 SMALL_FORCES = 2  #: a small set has so many forces, lowest and highest first
 MAKING = "making"
+PATIENCE, PAUSE = 60, 2.0  #: tries, and s between them, where another case writes the bank
 FORMAT = 1
 
 
@@ -195,11 +196,23 @@ def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) ->
     begin = time.monotonic()
     record: Record = {"key_sha256": manifest["key_sha256"]}
     try:
-        record["diagnosis"] = diagnose(folder / "cases" / name)
+        record["diagnosis"] = _patient(diagnose, folder / "cases" / name)
+    except StorageError:
+        raise  # no word on the data
     except DogshapeError as error:
         record["refused"] = str(error)
     record["time_s"] = time.monotonic() - begin
     write(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
+
+
+def _patient(diagnose: Diagnose, folder: Path) -> Record:
+    """Diagnose a case, again after a while where another process writes the bank."""
+    for _ in range(PATIENCE):
+        try:
+            return diagnose(folder)
+        except StorageError:
+            time.sleep(PAUSE)
+    return diagnose(folder)
 
 
 def _done(path: Path, manifest: Record) -> bool:

@@ -67,7 +67,7 @@ class Truth:
     Parameters
     ----------
     delay, lag : of the force, s.
-    force_factor : of the force at the sleeve.
+    force_factor, force_offset : of the force at the sleeve, the offset in N.
     friction, damping, added_mass : of the ring along its shaft, N, N s/m, kg.
     compliance, free_play : between actuator and ring, m/N and m.
     detent, detent_position : peak force in N and where in m.
@@ -88,6 +88,7 @@ class Truth:
     delay: float = 0.0
     lag: float = 0.0
     force_factor: float = 1.0
+    force_offset: float = 0.0
     friction: float = 0.0
     damping: float = 0.0
     added_mass: float = 0.0

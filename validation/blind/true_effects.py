@@ -105,6 +105,8 @@ FIELDS: dict[str, tuple[str, float]] = {
     "free_play_mm": ("free_play", MM),
     "compliance_mm_kN": ("compliance", 1e-6),
     "offset_rpm": ("mismatch_offset", RPM),
+    # No parameter of the diagnosis: a force that is off by an amount.
+    "force_offset_N": ("force_offset", 1.0),
     "added_mass_kg": ("added_mass", 1.0),
     # No parameter of the diagnosis: the same effect otherwise.
     "mismatch_factor": ("mismatch_factor", 1.0),
