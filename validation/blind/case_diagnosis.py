@@ -57,7 +57,7 @@ def seen_by(folder: Path, jobs: int = 0) -> Seen:
 
 
 def _by_bank(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
-    """Return what diagnoses a case with effects of any ranges."""
+    """Build a function that diagnoses a case with effects of any ranges."""
 
     def once(effects: Mapping[str, Effect]) -> Diagnosis:
         emulator, flights = emulator_of(bench, effects, means)

@@ -124,7 +124,7 @@ def _write_stand(folder: Path, stand: str) -> None:
 
 
 def _kept(folder: Path, name: str, asked: Record, make: Callable[[], Record]) -> Record:
-    """Return what an interrupted run made of the same request, or make and keep it."""
+    """Read a part that an interrupted run made of the same request, or make and keep it."""
     path = folder / MAKING / f"{name}.json"
     if path.exists() and (found := read(path, "remove it"))["asked"] == asked:
         return dict(found["made"])

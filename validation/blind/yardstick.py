@@ -134,7 +134,8 @@ class Yardstick:
         """Predict the changes by a truth of the list; None for one that no hypothesis has."""
         names = tuple(sorted(parameters))
         effects = self.seen.effects
-        if not all(set(parameters[n]) == {p.name for p in effects[n].parameters} for n in names):
+        known = {n: {p.name for p in effect.parameters} for n, effect in effects.items()}
+        if any(known.get(n) != set(parameters[n]) for n in names):
             return None
         values = self.seen.values(dict(parameters))
         return self._changes(names, values, np.zeros((1, values.shape[1])))

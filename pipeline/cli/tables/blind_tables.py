@@ -151,7 +151,7 @@ def field_table(found: Record) -> RenderableType:
 
 
 def _code_line(code: Record) -> str:
-    """Say by what code a set is scored."""
+    """Write a sentence on the code that scores a set."""
     if code["changed"]:
         return f"scored by other code than sealed: {', '.join(code['changed'])}"
     if not code["figures_as_sealed"]:

@@ -93,7 +93,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     # It loads the simulation, which making and scoring without pairs do not need.
     diagnosis = import_module("dogshape.validation.blind.case_diagnosis")
     alone, beside = (partial(diagnosis.diagnose_folder, jobs=n) for n in (jobs, 1))
-    if manifest["set"] == WHICH:
+    if manifest.get("set") == WHICH:
         for stand in sorted((folder / STANDS).iterdir()):
             diagnosis.seen_by(stand, jobs)  # one bank serves all cases on a clutch
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
@@ -109,7 +109,7 @@ def score(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind score results/blind --json
     """
 
-    if manifest_of(folder)["set"] == WHICH:
+    if manifest_of(folder).get("set") == WHICH:
         emit(beside := score_field(folder), json, lambda: field_table(beside))
         return
 

@@ -1,0 +1,255 @@
+"""Field sets: their cases, data, seal and score; engines and emulator are small or made up."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.bank import settings_of
+from dogshape.diagnosis.prediction.prediction import Prediction
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effects import load
+from dogshape.sim.errors import StorageError
+from dogshape.validation.blind import expected_means, field_cases, field_figures, field_set, sealed
+from dogshape.validation.blind.case_marks import Mark
+from dogshape.validation.blind.cases import BEYOND, Case
+from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
+from dogshape.validation.blind.field_data import acting, series_draws, true_points
+from dogshape.validation.blind.field_score import FieldMark, by_chance, headline, score_field
+from dogshape.validation.blind.field_set import FieldWanted, base, make_field
+from dogshape.validation.blind.pair_refit import Seen
+from dogshape.validation.blind.stand import Truth, read_points, read_stand
+from dogshape.validation.blind.true_effects import RANGES
+from tests.conftest import Said
+
+CASES = FieldWanted().cases
+HALF = read_points(base("half"))
+
+
+def test_a_full_set_has_what_was_asked_for() -> None:
+    kinds = Counter((one.engine, one.case.kind) for one in CASES)
+    engines = {one.engine for one in CASES}
+    assert len(CASES) >= 300
+    assert engines == {"planar", "mujoco", "drake"}
+    assert {one.stand for one in CASES} == {"half", "fine", "large"}
+    assert sum(kinds[engine, "none"] for engine in engines) >= 100
+    assert min(kinds[engine, "none"] for engine in engines) >= 20
+    for one in CASES:
+        assert 6 <= len(one.places) == len(one.numbers) <= 12
+        assert 3 <= min(one.numbers) <= max(one.numbers) <= 50
+        assert 0.01 <= one.force_error <= 0.03
+        assert 0.01 <= one.speed_error <= 0.02
+    assert len({len(set(one.numbers)) > 1 for one in CASES}) >= 1
+    assert sum(len(set(one.numbers)) > 1 for one in CASES) > 0.9 * len(CASES)
+
+
+def test_pairs_and_threes_have_no_common_effect_and_truths_beyond_are_beyond() -> None:
+    for one in CASES:
+        if one.case.kind in ("pair", "three"):
+            assert not set(COMMON) & set(one.case.causes)
+        if one.case.kind == "beyond":
+            ((name, values),) = one.case.parameters.items()
+            (inside,) = (r for r in RANGES[name] if r.name == BEYOND[name][0])
+            assert not inside.low <= values[inside.name] <= inside.high
+    laws = {tuple(v) for one in CASES if one.case.kind == "other"
+            for v in one.case.parameters.values()}  # fmt: skip
+    assert laws == {("mismatch_factor",), ("force_offset_N",)}
+
+
+def test_each_case_is_read_back_from_the_key() -> None:
+    assert all(case_of(json.loads(json.dumps(one.record()))) == one for one in CASES)
+
+
+def test_nominal_values_are_off_by_their_errors() -> None:
+    case = FieldCase(Case("none", "means", 5), "planar", "half", (0,) * 14, (3,) * 14, 0.03, 0.01)
+    ratios = []
+    for seed in range(60):
+        mine = replace(case, case=replace(case.case, seed=seed))
+        true = true_points(mine, HALF)
+        ratios += [(t.force / p.force, t.mismatch / p.mismatch)
+                   for t, p in zip(true, HALF, strict=True)]  # fmt: skip
+    off = np.std(np.array(ratios) - 1.0, axis=0)
+    assert off == pytest.approx([0.03, 0.01], rel=0.1)
+    assert true_points(case, HALF) == true_points(case, HALF)
+
+
+def test_a_drift_goes_by_the_place_in_the_series() -> None:
+    truth = Case("outside", "singles", 5, outside={"drift": 0.5})
+    case = FieldCase(truth, "planar", "half", (0, 1), (3, 5), 0.02, 0.01)
+    fades = [d.fade for mine in series_draws(case, read_stand(base("half"))) for d in mine]
+    assert fades == pytest.approx(1.0 - 0.525 * np.arange(8) / 7)
+    middle = expected_means.fades_of(case)
+    assert middle == pytest.approx([np.mean(fades[:3]), np.mean(fades[3:])])
+
+
+def test_a_measured_force_is_staged_lagged_and_scaled() -> None:
+    point, times = HALF[0], np.linspace(0.0, 1.0, 300)
+    staged = acting(Truth(stage=0.1, stage_time=0.4), point, times)
+    assert staged[times < 0.39].max() == pytest.approx(0.1 * point.force, rel=1e-6)
+    assert staged[-1] == pytest.approx(point.force)
+    lagged = acting(Truth(lag=0.1, force_factor=0.8), point, times)
+    # Long after the rise a lag runs behind a constant force by nothing.
+    assert lagged[-1] == pytest.approx(0.8 * point.force, rel=1e-2)
+    assert lagged[60] < 0.8 * acting(Truth(), point, times)[60]
+
+
+class _Flat:
+    """An emulator of one time, whatever the hypothesis."""
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        m = len(values)
+        times = np.tile(0.1 + 0.01 * np.array([-1.0, 1.0]), (m, 1))
+        return Prediction.plain(times, np.ones(m), np.full(m, 1e-3), np.full(m, 1e-3))
+
+
+def _seen(folder: Path, jobs: int) -> Seen:
+    names = ("actuation_delay", "force_scale", "moving_mass")
+    effects = {name: effect for name, effect in load(None).items() if name in names}
+    return Seen(_Flat(), effects, settings_of(load_bench(folder)))
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A small set of the compiled engine alone at few angles, stopped once before its seal."""
+    folder = tmp_path_factory.mktemp("field") / "set"
+    wanted = FieldWanted("small", 3)
+
+    def stopped(*_: Any) -> dict[str, Any]:
+        raise KeyboardInterrupt
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(field_cases, "COUNTS", {"planar": field_cases.COUNTS["planar"]})
+        patch.setitem(expected_means.ANGLES, "planar", 4)
+        patch.setattr(field_set, "REFERENCE", 4)
+        whole = field_set._seal
+        patch.setattr(field_set, "_seal", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            make_field(folder, wanted, _seen)
+        patch.setattr(field_set, "_seal", whole)
+        patch.setattr(field_set, "simulated", stopped)  # what is finished is not made again
+        make_field(folder, wanted, _seen)
+    return folder
+
+
+def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
+    manifest, key = sealed.manifest_of(made), sealed.opened(made)
+    assert set(manifest["cases"]) == set(key["cases"])
+    assert [one["name"] for one in manifest["figures"]] == [
+        one.name for one in field_figures.HEADLINES
+    ]
+    for name, case in key["cases"].items():
+        assert manifest["cases"][name] == sealed.hash_of(made / "cases" / name)
+        yard = case["yardstick"]
+        assert (not yard) == (case["kind"] == "none")
+        # A flat emulator can do none of it: no effect is as good a rival as any.
+        assert case["kind"] == "none" or yard["noncentrality"] > 0.0
+    assert not (made / "making").exists()
+    with pytest.raises(StorageError, match="has a set of cases already"):
+        make_field(made, FieldWanted("small", 3), _seen)
+
+
+def test_data_say_nothing_of_the_truth(made: Path) -> None:
+    for name, case in sealed.opened(made)["cases"].items():
+        with (made / "cases" / name / "shifts.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        points = {(row["mismatch_rpm"], row["force_N"]) for row in rows}
+        grid = read_points(base(case["stand"]))
+        assert len(points) == len(case["places"])
+        assert {float(f) for _, f in points} <= {p.force for p in grid}
+        assert sum(int(row["n_shifts"]) for row in rows) == sum(case["numbers"])
+        if case["form"] == "singles":
+            assert [int(row["order"]) for row in rows] == list(range(1, len(rows) + 1))
+
+
+ONE = Mark(
+    "case", "single", "drawn", "means", ("a",), (), 5.0, "effect", ("a",), {("a",): 0.9, (): 0.1},
+    frozenset({("a",)}), (("a",),), None, None, None, (), ("a",), {("a",): 0.9, (): 0.1}, 1.0,
+)  # fmt: skip
+
+
+def _mark(noncentrality: float = 50.0, **changes: Any) -> FieldMark:
+    return FieldMark(replace(ONE, **changes), "planar", "half", noncentrality, (), False)
+
+
+def test_bands_go_by_the_yardstick() -> None:
+    assert [_mark(value).band for value in (38.0, 37.9, 9.0, 8.9)] == [
+        "clear", "between", "between", "hidden",
+    ]  # fmt: skip
+    assert _mark(0.0, kind="none").band == "none"
+
+
+def test_headline_figures_of_made_up_cases() -> None:
+    wrong = {"causes": ("b",), "chances": {("b",): 0.9}, "group": frozenset({("b",)})}
+    outside = {"kind": "outside", "truth": ("unknown",), "outside": ("drift",)}
+    alone = frozenset({("unknown",)})
+    unknown = {"verdict": "unknown", "causes": (), "chances": {("unknown",): 0.9}, "group": alone}
+    none = {"kind": "none", "truth": (), "verdict": "none", "causes": (), "chances": {(): 0.9}}
+    marks = [
+        _mark(),
+        _mark(**wrong),
+        _mark(20.0, **wrong),
+        _mark(20.0),
+        _mark(**unknown),
+        _mark(**outside, **unknown),
+        _mark(**outside),
+        _mark(0.0, **none),
+        _mark(0.0, kind="none", truth=()),
+        _mark(kind="pair", truth=("a", "b"), causes=("a", "b"), chances={("a", "b"): 0.9}),
+    ]
+    found = {name: (one["value"], one["n"]) for name, one in headline(marks).items()}
+    assert found["cause_right"] == (pytest.approx(2 / 4), 4)
+    # Of seven that are named those of both thirds are right, and what is outside and absent is not.
+    assert found["named_right"] == (pytest.approx(3 / 7), 7)
+    assert found["unknown_recognised"] == (0.5, 2)
+    assert found["false_unknown"] == (0.25, 4)
+    assert found["both_of_a_pair"] == (1.0, 1)
+    assert found["false_alarms"] == (0.5, 2)
+    assert found["none_said"] == (0.5, 2)
+    assert found["named_wrongly_between"] == (0.5, 2)
+    assert found["left_open"] == (None, 0)
+
+
+def test_right_probabilities_have_a_calibration_error_by_chance() -> None:
+    """Of n at p in one bin the mean distance is that of a normal one: sqrt(2 p (1-p)/(pi n))."""
+    many = [_mark(chances={("a",): 0.75}) for _ in range(400)]
+    assert by_chance(many) == pytest.approx(np.sqrt(2 * 0.75 * 0.25 / (np.pi * 400)), rel=0.1)
+
+
+def test_aims_are_met_or_missed() -> None:
+    aims = {one.name: one for one in field_figures.HEADLINES}
+    assert aims["cause_right"].aim == "at least 95 %"
+    assert aims["coverage_90"].aim == "85 to 95 %"
+    assert aims["calibration"].aim == "at most 0.05"
+    assert aims["left_open"].aim == ""
+    assert aims["coverage_90"].met(0.97) is False
+    assert aims["false_alarms"].met(0.0) is True
+    assert aims["left_open"].met(0.5) is None
+
+
+def test_a_score_says_by_what_code(
+    made: Path, dogshape: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manifest = sealed.manifest_of(made)
+    (made / "results").mkdir()
+    found = {"verdict": "none", "causes": [], "hypotheses": [{"effects": [], "probability": 1.0}]}
+    for name in manifest["cases"]:
+        record = {"key_sha256": manifest["key_sha256"], "diagnosis": found, "time_s": 1.0}
+        (made / "results" / f"{name}.json").write_text(json.dumps(record))
+    score = score_field(made)
+    assert score["code"] == {"changed": [], "figures_as_sealed": True}
+    assert score["cases"] == 5
+    said = dogshape("blind", "score", made)
+    assert "scored by the code and the headline figures that were sealed" in said.out
+    assert "no effect: one is named" in said.out
+    monkeypatch.setattr(field_figures, "SCORING", ("field_figures.py",))
+    said = dogshape("blind", "score", made)
+    assert "scored by other code than sealed: case_marks.py, field_score.py" in said.out
