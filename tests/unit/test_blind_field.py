@@ -23,7 +23,7 @@ from dogshape.validation.blind import expected_means, field_cases, field_figures
 from dogshape.validation.blind.case_marks import Mark
 from dogshape.validation.blind.cases import BEYOND, Case
 from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
-from dogshape.validation.blind.field_data import acting, series_draws, true_points
+from dogshape.validation.blind.field_data import acting, series_draws, series_places, true_points
 from dogshape.validation.blind.field_score import FieldMark, by_chance, headline, score_field
 from dogshape.validation.blind.field_set import FieldWanted, base, make_field
 from dogshape.validation.blind.pair_refit import Seen
@@ -87,8 +87,20 @@ def test_a_drift_goes_by_the_place_in_the_series() -> None:
     case = FieldCase(truth, "planar", "half", (0, 1), (3, 5), 0.02, 0.01)
     fades = [d.fade for mine in series_draws(case, read_stand(base("half"))) for d in mine]
     assert fades == pytest.approx(1.0 - 0.525 * np.arange(8) / 7)
-    middle = expected_means.fades_of(case)
+    early, middle, late = expected_means.fades_of(case)
     assert middle == pytest.approx([np.mean(fades[:3]), np.mean(fades[3:])])
+    assert np.mean([early, late], axis=0) == pytest.approx(middle)
+    mixed = replace(case, shuffled=True)
+    assert sorted(k for mine in series_places(mixed) for k in mine) == list(range(1, 9))
+    assert series_places(mixed) != series_places(case)
+
+
+def test_a_drift_that_is_said_is_recognised() -> None:
+    drift = {"kind": "outside", "truth": ("unknown",), "outside": ("drift",), "verdict": "none"}
+    plain = FieldMark(replace(ONE, **drift), "planar", "half", 50.0, (), False)
+    assert not plain.recognised
+    assert replace(plain, drift=True).recognised
+    assert not replace(plain, drift=True, mark=replace(plain.mark, verdict="effect")).recognised
 
 
 def test_a_measured_force_is_staged_lagged_and_scaled() -> None:
@@ -167,7 +179,9 @@ def test_data_say_nothing_of_the_truth(made: Path) -> None:
         assert {float(f) for _, f in points} <= {p.force for p in grid}
         assert sum(int(row["n_shifts"]) for row in rows) == sum(case["numbers"])
         if case["form"] == "singles":
-            assert [int(row["order"]) for row in rows] == list(range(1, len(rows) + 1))
+            order = [int(row["order"]) for row in rows]
+            assert sorted(order) == list(range(1, len(rows) + 1))
+            assert (order == sorted(order)) != case["shuffled"]
 
 
 ONE = Mark(

@@ -122,15 +122,17 @@ def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None)
         lines += [f"{key} = {_toml(value)}" for key, value in data[table].items()]
     lines += ["", "[sensor]", 'displacement_at = "actuator"', ""]
     if errors is not None and SAYS_ERRORS:
+        force, mismatch = (f"{100.0 * one:.3g}" for one in errors)
         lines += [
-            "[errors]",
-            *(f"{key} = {100.0 * one:.3g}" for key, one in zip(SAYS_ERRORS, errors, strict=True)),
-            "",
+            "[errors.each_point]",
+            f"force_percent = {force}",
+            f"mismatch_percent = {mismatch}",
         ]
+        lines += [""]
     return "\n".join(lines)
 
 
-SAYS_ERRORS: tuple[str, ...] = ()  #: keys of ``[errors]`` in percent, of force and mismatch
+SAYS_ERRORS = False  #: whether a stand says the errors of its nominal values
 _PLAIN = ("timeout_s", "shift_travel_mm")
 
 

@@ -9,10 +9,12 @@ import numpy as np
 
 from dogshape.diagnosis.prediction.outliers import Array, bulk
 from dogshape.validation.blind.field_cases import FieldCase
+from dogshape.validation.blind.field_data import series_places
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.stand import Point, Stand, Truth
 from dogshape.validation.blind.truth_engines import engine_of
 
+THIRDS = (1.0 / 6.0, 0.5, 5.0 / 6.0)  #: quantiles of the places in a series
 ANGLES = {"planar": 96, "mujoco": 24, "drake": 16}  #: even ones, by engine
 
 
@@ -68,9 +70,21 @@ def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:
     return Expected(mean, np.sqrt((apart**2 * weights).sum(axis=1) / share + more**2))
 
 
-def fades_of(case: FieldCase) -> list[float]:
-    """Return the mean share of the force that a drift leaves at each operating point."""
-    numbers = np.array(case.numbers)
-    middle = numbers.cumsum() - 0.5 * (numbers + 1)
-    fades: list[float] = (1.0 - case.case.truth.drift * middle / max(1, numbers.sum() - 1)).tolist()
+def fades_of(case: FieldCase) -> list[list[float]]:
+    """Return shares of the force that a drift leaves, early, middle and late ones of each point.
+
+    They are (3, points), each for a third of the point's shifts.
+    """
+    last = max(1, sum(case.numbers) - 1)
+    places = [np.quantile(mine, THIRDS) for mine in series_places(case)]
+    fades: list[list[float]] = (
+        1.0 - case.case.truth.drift * (np.array(places).T - 1) / last
+    ).tolist()
     return fades
+
+
+def pooled(parts: Sequence[Expected]) -> Expected:
+    """Join means and spreads of equally many shifts each."""
+    means = np.array([part.mean for part in parts])
+    inner = np.mean([part.sd**2 for part in parts], axis=0)
+    return Expected(means.mean(axis=0), np.sqrt(inner + means.var(axis=0)))

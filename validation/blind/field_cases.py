@@ -52,6 +52,9 @@ FEW = (3, 4, 5)  #: the same with traces
 FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
 OTHERWISE = (0.1, 0.25)  #: share by which a force or a mismatch is off by another law
 FORCE = 500.0  #: N, of which that is a share
+SHUFFLED = 0.5  #: share of series of single shifts that were made in random order
+DRIFTS = (0.2, 0.7)  #: strengths of a drift, least and most
+STRENGTHS = (0.4, 1.0)  #: the same of anything else outside the list
 SINGLES = 0.5  #: share of cases with single shifts
 
 
@@ -66,6 +69,7 @@ class FieldCase:
     places : of its operating points among those of the clutch, (points,).
     numbers : shifts at each of them, (points,).
     force_error, speed_error : standard deviations of true over nominal force and mismatch.
+    shuffled : whether shifts were made in random order, and not point by point in the table's.
     """
 
     case: Case
@@ -75,6 +79,7 @@ class FieldCase:
     numbers: tuple[int, ...]
     force_error: float
     speed_error: float
+    shuffled: bool = False
 
     def record(self) -> dict[str, Any]:
         """Write the entry of the key."""
@@ -86,6 +91,7 @@ class FieldCase:
             "numbers": list(self.numbers),
             "force_error": self.force_error,
             "speed_error": self.speed_error,
+            "shuffled": self.shuffled,
         }
 
 
@@ -100,6 +106,7 @@ def case_of(record: dict[str, Any]) -> FieldCase:
         tuple(record["numbers"]),
         record["force_error"],
         record["speed_error"],
+        record["shuffled"],
     )
 
 
@@ -192,8 +199,9 @@ def _otherwise(generator: np.random.Generator, place: int) -> dict[str, Values]:
 
 
 def _outside(generator: np.random.Generator, name: str, *, traced: bool) -> Case:
-    strength = {name: float(generator.uniform(0.4, 1.0))}
-    return _drawn(generator, "outside", {}, strength, traced=traced, single=name == "drift")
+    drift = name == "drift"
+    strength = {name: float(generator.uniform(*(DRIFTS if drift else STRENGTHS)))}
+    return _drawn(generator, "outside", {}, strength, traced=traced, single=drift)
 
 
 def _drawn(
@@ -231,4 +239,5 @@ def _placed(
     return FieldCase(
         case, engine, stand, places, tuple(numbers),
         float(generator.uniform(*FORCE_ERRORS)), float(generator.uniform(*SPEED_ERRORS)),
+        case.form != "means" and bool(generator.random() < SHUFFLED),
     )  # fmt: skip

@@ -1,9 +1,10 @@
 """Data of a field case: its test series, simulated and written as a stand gives it.
 
-A test series goes through the operating points in the order of the table, so the place of a shift
-in it (``order``) is that of its row. The true force and mismatch of an operating point are off its
-nominal ones by an error of their own. Traces have the force that acts, as a sensor at the actuator
-measures it: with its delay, its lag, its stages and what a drift has taken of it.
+A test series goes through the operating points in the order of the table, or makes all shifts in
+random order; ``order`` says the place of each single shift in it. The true force and mismatch of
+an operating point are off its nominal ones by an error of their own. Traces have the force that
+acts, as a sensor at the actuator measures it: with its delay, its lag, its stages and what a drift
+has taken of it.
 """
 
 from __future__ import annotations
@@ -34,9 +35,10 @@ from dogshape.validation.blind.truth_engines import engine_of
 
 Array = NDArray[np.float64]
 Times = list[list[float | None]]
-_Where = tuple[int, int, Sequence[Draw]]
+_Where = tuple[int, Sequence[int], Sequence[Draw]]
 
-ERRORS = 71  #: added to a case's seed for the errors of its nominal values
+#: Added to a case's seed for the errors of its nominal values, and for the order of its shifts.
+ERRORS, ORDER = 71, 72
 FORCE_NOISE = 0.002  #: of the nominal force, standard deviation of a sample of the measured one
 
 
@@ -50,18 +52,26 @@ def true_points(case: FieldCase, points: Sequence[Point]) -> tuple[Point, ...]:
     )
 
 
+def series_places(case: FieldCase) -> list[list[int]]:
+    """Draw the place of each shift in the test series from 1 on, point by point."""
+    total = sum(case.numbers)
+    generator = np.random.default_rng((case.case.seed, ORDER))
+    every = generator.permutation(total) if case.shuffled else np.arange(total)
+    parts = np.split(every + 1, np.cumsum(case.numbers)[:-1])
+    return [part.tolist() for part in parts]
+
+
 def series_draws(case: FieldCase, stand: Stand) -> list[list[Draw]]:
     """Draw all shifts of a case, point by point; a drift goes by the place in the series."""
     truth, numbers = case.case.truth, case.numbers
     steady = replace(truth, drift=0.0)
     every = draws(steady, stand, len(numbers), max(numbers), case.case.seed)
-    last, place, found = max(1, sum(numbers) - 1), 0, []
-    for mine, number in zip(every, numbers, strict=True):
-        faded = [replace(d, fade=1.0 - truth.drift * (place + k) / last)
-                 for k, d in enumerate(mine[:number])]  # fmt: skip
-        place += number
-        found.append(faded)
-    return found
+    last = max(1, sum(numbers) - 1)
+    fades = [[1.0 - truth.drift * (k - 1) / last for k in mine] for mine in series_places(case)]
+    return [
+        [replace(draw, fade=fade) for draw, fade in zip(mine[: len(left)], left, strict=True)]
+        for mine, left in zip(every, fades, strict=True)
+    ]
 
 
 def simulated(case: FieldCase, stand: Stand, points: Sequence[Point]) -> list[list[Shift]]:
@@ -88,16 +98,15 @@ def write_field_case(
     ordered = case.case.form != "means"
     order = swapped(points) if case.case.swapped else list(range(len(points)))
     drawn = series_draws(case, read_stand(base))
-    before = [0, *np.cumsum([len(mine) for mine in shifts]).tolist()]
+    series = series_places(case)
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow((*HEAD, *(["order"] if ordered else [])))
         for point, place in zip(points, order, strict=True):
             given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{point.rise:.10g}")
+            where = place, series[place], drawn[place]
             rows = (
-                _single_rows(
-                    folder, case, points[place], shifts[place], (place, before[place], drawn[place])
-                )
+                _single_rows(folder, case, points[place], shifts[place], where)
                 if ordered
                 else mean_rows(shifts[place])
             )
@@ -111,9 +120,9 @@ def _single_rows(
 ) -> list[tuple[str, ...]]:
     """Write ``n_shifts``, ``shift_time_s``, ``engaged``, ``trace`` and ``order`` of single shifts.
 
-    ``where`` has the operating point's place, the shifts before it, and its draws.
+    ``where`` has the operating point's place, those of its shifts in the series, and its draws.
     """
-    place, before, drawn = where
+    place, series, drawn = where
     found: list[tuple[str, ...]] = []
     for k, shift in enumerate(shifts):
         trace = ""
@@ -122,7 +131,7 @@ def _single_rows(
             _write_trace(folder / trace, case, point, shift, (place * 100 + k, drawn[k].fade))
         time = "" if shift.time is None else f"{shift.time:.6f}"
         engaged = "false" if shift.time is None else "true"
-        found.append(("1", time, engaged, trace, str(before + k + 1)))
+        found.append(("1", time, engaged, trace, str(series[k])))
     return found
 
 

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dogshape.validation.blind.case_marks import Mark, mark_of
+from dogshape.validation.blind.case_marks import Mark, Names, mark_of
 from dogshape.validation.blind.field_figures import CLEAR, HEADLINES, SEEN, scoring_code
 from dogshape.validation.blind.intervals import Interval, calibration, mean, share
 from dogshape.validation.blind.sealed import manifest_of, opened, results_of
@@ -26,6 +26,7 @@ Record = dict[str, Any]  #: key, results and score of a set, as they are kept in
 BINS = 10  #: of the calibration
 CHANCES = 500  #: draws of its level by chance
 SURE = 0.8  #: weight from which AICc counts as naming
+NONE: Names = ()
 LISTED = ("single", "pair", "three", "beyond", "other")
 
 
@@ -34,7 +35,8 @@ class FieldMark:
     """Marks of one case with its engine, clutch and yardstick.
 
     ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
-    ``open_with_test`` tells that the answer is left open and a test is advised.
+    ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
+    drift over the series is said: where there is one, no effect beside it is a right answer.
     """
 
     mark: Mark
@@ -43,6 +45,7 @@ class FieldMark:
     noncentrality: float
     rival: tuple[str, ...]
     open_with_test: bool
+    drift: bool = False
 
     @property
     def kind(self) -> str:
@@ -57,6 +60,13 @@ class FieldMark:
         if self.noncentrality >= CLEAR:
             return "clear"
         return "between" if self.noncentrality >= SEEN else "hidden"
+
+    @property
+    def recognised(self) -> bool:
+        """Test that what is outside the list is said to be unknown, or a drift to be one."""
+        if self.mark.verdict in ("unknown", "refused"):
+            return True
+        return "drift" in self.mark.outside and self.drift and not self.mark.named
 
     @property
     def named_wrongly(self) -> bool:
@@ -91,6 +101,9 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
     found = result.get("diagnosis", {})
     advised = bool(found.get("next_test", {}).get("name"))
     mark = mark_of(name, truth, reference, result)
+    drift = bool((found.get("drift") or {}).get("significant"))
+    if drift and "drift" in mark.outside and NONE in mark.chances:
+        mark = replace(mark, truth=NONE)
     return FieldMark(
         mark,
         truth["engine"],
@@ -98,6 +111,7 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
         float(yard.get("noncentrality", 0.0)),
         tuple(yard.get("rival", ())),
         mark.verdict == "ambiguous" and advised,
+        drift,
     )
 
 
@@ -137,9 +151,7 @@ def headline(marks: Sequence[FieldMark]) -> dict[str, Interval]:
     return {
         "cause_right": share(m.right_class for m in listed),
         "named_right": share(m.mark.named_right for m in marks if m.mark.named),
-        "unknown_recognised": share(
-            m.mark.verdict in ("unknown", "refused") for m in clear if m.kind == "outside"
-        ),
+        "unknown_recognised": share(m.recognised for m in clear if m.kind == "outside"),
         "false_unknown": share(m.verdict in ("unknown", "refused") for m in listed),
         "both_of_a_pair": share(m.found == 2 for m in listed if m.kind == "pair"),
         "false_alarms": share(m.named for m in none),
@@ -163,6 +175,7 @@ def figures(marks: Sequence[FieldMark]) -> Record:
         "named_wrongly": share(m.named_wrongly for m in marks),
         "named_causes_true": share(m.causes_true for m in mine if m.causes),
         "unknown": share(m.verdict in ("unknown", "refused") for m in mine),
+        "recognised": share(m.recognised for m in marks),
         "none": share(m.verdict == "none" for m in mine),
         "both_or_all_found": share(m.found == len(m.truth) for m in mine),
         "coverage_90": share(m.truth in m.credible for m in mine if not m.refused),
@@ -241,5 +254,6 @@ def _row(one: FieldMark) -> Record:
         "right_class": mark.right_class,
         "in_the_90_set": mark.truth in mark.credible,
         "open_with_test": one.open_with_test,
+        "drift_said": one.drift,
         "time_s": mark.time,
     }

@@ -28,7 +28,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind.case_marks import timely
 from dogshape.validation.blind.data import bench_text, even_times, swapped
-from dogshape.validation.blind.expected_means import ANGLES, Expected, expected, fades_of
+from dogshape.validation.blind.expected_means import ANGLES, Expected, expected, fades_of, pooled
 from dogshape.validation.blind.field_cases import (
     CLUTCHES,
     COUNTS,
@@ -192,8 +192,12 @@ def _truth(case: FieldCase, points: Sequence[Point]) -> Record | None:
     if case.case.kind == "none":
         return None
     stand, truth = read_stand(base(case.stand)), case.case.truth
-    fades = fades_of(case) if truth.drift else None
-    found = expected(case.engine, stand, points, replace(truth, drift=0.0), fades)
+    steady = replace(truth, drift=0.0)
+    found = (
+        pooled([expected(case.engine, stand, points, steady, fades) for fades in fades_of(case)])
+        if truth.drift
+        else expected(case.engine, stand, points, steady)
+    )
     if case.case.swapped:
         order = swapped(points)
         found = Expected(found.mean[order], found.sd[order])

@@ -59,7 +59,7 @@ class PlanarEngine:
 
 
 def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
-    """Return what a shift really runs at, of the nominal operating point."""
+    """Return the true operating point of a shift at a nominal one."""
     sign = math.copysign(1.0, point.mismatch)
     mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
     force = (point.force * truth.force_factor + truth.force_offset) * draw.fade

@@ -179,7 +179,7 @@ def _field_rows(found: Record) -> list[tuple[str, Any]]:
         "top_class": "cause or class right",
         "named": "a cause named",
         "named_wrongly": "named wrongly",
-        "unknown": "unknown or refused",
+        "recognised": "unknown, refused, or the drift said",
         "none": "none within the margin",
         "both_or_all_found": "all causes found",
         "coverage_90": "in the 90 % set",
