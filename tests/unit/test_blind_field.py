@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.field_table import headline_of, passage
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import Prediction
@@ -267,3 +268,38 @@ def test_a_score_says_by_what_code(
     monkeypatch.setattr(field_figures, "SCORING", ("field_figures.py",))
     said = dogshape("blind", "score", made)
     assert "scored by other code than sealed: case_marks.py, field_score.py" in said.out
+
+
+SCORE_TEXT = """$ dogshape blind score results/field
+
+scored by the code and the headline figures that were sealed
+
+figure, not told                             value (95 %)    n          aim  met
+clear: cause or its class leads       0.90 (0.80 to 0.95)   96  at least 95 %   no
+calibration error of the leading one  0.04 (0.02 to 0.07)  310   at most 0.05  yes
+hidden: left open                                       -    0              -    -
+
+figure, not told          value (95 %)  n
+drake: something   0.50 (0.10 to 0.90)  2
+
+calibration error of right probabilities at this number of cases: 0.021
+"""
+
+
+def test_results_are_written_from_a_score(tmp_path: Path) -> None:
+    path = tmp_path / "score.txt"
+    assert passage(path) is None
+    path.write_text(SCORE_TEXT)
+    lines = (passage(path) or "").splitlines()
+    assert (
+        lines[2]
+        == "| clear: cause or its class leads | 90 % (80 to 95) | 96 | at least 95 % | no |"
+    )
+    assert lines[3].startswith(
+        "| calibration error of the leading one | 0.04 (0.02 to 0.07) | 310 |"
+    )
+    assert lines[4] == "| hidden: left open | - | 0 |  |  |"
+    assert lines[-1] == ("Calibration error of right probabilities at this number of cases: 0.021.")
+    path.write_text("nothing")
+    with pytest.raises(ValueError, match="no headline figures"):
+        headline_of(path)
