@@ -26,7 +26,7 @@ from dogshape.validation.blind.cases import BEYOND, Case
 from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
 from dogshape.validation.blind.field_data import acting, series_draws, series_places, true_points
 from dogshape.validation.blind.field_score import FieldMark, by_chance, headline, score_field
-from dogshape.validation.blind.field_set import FieldWanted, base, make_field
+from dogshape.validation.blind.field_set import FieldWanted, base, make_field, margins
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
@@ -162,7 +162,8 @@ def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
     for name, case in key["cases"].items():
         assert manifest["cases"][name] == sealed.hash_of(made / "cases" / name)
         yard = case["yardstick"]
-        assert (not yard) == (case["kind"] == "none")
+        assert ("noncentrality" in yard) == (case["kind"] != "none")
+        assert yard["engine_off_in_margins"] > 0.0
         # A flat emulator can do none of it: no effect is as good a rival as any.
         assert case["kind"] == "none" or yard["noncentrality"] > 0.0
     assert not (made / "making").exists()
@@ -231,6 +232,15 @@ def test_headline_figures_of_made_up_cases() -> None:
     assert found["none_said"] == (0.5, 2)
     assert found["named_wrongly_between"] == (0.5, 2)
     assert found["left_open"] == (None, 0)
+    far = [replace(one, off=1.2) for one in marks]
+    assert headline(far)["none_said_within"]["n"] == 0
+    assert headline(marks)["none_said_within"]["n"] == 2
+
+
+def test_a_gap_in_margins_is_five_percent_and_two_milliseconds_at_least() -> None:
+    simulated = np.array([0.1, 0.1, 0.02])
+    assert margins(simulated + [0.005, 0.005, 0.002], simulated) == pytest.approx(1.0)
+    assert margins(simulated + [0.01, np.nan, 0.0], simulated) == pytest.approx(2.0**0.5)
 
 
 def test_right_probabilities_have_a_calibration_error_by_chance() -> None:

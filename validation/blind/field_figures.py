@@ -58,6 +58,7 @@ HEADLINES = (
     Headline("both_of_a_pair", "clear pairs: both found", 0.80, None),
     Headline("false_alarms", "no effect: one is named", None, 0.02),
     Headline("none_said", "no effect: none within the margin said", 0.90, None),
+    Headline("none_said_within", "the same, of engines within the margin themselves", None, None),
     Headline("coverage_90", "90 % set holds the truth", 0.85, 0.95),
     Headline("calibration", "calibration error of the leading one", None, 0.05),
     Headline("named_wrongly_between", "between: named wrongly", None, 0.05),

@@ -36,7 +36,8 @@ class FieldMark:
 
     ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
     ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
-    drift over the series is said: where there is one, no effect beside it is a right answer.
+    drift over the series is said: where there is one, no effect beside it is a right answer. ``off``
+    is by how many margins the engine without any effect is off the simulation.
     """
 
     mark: Mark
@@ -46,6 +47,7 @@ class FieldMark:
     rival: tuple[str, ...]
     open_with_test: bool
     drift: bool = False
+    off: float = 0.0
 
     @property
     def kind(self) -> str:
@@ -112,6 +114,7 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
         tuple(yard.get("rival", ())),
         mark.verdict == "ambiguous" and advised,
         drift,
+        float(yard["engine_off_in_margins"]),
     )
 
 
@@ -146,7 +149,8 @@ def headline(marks: Sequence[FieldMark]) -> dict[str, Interval]:
     """Compute the headline figures of some cases, by name."""
     clear = [m for m in marks if m.band == "clear"]
     listed = [m.mark for m in clear if m.kind in LISTED]
-    none = [m.mark for m in marks if m.kind == "none"]
+    free = [m for m in marks if m.kind == "none"]
+    none = [m.mark for m in free]
     answered = [m.mark for m in marks if not m.mark.refused]
     return {
         "cause_right": share(m.right_class for m in listed),
@@ -156,6 +160,7 @@ def headline(marks: Sequence[FieldMark]) -> dict[str, Interval]:
         "both_of_a_pair": share(m.found == 2 for m in listed if m.kind == "pair"),
         "false_alarms": share(m.named for m in none),
         "none_said": share(m.verdict == "none" for m in none),
+        "none_said_within": share(m.mark.verdict == "none" for m in free if m.off < 1.0),
         "coverage_90": share(m.truth in m.credible for m in answered),
         "calibration": calibration([[(m.chances[m.top], m.right)] for m in answered]),
         "named_wrongly_between": share(m.named_wrongly for m in marks if m.band == "between"),
@@ -255,5 +260,6 @@ def _row(one: FieldMark) -> Record:
         "in_the_90_set": mark.truth in mark.credible,
         "open_with_test": one.open_with_test,
         "drift_said": one.drift,
+        "engine_off_in_margins": one.off,
         "time_s": mark.time,
     }

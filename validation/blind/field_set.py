@@ -24,6 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind.case_marks import timely
@@ -226,25 +228,37 @@ def _yardsticks(
 def yardstick_of(
     stick: Yardstick, case: FieldCase, made: Mapping[str, Any], reference: Mapping[str, Any]
 ) -> Record:
-    """Compute the yardstick of a case from what its engine expects; empty without any effect.
+    """Compute the yardstick of a case from what its engine expects.
 
+    Without any effect it has only by how many margins the engine is off the simulation.
     ``made`` has times and expectation of the case, ``reference`` those of its engine without any
     effect at all operating points of its clutch.
     """
-    if case.case.kind == "none":
-        return {}
     places = list(case.places)
+    plain = _expected_of(dict(reference), places)
+    off = {"engine_off_in_margins": margins(plain.mean, stick.baseline[places])}
+    if case.case.kind == "none":
+        return off
     slopes = {n: np.array(part, dtype=float)[places] for n, part in reference["slopes"].items()}
     nominal = (slopes["force"] * case.force_error) ** 2
     nominal += (slopes["mismatch"] * case.speed_error) ** 2
     counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
     series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
-    truth, plain = _expected_of(dict(made["expected"])), _expected_of(dict(reference), places)
+    truth = _expected_of(dict(made["expected"]))
     asked = asked_of(stick, series, truth, plain)
     rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)
     own = None if case.case.outside else stick.at_truth(case.case.parameters)
     left = stick.left(asked, rivals, own)
-    return {"noncentrality": left.noncentrality, "rival": list(left.rival)}
+    return {**off, "noncentrality": left.noncentrality, "rival": list(left.rival)}
+
+
+def margins(means: Array, simulated: Array) -> float:
+    """Compute a gap in margins below which nothing needs doing, root mean square over points.
+
+    Both are mean times in s, (points,).
+    """
+    margin = np.maximum(USUAL_MARGIN.share * simulated, USUAL_MARGIN.least)
+    return float(np.sqrt(np.nanmean(((means - simulated) / margin) ** 2)))
 
 
 def _seal(
