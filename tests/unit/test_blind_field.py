@@ -142,7 +142,6 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field_cases, "COUNTS", {"planar": field_cases.COUNTS["planar"]})
         patch.setitem(expected_means.ANGLES, "planar", 4)
-        patch.setattr(field_set, "REFERENCE", 4)
         whole = field_set._seal
         patch.setattr(field_set, "_seal", stopped)
         with pytest.raises(KeyboardInterrupt):
@@ -239,8 +238,8 @@ def test_headline_figures_of_made_up_cases() -> None:
 
 def test_a_gap_in_margins_is_five_percent_and_two_milliseconds_at_least() -> None:
     simulated = np.array([0.1, 0.1, 0.02])
-    assert margins(simulated + [0.005, 0.005, 0.002], simulated) == pytest.approx(1.0)
-    assert margins(simulated + [0.01, np.nan, 0.0], simulated) == pytest.approx(2.0**0.5)
+    assert margins(simulated + np.array([0.005, 0.005, 0.002]), simulated) == pytest.approx(1.0)
+    assert margins(simulated + np.array([0.01, np.nan, 0.0]), simulated) == pytest.approx(2.0**0.5)
 
 
 def test_right_probabilities_have_a_calibration_error_by_chance() -> None:

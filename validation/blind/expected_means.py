@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,22 +38,36 @@ def expected(
     ``fades`` are the shares of the force that a drift has left at each point. A sticking valve
     delays by its mean, and its own spread joins that of the angles.
     """
-    count = ANGLES[name]
-    engine, turns = engine_of(name, stand, truth), (np.arange(count) + 0.5) / count
+    turns = _turns(name)
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
+    return moments(times_at(name, stand, points, truth, fades), weights, truth.sticking)
+
+
+def _turns(name: str) -> Array:
+    return (np.arange(ANGLES[name]) + 0.5) / ANGLES[name]
+
+
+def times_at(
+    name: str,
+    stand: Stand,
+    points: Sequence[Point],
+    truth: Truth,
+    fades: Sequence[float] | None = None,
+) -> Array:
+    """Simulate times at even angles of nominal operating points, s, (points, n); NaN for none."""
+    engine, turns = engine_of(name, stand, truth), _turns(name)
     # Phases of a ripple go round several times while the angles go round once.
-    phases = 2.0 * np.pi * (7.0 * turns % 1.0)
-    times = np.array(
+    draws = [
+        Draw(turn * stand.pitch, truth.sticking, 2.0 * np.pi * (7.0 * turn % 1.0))
+        for turn in turns.tolist()
+    ]
+    return np.array(
         [
-            [
-                engine.shift(point, Draw(turn * stand.pitch, truth.sticking, phase, fade)).time
-                for turn, phase in zip(turns.tolist(), phases.tolist(), strict=True)
-            ]
+            [engine.shift(point, replace(draw, fade=fade)).time for draw in draws]
             for point, fade in zip(points, fades or [1.0] * len(points), strict=True)
         ],
         float,
     )
-    return moments(times, weights, truth.sticking)
 
 
 def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:

@@ -36,8 +36,8 @@ class FieldMark:
 
     ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
     ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
-    drift over the series is said: where there is one, no effect beside it is a right answer. ``off``
-    is by how many margins the engine without any effect is off the simulation.
+    drift over the series is said: where there is one, no effect beside it is a right answer.
+    ``off`` is by how many margins the engine without any effect is off the simulation.
     """
 
     mark: Mark

@@ -29,8 +29,16 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind.case_marks import timely
-from dogshape.validation.blind.data import bench_text, even_times, swapped
-from dogshape.validation.blind.expected_means import ANGLES, Expected, expected, fades_of, pooled
+from dogshape.validation.blind.data import bench_text, swapped
+from dogshape.validation.blind.expected_means import (
+    ANGLES,
+    Expected,
+    expected,
+    fades_of,
+    moments,
+    pooled,
+    times_at,
+)
 from dogshape.validation.blind.field_cases import (
     CLUTCHES,
     COUNTS,
@@ -50,7 +58,6 @@ Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in
 
 STANDS = "stands"
 STEP = 0.05  #: by which force and mismatch are changed for what their errors do
-REFERENCE = 24  #: even angles of the reference without any effect
 
 
 @dataclass(frozen=True)
@@ -146,7 +153,8 @@ def _reference(folder: Path, engine: str, stand: str) -> Record:
     def make() -> Record:
         bench, points = read_stand(base(stand)), read_points(base(stand))
         truth = Truth()
-        plain = expected(engine, bench, points, truth)
+        times = times_at(engine, bench, points, truth)
+        plain = moments(times, np.ones(times.shape[1]))
         changed = {
             "force": [replace(p, force=p.force * (1.0 + STEP)) for p in points],
             "mismatch": [replace(p, mismatch=p.mismatch * (1.0 + STEP)) for p in points],
@@ -155,8 +163,8 @@ def _reference(folder: Path, engine: str, stand: str) -> Record:
             name: ((expected(engine, bench, those, truth).mean - plain.mean) / STEP).tolist()
             for name, those in changed.items()
         }
-        times = even_times(bench, points, REFERENCE, None, engine)
-        return {"times_s": times, **_plain(plain), "slopes": slopes}
+        found = [[None if np.isnan(t) else t for t in mine] for mine in times.tolist()]
+        return {"times_s": found, **_plain(plain), "slopes": slopes}
 
     return _kept(folder, f"{engine}_{stand}", {"angles": ANGLES[engine]}, make)
 
