@@ -270,7 +270,7 @@ def test_a_score_says_by_what_code(
         (made / "results" / f"{name}.json").write_text(json.dumps(record))
     score = score_field(made)
     assert score["code"] == {"changed": [], "figures_as_sealed": True}
-    assert score["cases"] == 5
+    assert score["cases"] == 4
     said = dogshape("blind", "score", made)
     assert "scored by the code and the headline figures that were sealed" in said.out
     assert "no effect: one is named" in said.out

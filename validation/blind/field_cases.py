@@ -42,8 +42,8 @@ OUTSIDE: dict[str, dict[str, tuple[int, int]]] = {
     },
     "drake": {"drift": (2, 0), "sticking_valve": (2, 0), "swapped_column": (1, 0)},
 }
-#: A small set: cases of each kind in each engine.
-SMALL = {"none": 1, "single": 2, "pair": 1, "outside": 1}
+#: A small set, on the first clutch: cases of each kind in each engine.
+SMALL = {"none": 1, "single": 1, "pair": 1, "outside": 1}
 SHOWN = ("actuation_lag", "detent_force", "moving_mass", "viscous_damping")
 COMMON = ("actuation_delay", "sleeve_friction")  #: come with every bench
 POINTS = (6, 12)  #: operating points of a case, at least and at most

@@ -70,7 +70,8 @@ class FieldWanted:
     @property
     def cases(self) -> tuple[FieldCase, ...]:
         """Draw the cases; InputError for an unknown size."""
-        grids = {name: read_points(base(name)) for name in CLUTCHES}
+        clutches = CLUTCHES[:1] if self.size == "small" else CLUTCHES
+        grids = {name: read_points(base(name)) for name in clutches}
         return field_cases(self.size, grids, self.seed)
 
 
