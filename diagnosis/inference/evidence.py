@@ -26,7 +26,9 @@ FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
 TOLERANCE = 0.003  #: share of the evidence that a halving may still change
 ROUNDS = 9  #: of halving, at most
 POINTS = {1: 600, 2: 2600}  #: with which halving ends
-FIRST_DRAWS = 128  #: values of the first round of importance sampling, even over the prior
+#: Values of the first round of importance sampling, even over the prior: of three parameters or
+#: fewer, twice as many for each one more, whose narrow peak they else miss.
+FIRST_DRAWS = 128
 DRAWS = 192  #: values in a round of importance sampling
 SAMPLINGS = 16  #: rounds of importance sampling, at most
 ENOUGH = 150.0  #: effective draws with which the sampling ends
@@ -175,7 +177,7 @@ def _box_sums(rows: Rows, log: Array, each: int) -> Array:
 def sampled(at: Score, size: int, best: float = -np.inf, seed: int = 1) -> Sum:
     """Integrate over the unit cube by importance sampling that adapts itself."""
     generator = np.random.default_rng(seed)
-    points = qmc.Sobol(size, seed=generator).random(FIRST_DRAWS)
+    points = qmc.Sobol(size, seed=generator).random(FIRST_DRAWS * 2 ** max(0, size - 3))
     rows = at(points)
     proposals: list[_Proposal] = []
     counts = [len(points)]

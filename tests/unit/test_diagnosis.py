@@ -148,7 +148,7 @@ def test_the_next_test_says_what_each_hypothesis_foretells() -> None:
     foretold = {tuple(one["effects"]): one for one in test["foretold"]}
     assert set(foretold) == {UNKNOWN, *(h for h, p in found.posterior.items() if p > LEAST)}
     delay, lag = foretold[("actuation_delay",)], foretold[("actuation_lag",)]
-    assert delay["mean"] == pytest.approx([0.08 / 0.25, 0.0], abs=0.02)
+    assert delay["mean"] == pytest.approx([0.08 / 0.4, 0.0], abs=0.02)
     assert lag["mean"][0] == 0.0
     assert min(*delay["sd"], *lag["sd"]) == EXACT
 

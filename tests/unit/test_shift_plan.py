@@ -37,6 +37,7 @@ from tests.toy import CLUTCH, EFFECTS, Toy, bench_of, points_of
 Call = Callable[..., Said]
 POINTS = points_of((235.2, 641.5))
 PLAIN = Rules(discrepancy=0.0)
+LONGEST = EFFECTS["actuation_delay"].parameters[0].high  #: dead time of the range, s
 
 
 def _field(
@@ -52,7 +53,7 @@ def _field(
 def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
     """A dead time d moves all times alike: D = d^2 / (sd^2/n + e^2) at one operating point."""
     field = _field(("actuation_delay",), POINTS[:1])
-    delays = 0.25 * (np.arange(24) + 0.5) / 24
+    delays = LONGEST * (np.arange(24) + 0.5) / 24
     base = field.baseline
     for n in (1, 10, 400):
         variance = base.core_sd[0, 0] ** 2 / n + base.error[0, 0] ** 2
@@ -60,7 +61,7 @@ def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
         assert found[1:, 0] == pytest.approx(delays**2 / variance, rel=1e-3)
         # None, and any dead time, is imitated by a dead time.
         assert found[0].tolist() == pytest.approx([0.0, 0.0], abs=1e-9)
-        assert found[1:, 1].max() < 4.0 * (0.25 / 63 / 2) ** 2 / variance
+        assert found[1:, 1].max() < 4.0 * (LONGEST / 63 / 2) ** 2 / variance
         right = [field.log_odds(np.array([float(n)]))[1, 0], 0.5 * (delays**2 / variance).mean()]
         assert right[0] == pytest.approx(right[1], rel=1e-3)
 
@@ -71,7 +72,7 @@ def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> 
     whole = _field(("actuation_delay",), point, Rules(discrepancy=0.04))
     time = whole.baseline.core[0, 0]
     many = whole.distances(np.array([1e9]))[1:, 0]
-    delays = 0.25 * (np.arange(24) + 0.5) / 24
+    delays = LONGEST * (np.arange(24) + 0.5) / 24
     error = whole.baseline.error[0, 0]
     shared = whole.common[0, 0]
     assert np.sqrt(shared) == pytest.approx(0.04 * time, rel=0.15)
@@ -221,7 +222,7 @@ def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_data() -> N
     shifts = np.full(2, float(n))
     truth = 1 + int(np.argmin(abs(field.distances(shifts)[1:, 0] - 8.0)))
     distance = field.distances(shifts)[truth, 0]
-    delay = 0.25 * (truth - 0.5) / 24
+    delay = LONGEST * (truth - 0.5) / 24
     base = field.baseline
     widths = np.sqrt(base.core_sd[0] ** 2 / n + base.error[0] ** 2)
     generator = np.random.default_rng(1)
@@ -236,7 +237,7 @@ def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_data() -> N
         bench = Bench("drawn", "", CLUTCH, gather(readings), None, Sensor())
         problem = Problem(observe(bench), Toy(points), Settings(PLAIN))
         none = score(problem, spaces[0], np.zeros((1, 0)))
-        late = score(problem, spaces[1], np.array([[delay / 0.25]]))
+        late = score(problem, spaces[1], np.array([[delay / LONGEST]]))
         odds.append(float(late.whole[0] - none.whole[0]))
     error = np.std(odds) / np.sqrt(count)
     assert np.mean(odds) == pytest.approx(0.5 * distance, abs=4.0 * error)
