@@ -17,7 +17,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from dogshape.comparison import Comparison
+    from dogshape.diagnosis.bench.reading import Reading
     from dogshape.gap import Diagnosis
+
+
+def _series(reading: Reading) -> dict[str, float]:
+    """Return spread and place in the series of a row, as far as it has them."""
+    known = {"shift_time_sd_s": reading.sd, "place": reading.place}
+    return {name: value for name, value in known.items() if value is not None}
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -52,7 +59,10 @@ class Bench:
         return self.data.name
 
     def to_frame(self) -> pd.DataFrame:
-        """Give a row for each row of the set, columns as in ``shifts.csv``, corrected."""
+        """Give a row for each row of the set, columns as in ``shifts.csv``, corrected.
+
+        ``place`` is ``order``, or ``timestamp`` in s where there is none.
+        """
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
         rows = [
@@ -64,6 +74,7 @@ class Bench:
                 "shift_time_s": reading.time,
                 "engaged": reading.engaged,
                 "trace": None if reading.trace is None else str(reading.trace.path),
+                **_series(reading),
             }
             for reading in self.data.readings
         ]

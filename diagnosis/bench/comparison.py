@@ -3,7 +3,7 @@
 If the data set gives its relative angles, the simulation uses the same angles. The standard error
 is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
 error adds that of the bench's mean and that of the simulated mean. The former has the simulated
-spread, or that of single readings where it is larger: few angles may miss a long tail.
+spread, or that of the readings where it is larger: few angles may miss a long tail.
 """
 
 from __future__ import annotations
@@ -138,6 +138,15 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
 
 
 def _scatter(cell: Cell) -> float:
-    """Return the standard deviation of single readings, s; 0 where too few say it."""
+    """Return the standard deviation of readings, s; 0 where too few say it.
+
+    That of single ones is pooled with those that come beside means.
+    """
     times = cell.times
-    return float(times.std(ddof=1)) if len(times) >= LEAST else 0.0
+    told = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
+    if len(times) >= LEAST:
+        told.append((len(times) - 1.0, float(times.var(ddof=1))))
+    whole = sum(freedom for freedom, _ in told)
+    if whole < LEAST - 1.0:
+        return 0.0
+    return math.sqrt(sum(freedom * variance for freedom, variance in told) / whole)

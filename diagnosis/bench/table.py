@@ -118,9 +118,11 @@ def _table(path: Path) -> TextTable:
 
 def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
     names = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts")
-    mismatch, force, rise, count = (_number(path, row, record, column) for column in names)
-    if count < 1 or count != int(count):
-        raise bad_cell(path, row, "n_shifts", record["n_shifts"], "a whole number of at least 1")
+    mismatch, force, rise = (_number(path, row, record, column) for column in names[:3])
+    count = float(record["n_shifts"]) if is_plain(record["n_shifts"]) else 0.0
+    if not 1 <= count < np.inf or count != int(count):
+        rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
+        raise bad_cell(path, row, "n_shifts", record["n_shifts"], f"{rule}single shift")
     if count > MOST:
         rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
         raise bad_cell(path, row, "n_shifts", record["n_shifts"], rule)

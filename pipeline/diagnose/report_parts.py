@@ -42,6 +42,7 @@ def _digest(bench: Bench) -> str:
     """Return a hash of all readings of a data set."""
     rows = [
         [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
+        + [one for one in (r.sd, r.place) if one is not None]
         for cell in bench.cells
         for r in cell.readings
     ]

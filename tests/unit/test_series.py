@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.diagnosis import diagnose
@@ -180,6 +181,15 @@ def test_spreads_beside_means_show_what_means_do_not() -> None:
     ]
     assert fits[0] > 0.05
     assert fits[1] < 0.01
+
+
+def test_the_frame_of_a_set_has_spread_and_place(write: Write) -> None:
+    rows = ["50,469,0.1766,10,0.05,0.008,1", "100,469,0.1766,1,0.06,,2"]
+    frame = ds.Bench(write("shift_time_sd_s,order", rows)).to_frame()
+    assert frame["place"].tolist() == [1.0, 2.0]
+    assert frame["shift_time_sd_s"].iloc[0] == pytest.approx(0.008)
+    plain = ds.Bench(write("", ["50,469,0.1766,10,0.05"])).to_frame()
+    assert list(plain)[-1] == "trace"
 
 
 def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:

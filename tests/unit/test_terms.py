@@ -67,3 +67,10 @@ def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
     assert found.simulated.sd < np.std(times)
     assert found.standard_error == pytest.approx(np.hypot(found.simulated.standard_error, own))
     assert mean.standard_error < found.standard_error
+    told = (
+        Reading(2, cell.point, 5, float(np.mean(times)), True, sd=float(np.std(times, ddof=1))),
+    )
+    (beside,) = compare(
+        replace(bench, cells=(replace(cell, readings=told),)), made_up, 8
+    ).differences
+    assert beside.standard_error == pytest.approx(found.standard_error)
