@@ -174,6 +174,9 @@ def test_data_say_nothing_of_the_truth(made: Path) -> None:
     for name, case in sealed.opened(made)["cases"].items():
         with (made / "cases" / name / "shifts.csv").open(encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
+        stated = load_bench(made / "cases" / name).errors.each_point
+        assert stated.force_share == pytest.approx(case["force_error"], rel=0.01)
+        assert stated.mismatch_share == pytest.approx(case["speed_error"], rel=0.01)
         points = {(row["mismatch_rpm"], row["force_N"]) for row in rows}
         grid = read_points(base(case["stand"]))
         assert len(points) == len(case["places"])

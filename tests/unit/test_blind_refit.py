@@ -102,8 +102,8 @@ def test_a_partner_that_can_do_none_of_it_leaves_all() -> None:
 
 
 def test_a_partner_takes_over_no_more_than_its_prior_allows() -> None:
-    """0.1 s of delay and 0.2 s more: the prior ends at 0.25 s, so 0.05 s stay at each point."""
-    found = left_by(_seen(BARE), CASE, POINTS, {FRICTION: 0.2 * LATER})[FRICTION]
+    """0.1 s of delay and 0.35 s more: the prior ends at 0.4 s, so 0.05 s stay at each point."""
+    found = left_by(_seen(BARE), CASE, POINTS, {FRICTION: 0.35 * LATER})[FRICTION]
     error = math.sqrt(SD**2 / SHIFTS + ERROR**2)
     assert found.after == pytest.approx(0.05 * math.sqrt(len(POINTS)) / error, rel=1e-6)
 

@@ -175,17 +175,17 @@ def test_an_effect_without_parameters_reads_as_there_or_not() -> None:
 def test_what_is_outside_the_list_reads_as_what_acts() -> None:
     names = ["delay_s", "force_factor", "gap_offset_mm"]
     truth = truth_of({}, {"sticking_valve": 0.5, "drift": 0.4, "high_dog": 0.5})
-    # The mean delay of 0.1 s in 0 to 0.25; half of a drift of 0.42 in 0.6 to 1.4; a gap smaller by
-    # 0.8 mm, which is below -0.5 to 0.5.
-    assert shares_of(truth, STAND, names) == pytest.approx([0.4, 0.2375, 0.0])
+    # The mean delay of 0.1 s in 0 to 0.4; half of a drift of 0.42 in 0.5 to 1.5; a gap smaller by
+    # 0.8 mm, the lower end of its range.
+    assert shares_of(truth, STAND, names) == pytest.approx([0.25, 0.29, 0.0])
 
 
 def test_the_error_of_a_direct_test_is_a_twentieth_and_repeatable() -> None:
     assert ERROR == EXACT
-    test = _direct({DELAY: [0.4, 0.0]})["next_test"]
+    test = _direct({DELAY: [0.25, 0.0]})["next_test"]
     assert outcome_of("case_00", LATE, test, STAGE) == outcome_of("case_00", LATE, test, STAGE)
     drawn = np.array([outcome_of(f"case_{k:03d}", LATE, test, STAGE) for k in range(400)])
-    assert drawn.mean(axis=0) == pytest.approx([0.4, 0.0], abs=4.0 * ERROR / 20.0)
+    assert drawn.mean(axis=0) == pytest.approx([0.25, 0.0], abs=4.0 * ERROR / 20.0)
     assert drawn.std(axis=0) == pytest.approx([ERROR, ERROR], rel=0.15)
 
 

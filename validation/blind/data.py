@@ -121,7 +121,7 @@ def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None)
         lines += ["", f"[{table}]"]
         lines += [f"{key} = {_toml(value)}" for key, value in data[table].items()]
     lines += ["", "[sensor]", 'displacement_at = "actuator"', ""]
-    if errors is not None and SAYS_ERRORS:
+    if errors is not None:
         force, mismatch = (f"{100.0 * one:.3g}" for one in errors)
         lines += [
             "[errors.each_point]",
@@ -132,7 +132,6 @@ def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None)
     return "\n".join(lines)
 
 
-SAYS_ERRORS = False  #: whether a stand says the errors of its nominal values
 _PLAIN = ("timeout_s", "shift_travel_mm")
 
 

@@ -93,8 +93,7 @@ def write_field_case(
     engage.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    text = bench_text(base, folder.name, (case.force_error, case.speed_error))
-    (folder / "bench.toml").write_text(text, encoding="utf-8")
+    write_stand_file(folder, base, case)
     ordered = case.case.form != "means"
     order = swapped(points) if case.case.swapped else list(range(len(points)))
     drawn = series_draws(case, read_stand(base))
@@ -113,6 +112,12 @@ def write_field_case(
             for row in rows:
                 table.writerow((*given, *row))
     return [[shift.time for shift in shifts[place]] for place in order]
+
+
+def write_stand_file(folder: Path, base: Path, case: FieldCase) -> None:
+    """Write ``bench.toml`` of a case, with the errors of its nominal values."""
+    text = bench_text(base, folder.name, (case.force_error, case.speed_error))
+    (folder / "bench.toml").write_text(text, encoding="utf-8")
 
 
 def _single_rows(

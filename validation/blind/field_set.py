@@ -47,7 +47,7 @@ from dogshape.validation.blind.field_cases import (
     case_of,
     field_cases,
 )
-from dogshape.validation.blind.field_data import simulated, write_field_case
+from dogshape.validation.blind.field_data import simulated, write_field_case, write_stand_file
 from dogshape.validation.blind.field_figures import HEADLINES, scoring_code
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.sealed import FORMAT, MAKING, Advance, hash_of, pool, read, write
@@ -283,6 +283,8 @@ def _seal(
         made = read(making / f"{name}.json", "remove it")["made"]
         yard = read(making / f"{name}_yardstick.json", "remove it")["made"]
         truths[name] = {**case.record(), **made, "yardstick": yard}
+        # A stand says what the diagnosis of today reads, whenever the shifts were made.
+        write_stand_file(folder / "cases" / name, base(case.stand), case)
     key = {
         "format": FORMAT,
         "salt": secrets.token_hex(16),
