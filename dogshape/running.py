@@ -36,7 +36,8 @@ class Where:
         """Give what simulates the shifts of one question, and counts them."""
         with WorkCounter(self.progress, shifts) as counter:
             if self.keep is None:
-                yield Running(scratch_executor(self.jobs, counter.advance, self.cluster), counter)
+                executor = scratch_executor(self.jobs, counter.advance, self.cluster, counter.weigh)
+                yield Running(executor, counter)
                 return
             folder = work_folder(self.keep, name, *asked)
             with kept_shifts(folder, counter, self.jobs, self.cluster) as executor:

@@ -13,7 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
-from dogshape.pipeline.forecast import Forecast, Kind
+from dogshape.pipeline.forecast import NO_GUESS, Forecast, Kind
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,8 @@ class WorkCounter:
     """Count finished shifts into a progress; a context manager that says when the work ends.
 
     ``most`` says that ``total`` is an upper bound, ``unit`` what is counted. ``forecast`` foresees
-    the time left where shifts are not all of the work.
+    the time left where shifts are not all of the work; without it the time follows from what was
+    counted so far, each shift weighed by what it likely costs.
     """
 
     def __init__(
@@ -79,9 +80,11 @@ class WorkCounter:
         self._total = total
         self._most = most
         self._unit = unit
-        self._forecast = forecast
+        self._bare = forecast is None  # nothing but shifts, and no guess of their cost
+        self._forecast = forecast or Forecast({"shift": total}, weight=NO_GUESS)
         self._done = self._known = 0
         self._kind: Kind = "shift"
+        self._factor, self._weighed = 1.0, False
 
     def __enter__(self) -> WorkCounter:
         self._update()
@@ -93,7 +96,8 @@ class WorkCounter:
         self._update(ended=True)
 
     def _update(self, *, ended: bool = False) -> None:
-        left = None if self._forecast is None else self._forecast.seconds
+        foreseen = not self._bare or (self._weighed and self._forecast.done)
+        left = self._forecast.seconds if foreseen else None
         count = Count(self._done, self._total, self._known, self._most, self._unit, ended, left)
         self._progress.update(count)
 
@@ -105,8 +109,7 @@ class WorkCounter:
         """Give what counts finished shifts of a kind."""
 
         def advance(count: int) -> None:
-            if self._forecast is not None:
-                self._forecast.report(kind, count)
+            self._forecast.report(kind, count * self._factor)
             self._add(count)
 
         return advance
@@ -116,51 +119,53 @@ class WorkCounter:
 
         def known(count: int) -> None:
             self._known += count
-            if self._forecast is not None:
-                self._forecast.skip(kind, count)
+            self._forecast.skip(kind, count)
             self._add(count)
 
         return known
 
+    def weigh(self, factor: float) -> None:
+        """Take that each of the shifts counted next costs ``factor`` times the mean of its kind."""
+        self._factor, self._weighed = factor, True
+
     def worked(self, kind: Kind, count: int = 1) -> None:
         """Take that work was finished that is no shift."""
-        if self._forecast is not None:
-            self._forecast.report(kind, count)
+        self._forecast.report(kind, count)
         self._update()
 
     def more(self, kind: Kind, count: int, later: float = 0.0) -> None:
         """Expect ``count`` more shifts of a kind, and ``later`` more that are likely."""
-        if self._forecast is not None:
-            self._forecast.left[kind] = count + later
-        self.extend(count)
+        self._forecast.left[kind] = count + later
+        self._total += count
+        self._update()
 
-    def confirms(self) -> None:
-        """Take all further shifts for those of another engine, which confirms."""
-        self._kind = "confirm"
+    def confirms(self, other: bool = True) -> None:
+        """Take all further shifts for those of another engine, which confirms, or of the same."""
+        self._kind = "confirm" if other else "shift"
 
     def quick(self, count: int) -> None:
         """Take ``count`` more finished shifts of the compiled engine, which are not counted."""
-        if self._forecast is not None:
-            self._forecast.report("quick", count)
+        self._forecast.report("quick", count * self._factor)
         self._update()
 
     def proposed(self) -> None:
         """Take that what went before was no simulation but a proposal of designs."""
-        if self._forecast is not None:
-            self._forecast.report("design", 0)
+        self._forecast.report("design", 0)
 
     def asked(self, count: int) -> None:
         """Take ``count`` more designs as proposed; the first ones fill the space."""
-        if self._forecast is not None:
-            first = self._forecast.left.get("first", 0.0) > 0.0
-            self._forecast.report("first" if first else "design", count)
+        first = self._forecast.left.get("first", 0.0) > 0.0
+        self._forecast.report("first" if first else "design", count)
         self._update()
 
     def told(self, left: Mapping[Kind, float]) -> None:
         """Take what is expected of each kind after a round of designs was told."""
-        if self._forecast is not None:
-            self._forecast.report("design", 0)
-            self._forecast.expect(left)
+        self._forecast.report("design", 0)
+        self.expects(left)
+
+    def expects(self, left: Mapping[Kind, float]) -> None:
+        """Take what is expected of each kind from now on."""
+        self._forecast.expect(left)
         self._update()
 
     def _add(self, count: int) -> None:
@@ -175,11 +180,15 @@ class WorkCounter:
     def extend(self, count: int) -> None:
         """Expect ``count`` more shifts than was said at first."""
         self._total += count
+        if self._bare:
+            self._forecast.left["shift"] += count
         self._update()
 
     def rest(self, count: int) -> None:
         """Expect ``count`` more shifts after those that are done, whatever was said before."""
         self._total = self._done + count
+        if self._bare:
+            self._forecast.left["shift"] = count
         self._update()
 
     @contextmanager

@@ -12,12 +12,12 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.duration import about
-from dogshape.pipeline.forecast import COST, PLANAR, Forecast
+from dogshape.pipeline.forecast import Forecast
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
-from dogshape.pipeline.search.foreseen import to_confirm, to_search
+from dogshape.pipeline.search.foreseen import RoundAhead, costs, to_confirm, to_live, to_search
 from dogshape.pipeline.search.front_uncertainty import standings
 from dogshape.pipeline.search.repair import repair
 from dogshape.pipeline.search.replication import replicate, replication_record
@@ -86,7 +86,8 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
         known = digest_of(brought)
         search = open_search(study, folder, how.storage, how.resume, known=known, guide=guide)
         with closing(search.claims), kept(how.storage, folder):
-            result, say = _searched(search, sampler_of, how)
+            rows = 0 if brought is None else len(brought.surrogate.data)
+            result, say = _searched(search, sampler_of, how, rows)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:
@@ -97,16 +98,17 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
     return result
 
 
-def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
+def _searched(
+    search: Search, sampler_of: SamplerOf, how: Run, known: int
+) -> tuple[dict[str, Any], Say]:
     """Run a search to its end, replicate what is unclear of it and confirm its best.
 
-    Give the result and how to say more.
+    ``known`` rows join those of the search. Give the result and how to say more.
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
     jobs = workers_of(how.jobs)
-    cost = PLANAR if search.study.clutch.solver.engine == "planar" else COST
-    foreseen = Forecast(to_search(search), jobs, cost)
+    foreseen = Forecast(to_search(search), jobs, costs(search.study, known))
     with WorkCounter(how.progress, most, most=True, forecast=foreseen) as progress:
         progress.say(words)
         if (angles := search.study.file.search.screen_angles) is not None:
@@ -118,17 +120,18 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
         def after_round(line: str, state: SearchState) -> None:
-            progress.told(to_search(search, state))
+            ahead.told(state)
             progress.say(line)
             write_json(folder.result, collect(state, journal))
 
+        ahead = RoundAhead(search, progress)
         executor = Executor(
             journal, how.jobs, progress.advance, how.cluster, progress.known, progress.quick,
-            progress.proposed,
+            ahead.begun, progress.weigh,
         )  # fmt: skip
         with progress.kept_in(folder.root, "--resume goes on"):
             findings = repair(search, executor, progress.say)
-            state = run(search, sampler_of, executor, after_round, findings, asked=progress.asked)
+            state = run(search, sampler_of, executor, after_round, findings, asked=ahead.asked)
             replication, state = _replicate(state, executor, progress)
             confirmation, state = _confirm(state, executor, progress)
             life = _life(confirmation, state, executor, progress)
@@ -157,6 +160,8 @@ def _life(
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
     each = len(study.points) * study.file.search.confirm_angles
     progress.rest((len(STAGES) - 1) * each)
+    progress.confirms(other=False)
+    progress.expects({"shift": to_live(study)})
     progress.say(f"design {trial.number} over its life: half worn and worn")
     try:
         return life_of(study, dict(trial.params), wear, executor)
@@ -299,7 +304,8 @@ def _replicate(
 
     def told(left: int, line: str) -> None:
         progress.rest(left + confirm)
-        progress.told({**likely, "shift": left + likely.get("shift", 0.0)})
+        shifts = left + likely.get("shift", 0.0) + to_live(study)
+        progress.told({**likely, "shift": shifts})
         progress.say(line)
 
     done, state = replicate(state, executor, told)
@@ -314,7 +320,8 @@ def _confirm(
 
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(state.study, count))
-        progress.told(to_confirm(state.study, count))
+        work = to_confirm(state.study, count)
+        progress.told({**work, "shift": work.get("shift", 0.0) + to_live(state.study)})
         progress.say(line)
 
     return confirm(state, executor, told)

@@ -219,7 +219,9 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         progress.kept_in(means.bank, how),
     ):
         journal = ShiftJournal(kept)
-        executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
+        executor = Executor(
+            journal, means.jobs, progress.advance, known=progress.known, weigh=progress.weigh
+        )
         banks = made(executor.run)
         journal.say_unfinished(means.progress.say)
         return banks

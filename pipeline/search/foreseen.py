@@ -2,38 +2,69 @@
 
 from __future__ import annotations
 
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.forecast import Kind
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from dogshape.pipeline.config.study_file import Setup, wear_of
+from dogshape.pipeline.forecast import COST, PLANAR, Kind
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.search.dog_guide import OWN, DogGuide, simulated
 from dogshape.pipeline.search.samplers import startup_designs
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState, spent_on
+from dogshape.pipeline.simulate.life import STAGES
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
+from dogshape.sim.statistics.numerical_error import repeated
 
 Work = dict[Kind, float]
 
 PASS = 0.6  #: share of designs that pass their screen, before any was screened
 COUNTS = 4.0  #: designs that this guess counts for, once some were
+FINER = 1.0  #: shifts that one with a finer tolerance takes longer than another
+#: s that a proposal takes, fit included: with few rows, and more with a surrogate of so many, by
+#: the square of their number (``benchmarks/workers.py``).
+PROPOSAL, MORE, ROWS = 0.25, 1.75, 2500
 
 
-def to_search(search: Search, state: SearchState | None = None) -> Work:
+@dataclass(frozen=True)
+class Running:
+    """Designs of a round that is simulated now, and the shifts that this takes."""
+
+    designs: int = 0
+    shifts: int = 0
+
+
+NONE = Running()
+
+
+def costs(study: Setup, known: int) -> Mapping[Kind, float]:
+    """Guess what one of each kind of work costs, s; ``known`` rows join those of the search."""
+    settings = study.file.search
+    rows = known + settings.trials * min(settings.points or len(study.points), len(study.points))
+    cost = PLANAR if study.clutch.solver.engine == "planar" else COST
+    return {**cost, "design": PROPOSAL + MORE * (rows / ROWS) ** 2}
+
+
+def to_search(search: Search, state: SearchState | None = None, running: Running = NONE) -> Work:
     """Expect the work of the search that is left, of replication and of confirmation.
 
-    Designs so far say how many shifts a design takes and how many the front has.
+    Designs so far say how many shifts a design takes and how many the front has. Of a round that
+    is ``running`` the proposals and screens are done, and the shifts are known.
     """
     study, settings = search.study, search.study.file.search
     partial = search.guide is not None and search.guide.partial
     trials = search.trials() if state is None else state.trials
-    left = max(0, settings.trials - len(trials))
+    told = len(trials) + running.designs
+    left = max(0, settings.trials - told)
     whole = most_to_search(study, 1, partial, False)
     guess = whole * (PASS if settings.screen_angles is not None else 1.0)
     spent = spent_on(study, [trial for trial in trials if simulated(trial)])
-    each = (spent + COUNTS * guess) / (len(trials) + COUNTS)
-    new = not any(trial.user_attrs.get("prototype") for trial in trials)
+    each = (spent + running.shifts + COUNTS * guess) / (told + COUNTS)
+    new = not running.designs and not any(t.user_attrs.get("prototype") for t in trials)
     own = most_to_search(study, 1, partial, True) - whole if new else 0
-    searching = left * each + own
+    searching = running.shifts + left * each + own
     again = settings.replicate * (spent + searching)
-    first = _filling(search, len(trials), left)
+    first = _filling(search, told, left)
     # A reference is screened with each round beside its designs.
     rounds = (left - first) / max(1, settings.batch) + (first > 0)
     front = settings.confirm_designs
@@ -47,6 +78,7 @@ def to_search(search: Search, state: SearchState | None = None) -> Work:
         "shift": searching + again,
     }
     kinds: tuple[Kind, ...] = ("first", "design", "quick", "shift", "confirm")
+    confirming["shift"] = confirming.get("shift", 0.0) + to_live(study)
     return {kind: float(mine.get(kind, 0.0) + confirming.get(kind, 0.0)) for kind in kinds}
 
 
@@ -64,7 +96,49 @@ def _filling(search: Search, told: int, left: int) -> int:
 def to_confirm(study: Setup, designs: int) -> Work:
     """Expect the work to confirm prototype and so many designs."""
     kind: Kind = "shift" if study.confirming is study else "confirm"
-    return {"quick": screened(study, designs + 2), kind: float(most_to_confirm(study, designs))}
+    each = len(study.points) * study.file.search.confirm_angles
+    finer = FINER * 2 * repeated(each)
+    whole = most_to_confirm(study, designs) + finer
+    return {"quick": screened(study, designs + 2), kind: float(whole)}
+
+
+def to_live(study: Setup) -> float:
+    """Count the shifts of the chosen design as it wears; none where the study has no wear."""
+    if wear_of(study.file) is None:
+        return 0.0
+    return float((len(STAGES) - 1) * len(study.points) * study.file.search.confirm_angles)
+
+
+@dataclass
+class RoundAhead:
+    """Tells a counter of a search what a round takes as soon as its screen is over.
+
+    How many designs pass is not known before: in a study in which most fail, most of what was
+    foreseen falls away then, and not at the end of the round.
+    """
+
+    search: Search
+    counter: WorkCounter
+    state: SearchState | None = None
+    _designs: int = 0
+
+    def asked(self, count: int) -> None:
+        """Take the number of designs of a round."""
+        self._designs = count
+        self.counter.asked(count)
+
+    def told(self, state: SearchState) -> None:
+        """Take the state after a round."""
+        self.state, self._designs = state, 0
+        self.counter.told(to_search(self.search, state))
+
+    def begun(self, shifts: int) -> None:
+        """Take that so many shifts of the study's own begin; none while designs are screened."""
+        self.counter.proposed()
+        if self._designs and shifts:
+            running = Running(self._designs, shifts)
+            self.counter.expects(to_search(self.search, self.state, running))
+            self._designs = 0
 
 
 def screened(study: Setup, designs: float) -> float:

@@ -41,11 +41,16 @@ UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some 
 
 
 def finish(
-    search: Search, ids: Sequence[int], executor: Executor, findings: Findings = NOTHING
+    search: Search,
+    ids: Sequence[int],
+    executor: Executor,
+    findings: Findings = NOTHING,
+    screened: Sequence[Simulated | None] | None = None,
 ) -> Findings:
     """Simulate the designs among trials that may pass and tell them all in order.
 
-    Give the findings with the trials that are left open.
+    ``screened`` is what their screen found, where that is over. Give the findings with the trials
+    that are left open.
     """
     study = search.study
     trials = [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
@@ -53,7 +58,8 @@ def finish(
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     seed = study.file.expectation.seed
     own = {k: study.operated(designs[k].params) for k in worth}
-    screened = screen(study, [*worth.values()], executor, seed, [*own.values()])
+    if screened is None:
+        screened = screen(study, [*worth.values()], executor, seed, [*own.values()])
     screens = dict(zip(worth, screened, strict=True))
     measured = {k: None if one is None else one.measured for k, one in screens.items()}
     judged = {k: design_of(study, designs[k].params, one) for k, one in measured.items()}
@@ -81,7 +87,7 @@ def finish(
             with suppress(UpdateFinishedTrialError):
                 storage = search.optuna._storage
                 storage.set_trial_system_attr(trial._trial_id, PLAN, whole_plan(study))
-        return finish(search, ids, executor, findings)
+        return finish(search, ids, executor, findings, screened)
     for k, trial in enumerate(noted):
         # A design that failed its screen keeps the compiled engine's values: proposals learn of it.
         one = found.get(k) or screens.get(k)

@@ -23,6 +23,7 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
+from dogshape.pipeline.simulate.block_cost import dearest_first, likely_cost, mean_cost
 from dogshape.pipeline.simulate.watchdog import broken, end_with_parent, watched
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, WorkerError
@@ -58,7 +59,9 @@ class Executor:
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
     the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
     called with the number of shifts that the journal has already, instead of ``progress``, and
-    ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated.
+    ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated,
+    with the number of those that will be kept. ``weigh`` is called before ``progress`` or ``quick``
+    with the likely cost of each of the shifts just finished, over the mean of all asked for.
     """
 
     journal: ShiftJournal
@@ -67,7 +70,8 @@ class Executor:
     cluster: str | None = None
     known: Progress | None = None
     quick: Progress = field(default=_silent)
-    begun: Callable[[], None] | None = None
+    begun: Callable[[int], None] | None = None
+    weigh: Callable[[float], None] | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
     _again: dict[str, Record] = field(default_factory=dict, init=False, repr=False)
 
@@ -78,17 +82,33 @@ class Executor:
         die again and again or the cluster is lost, StorageError where the journal cannot be
         written.
         """
-        if self.begun is not None:
-            self.begun()
         asked = {key for block in blocks for key in block.keys}
         known = [key for key in asked - self._counted if key in self.journal.rows]
         self._counted |= asked
         if known:
             (self.known or self.progress)(len(known))
-        for rows in self._simulate(self._unfinished(blocks)):
+        left = self._unfinished(blocks)
+        if self.begun is not None:
+            self.begun(sum(len(block.angles) for block in left))
+        cost, usual = self._costs(left), mean_cost(left)
+        for rows in self._simulate(left):
             self.journal.add(rows)
+            if rows and self.weigh is not None:
+                whole = sum(cost.get(str(row["key"]), usual) for row in rows)
+                self.weigh(whole / len(rows) / usual)
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
+
+    def _none(self, _: int) -> None:
+        """Say that shifts begin of which none is kept."""
+        if self.begun is not None:
+            self.begun(0)
+
+    def _costs(self, blocks: Sequence[Block]) -> dict[str, float]:
+        """Return the likely cost of each shift by its key, where somebody asks."""
+        if self.weigh is None:
+            return {}
+        return {key: likely_cost(block) for block in blocks for key in block.keys}
 
     @contextmanager
     def apart(self, again: Sequence[Block] = ()) -> Iterator[Executor]:
@@ -99,7 +119,9 @@ class Executor:
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
             journal.rows |= self._again
-            yield Executor(journal, self.jobs, self.quick, self.cluster, begun=self.begun)
+            yield Executor(
+                journal, self.jobs, self.quick, self.cluster, begun=self._none, weigh=self.weigh
+            )
             keys = {key for block in again for key in block.keys}.intersection(journal.finished)
             self._again = {key: journal.rows[key] for key in keys}
 
@@ -116,6 +138,8 @@ class Executor:
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
         jobs = min(workers_of(self.jobs), len(blocks))
+        if self.cluster is not None or jobs > 1:
+            blocks = dearest_first(blocks)
         if self.cluster is not None:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:
@@ -214,13 +238,17 @@ def _work_away(block: Block) -> list[Record]:
 
 
 def scratch_executor(
-    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
+    jobs: int = 0,
+    progress: Progress = _silent,
+    cluster: str | None = None,
+    weigh: Callable[[float], None] | None = None,
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
+    journal = ShiftJournal(Path(folder) / "shifts.jsonl")
+    return Executor(journal, jobs, progress, cluster, weigh=weigh)
 
 
 _clients: dict[str, Any] = {}  #: of Dask clusters, by address

@@ -119,8 +119,9 @@ def _executor(
     journal: ShiftJournal, jobs: int, cluster: str | None, counter: WorkCounter, kind: Kind
 ) -> Executor:
     return Executor(
-        journal, jobs, counter.of(kind), cluster, counter.known_of(kind), counter.of("quick")
-    )
+        journal, jobs, counter.of(kind), cluster, counter.known_of(kind), counter.of("quick"),
+        weigh=counter.weigh,
+    )  # fmt: skip
 
 
 def _references(
@@ -193,7 +194,9 @@ def ask_more(
     study = folder.stored_study()
     _require_shapes_alone(study)
     with folder.writing(), WorkCounter(progress, inquiry.shifts) as counter:
-        executor = Executor(ShiftJournal(folder.shifts), jobs, counter.advance, cluster)
+        executor = Executor(
+            ShiftJournal(folder.shifts), jobs, counter.advance, cluster, weigh=counter.weigh
+        )
         with counter.kept_in(folder.root, "the same command goes on"):
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 

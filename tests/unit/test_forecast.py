@@ -89,6 +89,74 @@ def test_a_counter_hands_on_what_is_foreseen() -> None:
     assert seen[-1].ended
 
 
+def test_kinds_not_yet_measured_follow_the_pace_of_those_that_were() -> None:
+    """On a machine of a third of the speed the dear shifts are foreseen by the cheap ones."""
+    clock = Clock()
+    forecast = Forecast({"quick": 8000, "shift": 400}, 1, clock=clock)
+    clock.now = 3.0 * COST["quick"] * 4000
+    forecast.report("quick", 4000)
+    assert forecast.each("shift") == pytest.approx(3.0 * COST["shift"], rel=0.1)
+
+
+def test_the_start_of_workers_is_not_taken_for_work() -> None:
+    clock = Clock()
+    forecast = Forecast({"quick": 10_000}, 1, clock=clock)
+    clock.now = 5.0  # what loads and compiles comes once
+    forecast.report("quick", 100)
+    for _ in range(10):
+        clock.now += 0.4
+        forecast.report("quick", 100)
+    assert forecast.each("quick") == pytest.approx(0.004, rel=0.15)
+
+
+def test_dear_shifts_first_do_not_mislead_a_counter() -> None:
+    """Half of the shifts cost three times the others, and come first."""
+    seen: list[Count] = []
+
+    class Watch:
+        def update(self, count: Count) -> None:
+            seen.append(count)
+
+        def say(self, line: str) -> None: ...
+
+    clock = Clock()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dogshape.pipeline.forecast.CLOCK", clock)
+        with WorkCounter(Watch(), 200) as counter:
+            assert seen[-1].left_s is None
+            for cost in (1.5, 0.5):
+                for _ in range(100):
+                    clock.now += cost
+                    counter.weigh(cost)
+                    counter.advance(1)
+                    if 10 <= seen[-1].done < 200:
+                        assert seen[-1].left_s == pytest.approx(200.0 - clock.now, rel=0.02)
+    assert seen[-1].left_s == 0.0
+
+
+def test_a_counter_takes_what_it_was_told_later() -> None:
+    seen: list[Count] = []
+
+    class Watch:
+        def update(self, count: Count) -> None:
+            seen.append(count)
+
+        def say(self, line: str) -> None: ...
+
+    clock = Clock()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dogshape.pipeline.forecast.CLOCK", clock)
+        with WorkCounter(Watch(), 20) as counter:
+            counter.weigh(1.0)
+            clock.now = 10.0
+            counter.advance(10)
+            assert seen[-1].left_s == pytest.approx(10.0)
+            counter.extend(20)
+            assert seen[-1].left_s == pytest.approx(30.0)
+            counter.rest(5)
+            assert seen[-1].left_s == pytest.approx(5.0)
+
+
 @pytest.mark.parametrize(
     ("seconds", "said"),
     [
