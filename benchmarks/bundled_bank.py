@@ -76,12 +76,14 @@ def main() -> None:
     for name in SETS:
         fly_all(load_bench(name), effects, flights)
         flights.save()
-    brought(FLIGHTS).write_bytes((given.bank / BUNDLED).read_bytes())
     BankStore((brought(TIMES), given.bank / TIMES)).save(brought(TIMES), dict.fromkeys(keys))
     # Where a size of a published set lies at the end of its range, its diagnosis wants more levels.
     wider = given.bank / WIDER
     for name in SETS:
         diagnosed(load_bench(name), Means(bank=wider, jobs=given.jobs, progress=ProgressBar()))
+    flights.take(wider / FLIGHTS)
+    flights.save()
+    brought(FLIGHTS).write_bytes((given.bank / BUNDLED).read_bytes())
     keys += BankStore((wider / TIMES,)).series
     BankStore((brought(TIMES), wider / TIMES)).save(brought(TIMES), dict.fromkeys(keys))
     print(f"{brought(TIMES)}: {len(dict.fromkeys(keys))} series")

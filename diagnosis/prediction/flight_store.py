@@ -53,6 +53,10 @@ class FlightStore:
         self.new[key] = table.astype(np.float32).astype(float)
         return self.new[key]
 
+    def take(self, path: Path) -> None:
+        """Take over the tables of another file, if there is one."""
+        self.new.update(_read(path) if path.exists() else {})
+
     def save(self) -> None:
         """Add the new flights to the last file, which is written as a whole or not at all.
 

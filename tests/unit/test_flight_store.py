@@ -38,6 +38,19 @@ def test_a_table_comes_back_as_it_was_told(tmp_path: Path) -> None:
     np.testing.assert_allclose(kept, TABLE, rtol=1e-7)
 
 
+def test_tables_of_another_file_are_taken_over(tmp_path: Path) -> None:
+    other, store = (FlightStore((tmp_path / name,)) for name in ("other.npz", "mine.npz"))
+    other.add("b", TABLE)
+    other.save()
+    store.add("a", TABLE)
+    store.take(tmp_path / "other.npz")
+    store.take(tmp_path / "none.npz")
+    store.save()
+    again = FlightStore((tmp_path / "mine.npz",))
+    assert again.get("a") is not None
+    assert again.get("b") is not None
+
+
 def test_a_file_that_is_none_is_named(tmp_path: Path) -> None:
     path = tmp_path / "flights.npz"
     path.write_bytes(b"not an archive")
