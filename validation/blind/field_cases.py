@@ -48,7 +48,8 @@ SHOWN = ("actuation_lag", "detent_force", "moving_mass", "viscous_damping")
 COMMON = ("actuation_delay", "sleeve_friction")  #: come with every bench
 POINTS = (6, 12)  #: operating points of a case, at least and at most
 NUMBERS = (3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 50)  #: shifts of an operating point
-FEW = (3, 4, 5)  #: the same with traces
+SLOW = 16  #: shifts at most where a shift takes tens of milliseconds
+FEW = (3, 4, 5)  #: shifts of an operating point with traces
 FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
 OTHERWISE = (0.1, 0.25)  #: share by which a force or a mismatch is off by another law
 FORCE = 500.0  #: N, of which that is a share
@@ -235,7 +236,8 @@ def _placed(
         # A stand is swept over both: of two mismatches at least there are two forces.
         if sum(speeds.count(one) > 1 for one in set(speeds)) > 1 and len(set(speeds)) > 2:
             break
-    numbers = generator.choice(FEW if case.form == "traces" else NUMBERS, count).tolist()
+    usual = [n for n in NUMBERS if engine == "planar" or n <= SLOW]
+    numbers = generator.choice(FEW if case.form == "traces" else usual, count).tolist()
     return FieldCase(
         case, engine, stand, places, tuple(numbers),
         float(generator.uniform(*FORCE_ERRORS)), float(generator.uniform(*SPEED_ERRORS)),

@@ -37,9 +37,9 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.expected_means import Expected
 from dogshape.validation.blind.pair_refit import Seen
 
-TRIED = (1, 65, 256, 384, 512)  #: values of a hypothesis by its number of parameters
-REFINED = 5  #: rivals that are refitted further, those with the least of it
-AROUND = 40  #: values of each round of that
+TRIED = (1, 129, 512, 1024, 1024)  #: values of a hypothesis by its number of parameters
+REFINED = 10  #: rivals that are refitted further, those with the least of it
+AROUND = 64  #: values of each round of that
 WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the priors, about the best so far
 ENGAGED = 0.5  #: share below which a rival has no times where the truth has
 MOST_ERROR = 0.1  #: of the mean time, what an emulated mean errs by at most
