@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
@@ -229,8 +230,9 @@ def _yardsticks(
         reference = read(folder / MAKING / f"{case.engine}_{stand}.json", "remove it")["made"]
         return yardstick_of(stick[0], case, made["made"], reference)
 
+    errors = USUAL.as_dict()["likelihood"]  # with others it is another yardstick
     for name in names:
-        _kept(folder, f"{name}_yardstick", {"name": name}, partial(make, name))
+        _kept(folder, f"{name}_yardstick", {"name": name, **errors}, partial(make, name))
     return len(names)
 
 
