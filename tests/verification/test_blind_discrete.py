@@ -59,6 +59,19 @@ def test_stiff_mechanisms_bear_its_steps(name: str, monkeypatch: pytest.MonkeyPa
         assert _mean(DiscreteEngine(STAND, truth), place) == pytest.approx(compiled, rel=0.06)
 
 
+def test_the_dynamic_coefficient_alone_would_be_another_clutch() -> None:
+    """A tenth faster at 10 1/min and three times as slow at 249 1/min: why the slip decides."""
+    clutch = clutch_of(STAND, Truth(), AS_PUBLISHED)
+    dynamic = clutch.contact.dynamic_friction
+    contact = replace(clutch.contact, static_friction=dynamic)
+    plant = ClutchPlant(replace(clutch, contact=contact), DiscreteSteps(1e-4))
+    for place, low, high in ((2, 0.85, 0.95), (13, 2.0, 4.0)):
+        asked = asked_of(Truth(), POINTS[place], Draw(0.0))
+        times = [engage(plant, asked, float(angle)).shift_time for angle in ANGLES]
+        slow = float(np.mean([time for time in times if time is not None]))
+        assert low < slow / _mean(DiscreteEngine(STAND), place) < high
+
+
 def test_friction_of_the_dogs_goes_by_the_slip() -> None:
     engine = DiscreteEngine(STAND)
     slow, fast = engine._plant(1.0), engine._plant(60.0)
