@@ -1,6 +1,6 @@
 """Does the bundled bank need a correction: the compiled engine against Drake, effect by effect.
 
-    python -m benchmarks.bank_engines
+    python -m benchmarks.bank_engines [EFFECT ...]
 
 The clutch of the published tables as the bundled bank has it, at the middle and the end of each
 effect's range (both ends where the neutral value lies within), in both engines at the same angles:
@@ -9,11 +9,12 @@ and 1e-9, where its steps count least (``benchmarks.linkage_steps``); the publis
 1e-7. A line has the mean shift time of the compiled engine, how far it is from Drake's at either
 accuracy (with the standard error of that mean difference, since engines part at single angles), and
 the largest difference of a single shift. Levels at which the mean differs by more than 0.5 % are
-marked, where a bank would ask for a correction. Ten minutes of one processor.
+marked, where a bank would ask for a correction. Ten minutes of one processor for all effects.
 """
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -72,7 +73,7 @@ def main() -> None:
     marked: list[str] = []
     rows = [("none", {}, base)]
     for name, effect in effects.items():
-        if not only_read(effect, base[0]):
+        if name in (sys.argv[1:] or effects) and not only_read(effect, base[0]):
             rows += [(name, v, [effect.apply(s, v) for s in base]) for v in levels(effect, base[0])]
     for name, values, changed in rows:
         compiled = times(changed, "planar")
