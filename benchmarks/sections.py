@@ -236,7 +236,14 @@ OTHERS: dict[str, dict[str, str]] = {
     ),
     "docs/search.md": {
         **dict.fromkeys(
-            ("", "What is proposed", "What is simulated", "What a limit costs", "Checked"),
+            (
+                "",
+                "What is proposed",
+                "What is simulated",
+                "In two levels",
+                "What a limit costs",
+                "Checked",
+            ),
             DEFINITIONS,
         ),
         "What is kept": TABLES,

@@ -18,13 +18,20 @@ from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
 from dogshape.pipeline.search.foreseen import RoundAhead, costs, to_confirm, to_live, to_search
+from dogshape.pipeline.search.foreseen import screened as to_screen
 from dogshape.pipeline.search.front_uncertainty import standings
+from dogshape.pipeline.search.level_replication import replicate_levels
 from dogshape.pipeline.search.repair import repair
 from dogshape.pipeline.search.replication import replicate, replication_record
 from dogshape.pipeline.search.rounds import SamplerOf, run
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import Search, open_search
-from dogshape.pipeline.search.state import SearchState, spent_on
+from dogshape.pipeline.search.state import (
+    SearchState,
+    compiled_of,
+    compiled_shifts,
+    spent_on,
+)
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
 from dogshape.pipeline.search.trials import UNKNOWN
 from dogshape.pipeline.simulate.design import (
@@ -36,6 +43,7 @@ from dogshape.pipeline.simulate.design import (
     objectives_of,
 )
 from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
+from dogshape.pipeline.simulate.level_times import require_levels
 from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.simulate.point_plans import (
     most_confirmed,
@@ -43,6 +51,7 @@ from dogshape.pipeline.simulate.point_plans import (
     most_to_replicate,
     most_to_search,
 )
+from dogshape.pipeline.simulate.two_levels import COST as LEVEL_COST
 from dogshape.pipeline.store.folder import StudyFolder, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.trial_storage import kept
@@ -76,6 +85,7 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
     """Run or resume a study; give its result, which is also in ``result.json``."""
     objectives_of(study)
     require_variables(study)
+    require_levels(study)
     brought = joining(study, lambda _: None) if study.file.search.use_known else None
     guide = DogGuide(study, None if brought is None else brought.surrogate)
     sampler_of = sampler_factory(study, guide)
@@ -137,7 +147,8 @@ def _searched(
             life = _life(confirmation, state, executor, progress)
     if state.shared:
         state = search.read(state.findings)  # with what the others told meanwhile
-    if state.shared or search.study.searches_operation:  # the folder's shifts do not say it
+    study = search.study
+    if state.shared or study.searches_operation or study.two_levels:  # its shifts do not say it
         write_json(folder.others, {"rows": state.rows})
     result = collect(state, journal, replication)
     if confirmation is not None:
@@ -195,9 +206,12 @@ def _most(search: Search) -> tuple[int, str]:
     new = not any(trial.user_attrs.get("prototype") for trial in trials)
     confirm = most_confirmed(study)
     most = most_to_search(study, left, partial, left > 0 and new)
-    again = most_to_replicate(study, spent + most)
+    both = compiled_shifts(study, trials) + int(to_screen(study, left)) if study.two_levels else 0
+    again = most_to_replicate(study, spent + most + int(LEVEL_COST * both))
     most += again + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
+    if study.two_levels:
+        points += f", {settings.pair_angles} of Drake's angles at each"
     return most, (
         f"at most {most} shifts: {left} designs at {points} operating points, then {again} where "
         f"the front is unclear, then prototype and up to {confirm} of the front at all of them to "
@@ -229,6 +243,7 @@ def collect(
         "trials": list(rows.values()),
         "n_simulated_designs": len(distinct(state.simulated)),
         "n_simulated_shifts": state.shifts(journal.finished),
+        **_compiled(study, {"n_compiled_shifts": compiled_shifts(study, state.trials)}),
         "failed_shifts": failed_shifts(journal),
         "replication": replication,
         "confirmation": None,
@@ -269,12 +284,18 @@ def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
         "standard_error_s": found[SIMULATED][1],
         "points": len(trial.user_attrs["rows"]) if told else 0,
         "shifts": sum(state.plan(trial)) if told else 0,
+        **_compiled(study, {"compiled_shifts": compiled_of(study, trial)}),
         "engaged": trial.user_attrs.get("engaged"),
         "feasible": design.feasible and told,
         "failed": design.failed or ([] if told else [UNKNOWN]),
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
+
+
+def _compiled(study: Setup, counted: dict[str, int]) -> dict[str, int]:
+    """Return counts of compiled shifts for a study in two levels, nothing for another."""
+    return counted if study.two_levels else {}
 
 
 def _margins(design: Design) -> dict[str, Any]:
@@ -308,7 +329,8 @@ def _replicate(
         progress.told({**likely, "shift": shifts})
         progress.say(line)
 
-    done, state = replicate(state, executor, told)
+    in_turn = replicate_levels if study.two_levels else replicate
+    done, state = in_turn(state, executor, told)
     return replication_record(state, done), state
 
 

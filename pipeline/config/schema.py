@@ -31,6 +31,7 @@ QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
 MOST_TRIALS = 10_000  #: designs of a search; at 28 points of 8 angles 15 GB of memory
 REPLICATE = 0.2  #: shifts of replication over those of the search, at most
+PAIR_ANGLES = 2  #: shifts of Drake at each operating point of a design in two levels
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 Numbers = Annotated[list[float], Field(min_length=1)]
@@ -278,6 +279,8 @@ class SearchSection(Section):
     may be slower than; those absent are the study's own. ``screen_angles``: relative angles at each
     operating point at which the compiled engine judges landing and limits before Drake simulates a
     design. ``confirm_engine``: engine that confirms the front, the search's own if absent.
+    ``levels``: with 2 the shifts of the screen stay, and ``pair_angles`` of Drake at each operating
+    point correct them (``pipeline.simulate.level_times``); ``points`` then says nothing.
     """
 
     objectives: list[str] = Field(
@@ -303,6 +306,10 @@ class SearchSection(Section):
     reference: dict[str, float] | None = _unless_given()
     screen_angles: Annotated[int, Field(ge=3, le=4096)] | None = _unless_given()
     confirm_engine: Literal["drake", "planar"] | None = _unless_given()
+    levels: Literal[1, 2] = Field(default=1, exclude_if=lambda value: value == 1)
+    pair_angles: Annotated[int, Field(ge=1)] = Field(
+        default=PAIR_ANGLES, exclude_if=lambda value: value == PAIR_ANGLES
+    )
 
 
 class SolverSection(Section):

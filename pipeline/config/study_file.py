@@ -100,6 +100,16 @@ class Setup:
         return replace(self, points=points, limits=limits, operation=given)
 
     @property
+    def two_levels(self) -> bool:
+        """Whether expected times of its search rest on both engines."""
+        return self.file.search.levels == 2
+
+    @property
+    def own_angles(self) -> int:
+        """Angles of a new design at an operating point, in the study's own engine."""
+        return self.file.search.pair_angles if self.two_levels else self.file.expectation.angles
+
+    @property
     def confirming(self) -> Setup:
         """The study with the engine that confirms its front."""
         engine = self.file.search.confirm_engine

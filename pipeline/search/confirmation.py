@@ -4,8 +4,10 @@ A search picks designs that were also lucky, and more angles find harder landing
 first designs of the front are re-simulated at angles which the search did not use. A design that
 fails a check there beats no other: it leaves the front, those that it alone dominated join it, and
 more are confirmed, until so many as are wanted pass, or ``MOST_CONFIRMED`` times as many were
-simulated. With ``search.confirm_engine`` Drake confirms what the compiled engine has searched. All
-of it follows from trials and shifts, so that a run that was cut off ends as it would have.
+simulated. With ``search.confirm_engine`` Drake confirms what the compiled engine has searched. In
+two levels the compiled engine simulates them too, at ``FULL`` times the angles of a screen, which
+hold Drake's. All of it follows from trials and shifts, so that a run that was cut off ends as it
+would have.
 """
 
 from __future__ import annotations
@@ -20,8 +22,15 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import design_of, objectives_of
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Simulated, evaluate, screen
+from dogshape.pipeline.simulate.evaluation import (
+    NEW_ANGLES,
+    Simulated,
+    evaluate,
+    in_two_levels,
+    screen,
+)
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.level_times import compiled_angles
 from dogshape.pipeline.simulate.point_plans import most_confirmed, whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
 from dogshape.sim.errors import InputError
@@ -91,6 +100,11 @@ def _evaluated(
     angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
     plans = [whole_plan(study, angles)] * len(dogs)
     found = evaluate(study, dogs, executor, plans, seed, checked=checked, operated=own)
+    if study.two_levels:
+        many = compiled_angles(study)
+        quick = screen(study, dogs, executor, seed, own, angles=many, base=angles)
+        both = [one for one in quick if one is not None]
+        return in_two_levels(study, both, found, seed, angles)
     screened = screen(study, dogs, executor, seed, own)
     return [
         one if quick is None else replace(one, measured=quick.measured)

@@ -169,7 +169,7 @@ class DogGuide:
         search, predicted = self.study.file.search, {SIMULATED, "smallest_margin"}
         simulated = {o.name for o in objectives_of(self.study) if o.simulated}
         few = search.points is not None and search.points < len(self.study.points)
-        if simulated_limits(self.study) and search.screen_angles is None:
+        if self.study.two_levels or (simulated_limits(self.study) and search.screen_angles is None):
             return False
         return few and simulated <= predicted and search.sampler in OWN
 

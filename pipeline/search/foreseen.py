@@ -12,8 +12,10 @@ from dogshape.pipeline.search.dog_guide import OWN, DogGuide, simulated
 from dogshape.pipeline.search.samplers import startup_designs
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState, spent_on
+from dogshape.pipeline.simulate.level_times import compiled_angles
 from dogshape.pipeline.simulate.life import STAGES
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
+from dogshape.pipeline.simulate.two_levels import COST as LEVEL_COST
 from dogshape.sim.statistics.numerical_error import repeated
 
 Work = dict[Kind, float]
@@ -64,6 +66,10 @@ def to_search(search: Search, state: SearchState | None = None, running: Running
     own = most_to_search(study, 1, partial, True) - whole if new else 0
     searching = running.shifts + left * each + own
     again = settings.replicate * (spent + searching)
+    cheap = 0.0
+    if study.two_levels:  # replication is of the compiled engine, as long as that tells most
+        cheap = settings.replicate * screened(study, told + left) + again / LEVEL_COST
+        again = 0.0
     first = _filling(search, told, left)
     # A reference is screened with each round beside its designs.
     rounds = (left - first) / max(1, settings.batch) + (first > 0)
@@ -74,7 +80,7 @@ def to_search(search: Search, state: SearchState | None = None, running: Running
     mine: Work = {
         "first": first,
         "design": left - first,
-        "quick": screened(study, left + rounds),
+        "quick": screened(study, left + rounds) + cheap,
         "shift": searching + again,
     }
     kinds: tuple[Kind, ...] = ("first", "design", "quick", "shift", "confirm")
@@ -99,7 +105,10 @@ def to_confirm(study: Setup, designs: int) -> Work:
     each = len(study.points) * study.file.search.confirm_angles
     finer = FINER * 2 * repeated(each)
     whole = most_to_confirm(study, designs) + finer
-    return {"quick": screened(study, designs + 2), kind: float(whole)}
+    quick = screened(study, designs + 2)
+    if study.two_levels:
+        quick = float((designs + 2) * len(study.points) * compiled_angles(study))
+    return {"quick": quick, kind: float(whole)}
 
 
 def to_live(study: Setup) -> float:

@@ -1,9 +1,10 @@
 """Uncertainty of a front: intervals, and the probability that no other design is better.
 
 What is known of the simulated designs is drawn many times. Where a surrogate predicts operating
-points its draws are joint, so that errors which designs share cancel; otherwise each design has
-the standard error of its own shifts. A design's probability is the share of the draws in which
-no other feasible design beats it in all objectives.
+points, or times rest on two levels (``pipeline.search.level_front``), draws are joint, so that
+errors which designs share cancel; otherwise each design has the standard error of its own shifts.
+A design's probability is the share of the draws in which no other feasible design beats it in all
+objectives.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.search.guide import drawn
+from dogshape.pipeline.search.level_front import joint_level_times
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.design import SIMULATED, leading, losses_of, objectives_of
 from dogshape.surrogate.covariance import Array, Mask
@@ -88,7 +90,10 @@ def _draws(state: SearchState, rng: np.random.Generator) -> Array:
     errors = np.array([losses_of(study, t.values, t.user_attrs)[1] for t in trials])
     draws: Array = means + errors * rng.standard_normal((DRAWS, *means.shape))
     names = [objective.name for objective in objectives_of(study)]
-    if state.predicted and state.guide is not None and SIMULATED in names:
+    if study.two_levels and SIMULATED in names:
+        times, covariance = joint_level_times(study, state.simulated, trials)
+        draws[:, :, names.index(SIMULATED)] = drawn(times, covariance, rng, DRAWS)
+    elif state.predicted and state.guide is not None and SIMULATED in names:
         times, covariance = state.guide.joint(state.simulated, trials)
         draws[:, :, names.index(SIMULATED)] = drawn(times, covariance, rng, DRAWS)
     return draws

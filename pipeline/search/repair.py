@@ -13,12 +13,14 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import distinct, simulated
+from dogshape.pipeline.search.level_front import levels_of
+from dogshape.pipeline.search.level_replication import simulated_levels
 from dogshape.pipeline.search.replication import renewed
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import NOTHING, Findings, plan_of
-from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import blocks_of
+from dogshape.pipeline.simulate.point_plans import Plan, blocks_of
 
 Say = Callable[[str], None]  #: prints a line for people
 
@@ -40,16 +42,35 @@ def repair(search: Search, executor: Executor, say: Say) -> Findings:
     )
     study = search.study
     plans = [plan_of(study, trial) for trial in trials]
+    if study.two_levels:
+        found = [_in_two_levels(study, trial, executor) for trial in trials]
+        return NOTHING.with_renewed(_mended(study, trials, plans, found, finished))
     dogs = [study.dog_with(dict(trial.params)) for trial in trials]
     own = [study.operated(dict(trial.params)) for trial in trials]
     found = evaluate(study, dogs, executor, plans, study.file.expectation.seed, operated=own)
-    mended = [
+    return NOTHING.with_renewed(_mended(study, trials, plans, found, finished))
+
+
+def _in_two_levels(study: Setup, trial: FrozenTrial, executor: Executor) -> Simulated:
+    """Simulate a finished design again; its compiled shifts are repeated."""
+    levels = levels_of(study, trial)
+    return simulated_levels(study, trial.params, executor, levels.few, levels.many)[0]
+
+
+def _mended(
+    study: Setup,
+    trials: Sequence[FrozenTrial],
+    plans: Sequence[Plan],
+    found: Sequence[Simulated],
+    finished: Sequence[FrozenTrial],
+) -> list[FrozenTrial]:
+    """Copy each finished trial of the designs with what was found of them."""
+    return [
         renewed(study, each, plan, one)
         for trial, plan, one in zip(trials, plans, found, strict=True)
         for each in finished
         if one.known and each.params == trial.params
     ]
-    return NOTHING.with_renewed(mended)
 
 
 def _lacking(

@@ -29,10 +29,11 @@ import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.search.dog_guide import distinct
 from dogshape.pipeline.search.front_uncertainty import Drawn, Standing, draw, standings
 from dogshape.pipeline.search.point_choice import HALF, telling_points
 from dogshape.pipeline.search.sampler import PLAN
-from dogshape.pipeline.search.state import SearchState, checked_design
+from dogshape.pipeline.search.state import SearchState, checked_design, compiled_of
 from dogshape.pipeline.search.trials import attributes_of
 from dogshape.pipeline.simulate.design import MEASURED, SIMULATED, objectives_of, values_of
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
@@ -53,7 +54,8 @@ class Replication:
 
     ``budget`` and ``shifts`` that it may take and took, ``rounds``, trials that were ``unclear``
     before and after, and how many designs were expected on the wrong side (``misplaced``). By
-    trial: the shifts of the search, how designs stood, and the front then.
+    trial: the shifts of the search, how designs stood, and the front then. In two levels these are
+    Drake's shifts, ``compiled`` has the other engine's of the search, and the budget counts both.
     """
 
     budget: int
@@ -64,6 +66,7 @@ class Replication:
     searched: dict[int, int]
     before: dict[int, Standing]
     front: list[int]
+    compiled: dict[int, int] | None = None
 
 
 def replicate(
@@ -86,7 +89,7 @@ def replicate(
         budget=budget,
         shifts=spent,
         rounds=rounds,
-        unclear=(_numbers(unclear(first)), _numbers(unclear(drawn))),
+        unclear=(numbers(unclear(first)), numbers(unclear(drawn))),
         misplaced=(first.misplaced, drawn.misplaced),
         searched=searched,
         before=before,
@@ -95,7 +98,8 @@ def replicate(
     return done, state
 
 
-def _numbers(trials: Sequence[FrozenTrial]) -> list[int]:
+def numbers(trials: Sequence[FrozenTrial]) -> list[int]:
+    """List the numbers of trials."""
     return [trial.number for trial in trials]
 
 
@@ -108,6 +112,9 @@ def replication_record(state: SearchState, done: Replication) -> dict[str, Any]:
     now = {trial.number: sum(state.plan(trial)) for trial in state.simulated}
     shown = [trial.number for trial in state.front]
     more = [number for number, shifts in now.items() if shifts > done.searched[number]]
+    if done.compiled is not None:
+        own = {t.number: compiled_of(state.study, t) for t in state.simulated}
+        more = sorted({*more, *(n for n, count in own.items() if count > done.compiled[n])})
     every = dict.fromkeys([*shown, *done.front, *sorted(more)])
     designs = [
         {
@@ -118,10 +125,18 @@ def replication_record(state: SearchState, done: Replication) -> dict[str, Any]:
             **_stood(after.get(number), ""),
             "on_front_before": number in done.front,
             "on_front": number in shown,
+            **_compiled(state, done, number),
         }
         for number in every
     ]
+    both = {}
+    if done.compiled is not None:
+        both["compiled_shifts"] = sum(
+            compiled_of(state.study, trial) - done.compiled[trial.number]
+            for trial in distinct(state.simulated)
+        )
     return {
+        **both,
         "budget_shifts": done.budget,
         "shifts": done.shifts,
         "rounds": done.rounds,
@@ -130,6 +145,17 @@ def replication_record(state: SearchState, done: Replication) -> dict[str, Any]:
         "unclear_before": done.unclear[0],
         "unclear": done.unclear[1],
         "designs": designs,
+    }
+
+
+def _compiled(state: SearchState, done: Replication, number: int) -> dict[str, int]:
+    """Record the compiled shifts of a design before and after; nothing in one level."""
+    if done.compiled is None:
+        return {}
+    trial = next(t for t in state.simulated if t.number == number)
+    return {
+        "compiled_shifts_before": done.compiled[number],
+        "compiled_shifts": compiled_of(state.study, trial),
     }
 
 
@@ -252,7 +278,8 @@ def _simulate(
 def renewed(study: Setup, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
     """Copy a trial with what all shifts of its design say; predicted times stay as told."""
     known: dict[str, Any] = {**trial.user_attrs, **attributes_of(found)}
-    if study.file.search.screen_angles is not None:  # few shifts do not overrule a screen of many
+    # Few shifts do not overrule a screen of many; in two levels both are of the screen.
+    if study.file.search.screen_angles is not None and found.levels is None:
         known[MEASURED] = trial.user_attrs[MEASURED]
     if not is_whole(plan):
         known["standard_error_s"] = trial.user_attrs["standard_error_s"]

@@ -14,7 +14,8 @@ import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
+from dogshape.pipeline.search.dog_guide import SCREENED, DogGuide, distinct, simulated
+from dogshape.pipeline.search.level_front import LEVELS, correction_of, level_times_of, levels_of
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.simulate.design import (
     MEASURED,
@@ -31,6 +32,7 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import landing_of
 from dogshape.sim.strength.landing import Demand, demand_of
 from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import COLUMNS
 from dogshape.surrogate.hypervolume import not_dominated
 
 Times = Mapping[int, tuple[float, float]]  #: expected times and standard errors, s, by trial
@@ -110,8 +112,21 @@ class SearchState:
 
     @property
     def rows(self) -> list[list[float | None]]:
-        """Rows of all simulated trials for the surrogate, in their order."""
-        return [row for trial in self.simulated for row in trial.user_attrs["rows"]]
+        """Rows of all simulated trials for the surrogate, in their order.
+
+        In two levels those of the compiled engine with the mean correction of all designs.
+        """
+        factor = 1.0
+        if self.study.two_levels and self.simulated:
+            levels = [levels_of(self.study, trial) for trial in self.simulated]
+            factor += correction_of(self.study, levels).mean
+        first = len(self.study.variables)
+        scaled = [first + COLUMNS.index(name) for name in ("mean_s", "standard_error_s", "sd_s")]
+        return [
+            [v * factor if v is not None and k in scaled else v for k, v in enumerate(row)]
+            for trial in self.simulated
+            for row in trial.user_attrs["rows"]
+        ]
 
     def plan(self, trial: FrozenTrial) -> Plan:
         """Give the angles of a trial's design at each operating point (``plan_of``)."""
@@ -150,7 +165,7 @@ class SearchState:
             settings = self.study.file.expectation
             for trial in self.simulated:
                 clutch = self.study.clutch.with_dog(self.study.dog_with(dict(trial.params)))
-                plan, seed, base = self.plan(trial), settings.seed, settings.angles
+                plan, seed, base = self.plan(trial), settings.seed, self.study.own_angles
                 own = self.study.operated(dict(trial.params))
                 blocks = blocks_of(own, clutch, plan, seed, base)
                 keys.update(key for block in blocks for key in block.keys)
@@ -222,12 +237,33 @@ def measured_of(study: Setup, trial: FrozenTrial) -> Measured | None:
 
 
 def spent_on(study: Setup, trials: Iterable[FrozenTrial]) -> int:
-    """Count the shifts of simulated trials, each design once."""
+    """Count the shifts of simulated trials in the study's own engine, each design once."""
     return sum(sum(plan_of(study, trial)) for trial in distinct([*trials]))
 
 
+def compiled_shifts(study: Setup, trials: Iterable[FrozenTrial]) -> int:
+    """Count the compiled shifts that trials of a study in two levels rest on, each design once."""
+    return sum(compiled_of(study, trial) for trial in distinct([*trials]))
+
+
+def compiled_of(study: Setup, trial: FrozenTrial) -> int:
+    """Count the compiled shifts that a trial of a study in two levels rests on."""
+    if LEVELS in trial.user_attrs:
+        return int(levels_of(study, trial).cheap.size)
+    screen = study.file.search.screen_angles or 0
+    return len(study.points) * screen if SCREENED in trial.user_attrs else 0
+
+
 def _predicted(study: Setup, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
-    """Predict expected times from all shifts so far, where some operating points were left out."""
+    """Work out expected times that the shifts of other designs tell of too.
+
+    That is so where some operating points were left out, or times rest on two levels.
+    """
+    if study.two_levels:
+        if not trials:
+            return {}
+        found = (values.tolist() for values in level_times_of(study, trials))
+        return dict(zip((t.number for t in trials), zip(*found, strict=True), strict=True))
     if guide is None or all(is_whole(plan_of(study, trial)) for trial in trials):
         return {}
     try:

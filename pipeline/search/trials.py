@@ -20,6 +20,7 @@ from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import SCREENED, simulated
+from dogshape.pipeline.search.level_front import LEVELS
 from dogshape.pipeline.search.sampler import PLAN
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import NOTHING, Findings, measured_record, plan_of
@@ -31,7 +32,7 @@ from dogshape.pipeline.simulate.design import (
     design_of,
     values_of,
 )
-from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, screen
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, in_two_levels, screen
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import is_whole, whole_plan
 from dogshape.pipeline.train.training_rows import row_record
@@ -58,8 +59,9 @@ def finish(
     worth = {k: d.dog for k, d in enumerate(designs) if d.dog is not None and d.feasible}
     seed = study.file.expectation.seed
     own = {k: study.operated(designs[k].params) for k in worth}
+    base = study.own_angles if study.two_levels else None
     if screened is None:
-        screened = screen(study, [*worth.values()], executor, seed, [*own.values()])
+        screened = screen(study, [*worth.values()], executor, seed, [*own.values()], base=base)
     screens = dict(zip(worth, screened, strict=True))
     measured = {k: None if one is None else one.measured for k, one in screens.items()}
     judged = {k: design_of(study, designs[k].params, one) for k, one in measured.items()}
@@ -67,6 +69,9 @@ def finish(
     plans = [plan_of(study, trials[k]) for k in worth]
     operated = [own[k] for k in worth]
     evaluated = evaluate(study, [*worth.values()], executor, plans, seed, operated=operated)
+    if base is not None:
+        passed = [one for k in worth if (one := screens[k]) is not None]
+        evaluated = in_two_levels(study, passed, evaluated, seed, base)
     results = {
         k: replace(result, measured=measured[k] or result.measured)
         for k, result in zip(worth, evaluated, strict=True)
@@ -130,7 +135,9 @@ def _noted(
 def attributes_of(found: Simulated) -> dict[str, Any]:
     """Record the simulation of a design as attributes of its trial."""
     estimates = found.estimates.items()
+    both = {} if found.levels is None else {LEVELS: found.levels.record}
     return {
+        **both,
         "engaged": found.expectation.engaged,
         "standard_error_s": found.expectation.standard_error,
         "simulated": {name: e.value for name, e in estimates},

@@ -8,9 +8,16 @@ from dataclasses import dataclass, replace
 
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
-from dogshape.pipeline.simulate.design import REFERRED, Design, Measured, simulated_limits
+from dogshape.pipeline.simulate.design import (
+    REFERRED,
+    SIMULATED,
+    Design,
+    Measured,
+    simulated_limits,
+)
 from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.level_times import LevelTimes, common_squares, level_times
 from dogshape.pipeline.simulate.operated_shifts import as_searched
 from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
 from dogshape.sim.errors import InputError, did_you_mean
@@ -21,6 +28,7 @@ from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
 from dogshape.sim.statistics.numerical_error import numerical_error
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
+from dogshape.sim.statistics.two_levels import parts_of
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
 from dogshape.sim.strength.manufacture import require_makeable
@@ -36,7 +44,9 @@ class Simulated:
 
     Expected shift time over the operating points that were simulated, what checks are judged by, a
     row for the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
-    objectives by name, and how many of the shifts the clock ended.
+    objectives by name, and how many of the shifts the clock ended. ``parts`` are the shifts of each
+    operating point (``sim.statistics.two_levels.parts_of``), ``levels`` those of both engines
+    where all of this rests on both.
     """
 
     expectation: Expectation
@@ -44,6 +54,8 @@ class Simulated:
     rows: Array
     estimates: dict[str, Estimate]
     unfinished: int = 0
+    parts: tuple[Array, ...] = ()
+    levels: LevelTimes | None = None
 
     @property
     def known(self) -> bool:
@@ -103,21 +115,71 @@ def screen(
     executor: Executor,
     seed: int,
     operated: Sequence[Setup] | None = None,
+    *,
+    angles: int | None = None,
+    base: int | None = None,
 ) -> list[Simulated | None]:
     """Simulate by the compiled engine what checks are judged by; None where the study does not.
 
     At ``search.screen_angles`` relative angles of every operating point, far more than Drake could
     simulate: landings are rare events, and the loss on a reference is the largest of many numbers.
-    Its shifts are not kept: a design takes seconds.
+    Its shifts are not kept: a design takes seconds. ``angles`` are other than the study's, which
+    hold ``base`` of a coarser draw (``sim.statistics.expectation.even_phases``).
     """
-    angles = study.file.search.screen_angles
+    angles = angles or study.file.search.screen_angles
     if angles is None:
         return [None] * len(dogs)
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
     own = None if operated is None else [replace(one, clutch=quick.clutch) for one in operated]
-    with executor.apart(_referred(quick, whole_plan(quick, angles), seed)) as running:
-        return [*evaluate(quick, dogs, running, plans, seed, operated=own)]
+    with executor.apart(_referred(quick, whole_plan(quick, angles), seed, base)) as running:
+        return [*evaluate(quick, dogs, running, plans, seed, base=base, operated=own)]
+
+
+def in_two_levels(
+    study: Setup, screened: Sequence[Simulated], found: Sequence[Simulated], seed: int, base: int
+) -> list[Simulated]:
+    """Correct screened designs by their shifts of Drake at some of the same angles.
+
+    Expected times then rest on both engines (``pipeline.simulate.level_times``), checks and rows
+    of the surrogate on the compiled one's many shifts. ``base`` angles of ``seed`` are those that
+    all counts of angles hold.
+    """
+    return [
+        _both(study, quick, one, seed, base) for quick, one in zip(screened, found, strict=True)
+    ]
+
+
+def _both(study: Setup, quick: Simulated, one: Simulated, seed: int, base: int) -> Simulated:
+    levels = level_times(study, quick.parts, one.parts, seed, base)
+    squares = common_squares(study, levels.squares)
+    variances = levels.compiled_variances + levels.correction_variances(squares)
+    shifted = levels.apart.mean(axis=1)
+    points = []
+    for k, (alone, beside) in enumerate(
+        zip(one.expectation.points, quick.expectation.points, strict=True)
+    ):
+        engaged = None if beside.mean_engaged is None else beside.mean_engaged + float(shifted[k])
+        points.append(
+            replace(
+                alone,
+                mean=float(levels.means[k] + shifted[k]),
+                mean_engaged=engaged,
+                standard_error=math.sqrt(variances[k]),
+                sd=beside.sd,
+                n_planar=levels.many,
+            )
+        )
+    found = replace(expect(points), numerical_error=one.expectation.numerical_error)
+    parts = tuple((levels.weights**2 * variances).tolist())
+    time = Estimate(found.mean, found.standard_error, parts)
+    return replace(
+        quick,
+        expectation=found,
+        estimates={**quick.estimates, SIMULATED: time},
+        unfinished=one.unfinished,
+        levels=levels,
+    )
 
 
 def _referred(study: Setup, plan: Plan, seed: int, base: int | None = None) -> list[Block]:
@@ -153,7 +215,9 @@ def _simulated(
     estimates = estimates_of(found)
     measured = Measured(demand, {n: estimates[n].value for n in simulated_limits(study)})
     ended = sum(map(unfinished, shifts))
-    return Simulated(expectation, measured, learned, estimates, ended)
+    lost = study.clutch.timeout + study.retraction
+    parts = tuple(parts_of([result_of(row) for row in mine], lost) for mine in rows)
+    return Simulated(expectation, measured, learned, estimates, ended, parts)
 
 
 def _learned(

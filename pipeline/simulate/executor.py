@@ -123,7 +123,7 @@ class Executor:
                 journal, self.jobs, self.quick, self.cluster, begun=self._none, weigh=self.weigh
             )
             keys = {key for block in again for key in block.keys}.intersection(journal.finished)
-            self._again = {key: journal.rows[key] for key in keys}
+            self._again |= {key: journal.rows[key] for key in keys}
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""

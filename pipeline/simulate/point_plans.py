@@ -16,7 +16,7 @@ Plan = list[int]  #: angles at each operating point of the study, 0 where nothin
 
 def whole_plan(study: Setup, angles: int | None = None) -> Plan:
     """Return the plan of every operating point; as many angles as the study says if not given."""
-    return [angles or study.file.expectation.angles] * len(study.points)
+    return [angles or study.own_angles] * len(study.points)
 
 
 def is_whole(plan: Sequence[int]) -> bool:
@@ -47,7 +47,7 @@ def most_to_search(study: Setup, designs: int, partial: bool, prototype: bool) -
     every = len(study.points)
     own = study.file.search.points if partial else None
     points = designs * (own or every) + (every - (own or every) if prototype else 0)
-    return points * study.file.expectation.angles
+    return points * study.own_angles
 
 
 def most_to_replicate(study: Setup, shifts: int) -> int:

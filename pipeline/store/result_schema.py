@@ -112,7 +112,10 @@ class DesignRow(Section):
     )
     standard_error_s: float | None = key("standard error of the expected shift time", "s")
     points: int = key("operating points that were simulated")
-    shifts: int = key("shifts that were simulated")
+    shifts: int = key("shifts that were simulated; in two levels those of Drake")
+    compiled_shifts: int | None = key(
+        "shifts of the compiled engine beside them, in two levels", "", None
+    )
     engaged: float | None = key("share of the shifts that engaged", SHARE)
     feasible: bool = key("whether the design was simulated and passes every check")
     failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
@@ -145,6 +148,9 @@ class PointRow(Section):
     sd_s: float = key("standard deviation of the time of a shift", "s")
     engaged: float = key("share of the shifts that engaged", SHARE)
     n: int = key("number of shifts")
+    n_planar: int | None = key(
+        "shifts of the compiled engine behind `mean_s`, in two levels", "", None
+    )
     held_dog_on_dog: int | None = key(
         "shifts that friction held dog on dog; absent in earlier versions", "", None
     )
@@ -188,6 +194,9 @@ class ConfirmedDesign(Section):
         "mean time of the shifts that engaged; absent in earlier versions", "s", None
     )
     shifts: int | None = key("number of shifts; absent in earlier versions", "", None)
+    compiled_shifts: int | None = key(
+        "shifts of the compiled engine beside them, in two levels", "", None
+    )
     not_engaged: int | None = key(
         "shifts that did not engage; absent in earlier versions", "", None
     )
@@ -237,6 +246,10 @@ class ReplicatedDesign(Section):
     trial: int = key("number of the trial")
     shifts_before: int = key("shifts of the search")
     shifts: int = key("shifts after replication")
+    compiled_shifts_before: int | None = key(
+        "shifts of the compiled engine before, in two levels", "", None
+    )
+    compiled_shifts: int | None = key("shifts of the compiled engine after", "", None)
     low_before: float | None = key("lower end of the 95 % interval of the leading objective before")
     high_before: float | None = key("upper end of the interval before")
     probability_on_front_before: float | None = key("probability of the front before", SHARE)
@@ -250,8 +263,13 @@ class ReplicatedDesign(Section):
 class Replication(Section):
     """More relative angles for designs whose place on the front is unclear."""
 
-    budget_shifts: int = key("shifts that replication might take")
-    shifts: int = key("shifts that it took")
+    budget_shifts: int = key(
+        "shifts that replication might take; in two levels a compiled one counts 1/25"
+    )
+    shifts: int = key("shifts that it took; in two levels those of Drake")
+    compiled_shifts: int | None = key(
+        "shifts of the compiled engine that it took, in two levels", "", None
+    )
     rounds: int = key("rounds")
     misplaced_before: float = key(
         "expected number of designs on the wrong side of the front before"
@@ -298,7 +316,10 @@ class StudyRecord(Section):
     front: list[DesignRow] = key("designs that no other dominates, best first")
     trials: list[DesignRow] = key("all designs, by trial")
     n_simulated_designs: int = key("different designs that were simulated")
-    n_simulated_shifts: int = key("shifts that were simulated")
+    n_simulated_shifts: int = key("shifts that were simulated; in two levels those of Drake")
+    n_compiled_shifts: int | None = key(
+        "shifts of the compiled engine behind the designs of the search, in two levels", "", None
+    )
     failed_shifts: dict[str, int] = key("shifts that failed in the solver, by reason")
     replication: Replication | None = key("replication; null without one")
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")

@@ -112,7 +112,7 @@ def two_level_point(
 
     Returns None where no mean follows: no shift of ``dear`` engaged, or by the pairs none would.
     """
-    many, few = _parts(cheap, lost), _parts(dear, lost)
+    many, few = parts_of(cheap, lost), parts_of(dear, lost)
     total, share, times = many.mean(axis=1) + (few - many[:, list(places)]).mean(axis=1)
     if alone.mean_engaged is None or share <= 0.0:
         return None
@@ -146,8 +146,8 @@ def common_spreads(points: Sequence[TwoLevelPoint]) -> list[float]:
     return found
 
 
-def _parts(shifts: Sequence[ShiftResult], lost: float) -> Values:
-    """Return times with costs of lost attempts, whether each engaged, and bare times, (3, n)."""
+def parts_of(shifts: Sequence[ShiftResult], lost: float) -> Values:
+    """Return times with costs of lost attempts, whether each engaged, and bare times, (3, n), s."""
     engaged = np.array([s.shift_time is not None for s in shifts], dtype=float)
     sound = np.array([s.outcome is not Outcome.DIVERGED for s in shifts], dtype=float)
     times = np.array([s.shift_time or 0.0 for s in shifts])

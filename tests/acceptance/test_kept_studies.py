@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -11,6 +12,7 @@ from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_stu
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.simulate.level_times import compiled_angles, nested
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.units import RPM
 
@@ -65,4 +67,15 @@ def _mean_at(study: Setup, row: dict[str, Any], place: int) -> float:
     dog, own = study.dog_with(params), study.operated(params)
     seed = study.file.expectation.seed + NEW_ANGLES
     (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed, operated=[own])
-    return found.expectation.points[0].mean
+    if not study.two_levels:
+        return found.expectation.points[0].mean
+    few, many = study.file.search.confirm_angles, compiled_angles(study)
+    plan[place] = many
+    quick = replace(study, clutch=study.clutch.with_engine("planar"))
+    mine = replace(own, clutch=quick.clutch)
+    (beside,) = evaluate(quick, [dog], scratch_executor(1), [plan], seed, base=few, operated=[mine])
+    costs, engaged, _ = beside.parts[0]
+    mean, share = costs.mean() / engaged.mean(), engaged.mean()
+    scores = [(part[0] - mean * part[1]) / share for part in (found.parts[0], beside.parts[0])]
+    pairs = scores[0] - scores[1][nested(few, many, seed, place, few)]
+    return float(mean + pairs.mean())

@@ -21,6 +21,7 @@ from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.replicated import replicated_words
 from dogshape.pipeline.reports.study.summary import (
     at_the_ends,
+    both_levels,
     choice,
     engine_of,
     failures_of,
@@ -57,9 +58,12 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
     where = "none yet, 'dogshape report' makes it" if report is None else report
+    both = f", {n} compiled ones" if (n := result.get("n_compiled_shifts")) else ""
     lines.append(
-        f"{result['n_simulated_shifts']} shifts simulated by {engine_of(result)}; report: {where}"
+        f"{result['n_simulated_shifts']} shifts simulated by {engine_of(result)}{both}; "
+        f"report: {where}"
     )
+    lines += [words] if (words := both_levels(result)) else []
     return Group(*lines)
 
 

@@ -27,16 +27,30 @@ def replicated_words(result: Row) -> str:
     if not done:
         return ""
     before, after = len(done["unclear_before"]), len(done["unclear"])
-    more = sum(one["shifts"] > one["shifts_before"] for one in done["designs"])
+    keys = ("shifts", "compiled_shifts")
+    more = sum(
+        any(one.get(key, 0) > one.get(f"{key}_before", 0) for key in keys)
+        for one in done["designs"]
+    )
     if not before:
         return "No place on the front was unclear after the search, so nothing was replicated."
     left = "none is" if not after else "1 is" if after == 1 else f"{after} are"
     return (
         f"After the search it was unclear of {_designs(before)} whether they are on the front "
         f"(probability between 5 and 95 %). Replication gave {_designs(more)} more relative "
-        f"angles, {done['shifts']} shifts of at most {done['budget_shifts']}; {left} unclear now. "
+        f"angles, {_spent(done)}; {left} unclear now. "
         "Designs expected to be wrongly on the front or wrongly off it: "
         f"{done['misplaced_before']:.1f} before, {done['misplaced']:.1f} now."
+    )
+
+
+def _spent(done: Row) -> str:
+    compiled = done.get("compiled_shifts")
+    if compiled is None:
+        return f"{done['shifts']} shifts of at most {done['budget_shifts']}"
+    return (
+        f"{done['shifts']} shifts of Drake and {compiled} compiled ones, which count 1/25 of the "
+        f"{done['budget_shifts']} at most"
     )
 
 
@@ -47,13 +61,13 @@ def _designs(count: int) -> str:
 def replicated_rows(result: Row) -> list[Replicated]:
     """List the designs of the front, before or after, and others that were replicated."""
     done, lead = result.get("replication"), goals_of(result).leading
-    if not done or not done["shifts"]:
+    if not done or not (done["shifts"] or done.get("compiled_shifts")):
         return []
     failed = {row["trial"] for row in failed_at_new_angles(result)}
     return [
         Replicated(
             one["trial"],
-            _both(f"{one['shifts_before']}", f"{one['shifts']}"),
+            _counts(one),
             _both(_interval(lead, one, "_before"), _interval(lead, one, "")),
             _both(_chance(one, "_before"), _chance(one, "")),
             _both(*("yes" if one[key] else "no" for key in ("on_front_before", "on_front")))
@@ -61,6 +75,15 @@ def replicated_rows(result: Row) -> list[Replicated]:
         )
         for one in done["designs"]
     ]
+
+
+def _counts(one: Row) -> str:
+    """Count a design's shifts before and after, in two levels the compiled ones too."""
+    own = _both(f"{one['shifts_before']}", f"{one['shifts']}")
+    if "compiled_shifts" not in one:
+        return own
+    before, after = one["compiled_shifts_before"], one["compiled_shifts"]
+    return f"{own}; compiled {_both(f'{before}', f'{after}')}"
 
 
 def _both(before: str, after: str) -> str:

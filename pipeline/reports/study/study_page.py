@@ -143,6 +143,7 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "at_the_ends": summary.at_the_ends(result, study.variables),
         "lost": any(row["lost"] for row in quantiles),
         "failed_words": summary.failed_words,
+        "both_levels": summary.both_levels(result),
         "replicated_words": replicated.replicated_words(result),
         "replicated": replicated.replicated_rows(result),
         "quantiles": quantiles,

@@ -100,6 +100,25 @@ def engine_of(result: Row) -> str:
     return searched if other == engine else f"{searched}, at the new angles by {confirmed}"
 
 
+def counted(result: Row) -> str:
+    """Count the shifts that were simulated, by engine."""
+    said = f"{result['n_simulated_shifts']} shifts were simulated by {engine_of(result)}"
+    if compiled := result.get("n_compiled_shifts"):
+        said += f" and {compiled} by the compiled engine"
+    return said
+
+
+def both_levels(result: Row) -> str:
+    """Name the shifts that times and errors rest on in two levels; empty in one level."""
+    if not result.get("n_compiled_shifts"):
+        return ""
+    return (
+        "Times are those of the compiled engine at many angles, corrected by what Drake differs at "
+        "some of the same angles; their error is that of both: of the compiled engine's mean, and "
+        "of the correction."
+    )
+
+
 def headline(result: Row) -> str:
     """Summarise the study in one sentence."""
     best, lead = result["best"], goals_of(result).leading
@@ -262,10 +281,15 @@ def _how_sure(result: Row) -> str:
 def _simulated(result: Row) -> str:
     angles = result["confirmation"]["angles"]
     return (
-        f"{result['n_simulated_shifts']} shifts were simulated by {engine_of(result)}; the figures "
-        f"above are from {angles} new relative angles at each operating point, not used by the "
-        "search."
+        f"{counted(result)}; the figures above are from {angles} new relative angles "
+        f"{_beside(result)}at each operating point, not used by the search."
     )
+
+
+def _beside(result: Row) -> str:
+    """Name the compiled engine's angles of a confirmation in two levels."""
+    many = result["confirmation"]["best"]["points"][0].get("n_planar")
+    return f"of Drake, among {many} of the compiled engine, " if many else ""
 
 
 def _hung(result: Row) -> list[str]:
