@@ -211,7 +211,7 @@ def _most(search: Search) -> tuple[int, str]:
     most += again + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
     if study.two_levels:
-        points += f", {settings.pair_angles} of Drake's angles at each"
+        points += f" (Drake at {settings.pair_angles} of {settings.screen_angles} angles of each)"
     return most, (
         f"at most {most} shifts: {left} designs at {points} operating points, then {again} where "
         f"the front is unclear, then prototype and up to {confirm} of the front at all of them to "

@@ -68,10 +68,8 @@ def finish(
     worth = {k: dog for k, dog in worth.items() if judged[k].feasible}
     plans = [plan_of(study, trials[k]) for k in worth]
     operated = [own[k] for k in worth]
-    evaluated = evaluate(study, [*worth.values()], executor, plans, seed, operated=operated)
-    if base is not None:
-        passed = [one for k in worth if (one := screens[k]) is not None]
-        evaluated = in_two_levels(study, passed, evaluated, seed, base)
+    alone = evaluate(study, [*worth.values()], executor, plans, seed, operated=operated)
+    evaluated = _with_screens(study, [screens[k] for k in worth], alone, base)
     results = {
         k: replace(result, measured=measured[k] or result.measured)
         for k, result in zip(worth, evaluated, strict=True)
@@ -106,6 +104,19 @@ def finish(
         else:
             _tell(search, trials[k], trial)
     return findings
+
+
+def _with_screens(
+    study: Setup,
+    screens: Sequence[Simulated | None],
+    evaluated: Sequence[Simulated],
+    base: int | None,
+) -> Sequence[Simulated]:
+    """Put the shifts of both engines together in two levels; in one level they stay apart."""
+    if base is None:
+        return evaluated
+    passed = [one for one in screens if one is not None]
+    return in_two_levels(study, passed, evaluated, study.file.expectation.seed, base)
 
 
 def _noted(

@@ -15,7 +15,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.result_schema import require_result
+from dogshape.pipeline.store.result_schema import StudyRecord, require_result
 from dogshape.pipeline.study import run_study
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
@@ -56,6 +56,7 @@ def _result(folder: Path) -> dict[str, Any]:
 def test_shifts_of_both_engines_are_counted_apart(whole: Path) -> None:
     result = _result(whole)
     require_result(result, "the result")
+    assert set(result) == set(StudyRecord.model_fields)
     told = [row for row in result["trials"] if row["expected_shift_time_s"] is not None]
     simulated = [row for row in told if row["shifts"]]
     again = {one["trial"]: one for one in result["replication"]["designs"]}
