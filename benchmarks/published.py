@@ -209,14 +209,14 @@ def _stand(effects: Sequence[str], name: str, scale: float = 1.0) -> Callable[[]
     return lambda: _interval(_hypothesis("stand", effects), name, scale)
 
 
-def _reversed(third: str) -> Callable[[], Sequence[float]]:
-    """Give the dead time beside a third effect, were the sense of rotation reversed, in ms."""
-    effects = sorted(("actuation_delay", "drag_torque", third))
+def _reversed(effect: str, name: str) -> Callable[[], Sequence[float]]:
+    """Give a time of an effect beside drag, were the sense of rotation reversed, in ms."""
+    effects = sorted(("drag_torque", effect))
 
     def values() -> Sequence[float]:
         found = next(one for one in gap("stand")["senses"] if one["reversed"])
         mine = next(h for h in found["hypotheses"] if h["effects"] == effects)
-        return _interval(mine, "delay_s", MS)
+        return _interval(mine, name, MS)
 
     return values
 
@@ -745,9 +745,15 @@ ENTRIES: list[Entry] = [
             for name in ("heldout_rmse_s", "leading_floor_rmse_s", "rival_heldout_rmse_s")
         ],
     ),
-    Entry(RESULTS, "{:.0f} ms ({:.0f} to {:.0f}) beside a free play,", _reversed("free_play")),
     Entry(
-        RESULTS, "play, {:.0f} ms ({:.0f} to {:.0f}) beside a detent;", _reversed("detent_force")
+        RESULTS,
+        "a slow rise of {:.0f} ms ({:.0f} to {:.0f}) or",
+        _reversed("actuation_lag", "lag_s"),
+    ),
+    Entry(
+        RESULTS,
+        "or a dead time of {:.0f} ms ({:.0f} to {:.0f}) |",
+        _reversed("actuation_delay", "delay_s"),
     ),
     Entry(RESULTS, "(p = {:.2f}).", lambda: [_hypothesis("stand", STAND_TOP)["predictive_p"]]),
     Entry(RESULTS, "slow rise ({:.0f} %), friction ({:.0f} %),", _given_compliance),

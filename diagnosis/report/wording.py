@@ -284,7 +284,7 @@ def range_sentence(one: RangeEnd, effects: Effects) -> str:
 
     def said(value: float) -> str:
         number, unit = shown(name, value)
-        return f"{number:.3g} {unit}".rstrip()
+        return f"{number:.4g} {unit}".rstrip()
 
     first = (
         f"With {effects[one.effect].plain}, {quantity(name)} lies at the end of the range held "
