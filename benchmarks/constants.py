@@ -96,6 +96,7 @@ CHOSEN = {
 }
 #: Constants of a numerical method, by module, with their units: more would change nothing but cost.
 NUMERICAL = {
+    "bench.input_errors": "STEP of ln force",
     "bench.flight_marks": "AROUND of a mark, SAMPLES samples",
     "prediction.bank": "ANGLES angles, SHIFT s, ACCURACY 1",
     "prediction.bank_store": "TICK s",
@@ -111,7 +112,6 @@ NUMERICAL = {
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
     "likelihood.drift": "ROUNDS rounds",
-    "likelihood.nominal_errors": "STEP of ln force",
     "likelihood.scores": "IMPOSSIBLE nat",
     "likelihood.flight_likelihood": "SCALES values",
     "inference.evidence": "FIRST boxes, TOLERANCE of the evidence, ROUNDS rounds, POINTS values, "
@@ -223,7 +223,7 @@ def _comment(lines: list[str], node: ast.stmt) -> str:
 def in_modules() -> dict[str, tuple[Any, str]]:
     """Find all numbers that modules of the model define, with their comments."""
     house, found = ROOT / "diagnosis", {}
-    paths = [house / "bench" / "flight_marks.py"]
+    paths = [house / "bench" / name for name in ("flight_marks.py", "input_errors.py")]
     for room in ("prediction", "likelihood", "inference"):
         paths += sorted((house / room).glob("*.py"))
     for path in paths:

@@ -10,6 +10,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.diagnosis.bench.input_errors import Propagated
 from dogshape.diagnosis.inference.classes import (
     Confusion,
     confusable,
@@ -37,7 +38,6 @@ from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answ
 from dogshape.diagnosis.inference.series_drift import SeriesDrift, series_drift
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.inference.verdict import Verdict, decide
-from dogshape.diagnosis.likelihood.nominal_errors import Propagated
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric

@@ -3,15 +3,19 @@
 If the data set gives its relative angles, the simulation uses the same angles. The standard error
 is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
 error adds that of the bench's mean and that of the simulated mean. The former has the simulated
-spread, or that of the readings where it is larger: few angles may miss a long tail.
+spread, or that of the readings where it is larger: few angles may miss a long tail. Stated errors
+of nominal force and mismatch join it (*u_input* of ASME V&V 20, ``diagnosis.bench.input_errors``).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.input_errors import inputs_of
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
@@ -122,7 +126,8 @@ def compare(
         blocks = [Block(bench.clutch, point, given) for point in points]
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
-    differences = tuple(_difference(bench, c, r, given is None) for c, r in pairs)
+    found = [_difference(bench, c, r, given is None) for c, r in pairs]
+    differences = tuple(_with_input_errors(bench, found))
     error = numerical_error(blocks, rows, run) if checked else None
     return Comparison(bench, differences, error)
 
@@ -135,6 +140,19 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
         sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
     return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)
+
+
+def _with_input_errors(bench: Bench, found: list[Difference]) -> list[Difference]:
+    """Add the errors of nominal values to those of the gaps, where any are stated."""
+    inputs = inputs_of(bench)
+    if inputs is None:
+        return found
+    means = np.array([np.nan if one.mean is None else one.mean for one in found])
+    errors = np.nan_to_num(inputs.u_input(means)).tolist()
+    return [
+        replace(one, standard_error=math.hypot(one.standard_error, error))
+        for one, error in zip(found, errors, strict=True)
+    ]
 
 
 def _scatter(cell: Cell) -> float:

@@ -24,7 +24,7 @@ exact where the times of the cells are normal. Amplitudes and shapes are summed 
 
 Other errors that cells have in common, with sizes of their own, stand beside it as further
 columns *B* of normal coefficients: a drift (``diagnosis.likelihood.drift``), and errors of nominal
-force and mismatch that all settings share (``diagnosis.likelihood.nominal_errors``). They are taken
+force and mismatch that all settings share (``diagnosis.bench.input_errors``). They are taken
 off first,
 
 .. math:: W = 1 + B^T H B, \quad g' = g - H B W^{-1} B^T g, \quad

@@ -9,9 +9,9 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
+from dogshape.diagnosis.bench.input_errors import NominalInputs, inputs_of
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.likelihood.drift import Drift, drift_of
-from dogshape.diagnosis.likelihood.nominal_errors import NominalInputs, inputs_of
 from dogshape.diagnosis.prediction.outliers import MOST, bulk
 from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from dogshape.diagnosis.bench.input_errors import Propagated
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.inference.equivalence import Equivalence, Interval90
 from dogshape.diagnosis.inference.held_out import HeldOut
@@ -15,7 +16,6 @@ from dogshape.diagnosis.inference.range_ends import RangeEnd
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer
 from dogshape.diagnosis.inference.series_drift import SeriesDrift
 from dogshape.diagnosis.inference.verdict import NAMED, Verdict
-from dogshape.diagnosis.likelihood.nominal_errors import Propagated
 from dogshape.diagnosis.prediction.hypotheses import NONE, in_common, plain, without
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect

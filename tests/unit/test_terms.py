@@ -9,8 +9,11 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.comparison import PointGap, compare
+from dogshape.diagnosis.bench.input_errors import inputs_of
+from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
 from dogshape.diagnosis.bench.reading import Reading
 from dogshape.diagnosis.terms import Array, Table
+from dogshape.sim.units import RPM
 from tests.made_up import few_cells, made_up
 from tests.toy import bench_of, points_of
 
@@ -74,3 +77,20 @@ def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
         replace(bench, cells=(replace(cell, readings=told),)), made_up, 8
     ).differences
     assert beside.standard_error == pytest.approx(found.standard_error)
+
+
+def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
+    bench = few_cells(
+        load_bench("mq200_adams"), [(n, f) for n in (50, 100) for f in (235.2, 641.5)]
+    )
+    size = Tolerance(force_share=0.02, mismatch=2.0 * RPM)
+    stated = replace(bench, errors=NominalErrors(systematic=size, each_point=size))
+    plain, found = (compare(one, made_up, 8).differences for one in (bench, stated))
+    inputs = inputs_of(stated)
+    assert inputs is not None
+    means = np.array([one.mean for one in plain], dtype=float)
+    slope = inputs.sensitivity(means)
+    squares = 2.0 * ((0.02 * slope.force) ** 2 + (2.0 * RPM * slope.mismatch) ** 2)
+    assert (squares > 0.0).all()
+    more = [a.standard_error**2 - b.standard_error**2 for a, b in zip(found, plain, strict=True)]
+    assert more == pytest.approx(squares)

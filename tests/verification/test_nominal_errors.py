@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.input_errors import NominalInputs, inputs_of
 from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.likelihood.nominal_errors import NominalInputs, inputs_of
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.hypotheses import NONE

@@ -138,6 +138,13 @@ class NominalInputs:
         sizes = [float(np.sqrt(one.mean())) if there.any() else 0.0 for one in squares]
         return Propagated(sizes[0], sizes[1], self.sensitivity(baseline).lacking)
 
+    def u_input(self, baseline: Array) -> Array:
+        """Return the standard deviation of each mean by all errors together, s, (cells,)."""
+        whole: Array = np.hypot(
+            self.each_point(baseline), np.sqrt((self.systematic(baseline) ** 2).sum(axis=1))
+        )
+        return whole
+
     def each_point(self, baseline: Array) -> Array:
         """Return the standard deviation of a cell's mean by errors of its setting, s, (cells,)."""
         columns = self._columns(self.errors.each_point, baseline)
