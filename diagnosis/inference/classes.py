@@ -56,7 +56,7 @@ def _placed(predicted: PredictionSummary, metric: Metric, baseline: PredictionSu
     # What the errors have in common with the baseline's is common to all hypotheses, and the error
     # of the model is none of the emulation's.
     own = _emulated(predicted) - _emulated(baseline)
-    noise = (np.nan_to_num(np.maximum(0.0, own)) / metric.core**2).sum(axis=1)
+    noise = np.nan_to_num(np.maximum(0.0, own)) @ metric.precision
     return _Placed(metric.of(predicted), noise)
 
 

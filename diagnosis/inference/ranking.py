@@ -213,7 +213,7 @@ def _ranked(
     logs = {h: one.log_evidence for h, one in scored.items()}
     every, settings = {**logs, UNKNOWN: free.log_evidence}, problem.settings
     raw = probabilities(every, sense=problem.sense, before=settings.priors)
-    metric = metric_of(problem.seen, scored[NONE].rows.predicted)
+    metric = metric_of(problem.seen, scored[NONE].rows.predicted, problem.discrepancy)
     fold = folding(problem, list(scored.values()), metric, raw, before.fold if before else None)
     folded = fold.fold(raw)
     fits = plausible_fits(problem, scored, folded, before)

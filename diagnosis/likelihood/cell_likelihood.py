@@ -108,6 +108,11 @@ class CellPredictions(Prediction):
         times = {"times": self.times + offsets[..., None], "mean": self.mean + offsets}
         return type(self)(**{**wide, **times}, rules=self.rules)
 
+    def at_value(self, place: int) -> CellPredictions:
+        """Select one of the values, (cells, 1)."""
+        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "rules"}
+        return type(self)(**{n: part[:, [place]] for n, part in every.items()}, rules=self.rules)
+
     @property
     def whole(self) -> tuple[Array, Array]:
         """Mean and standard deviation with outliers, s."""

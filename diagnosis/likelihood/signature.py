@@ -3,9 +3,11 @@
 The signature of a prediction has a coordinate for each mean time and each share engaged. The
 logarithm of the spread is a further one for each cell with single shifts. Each coordinate is
 divided by its standard error at the data set's number of shifts, errors of the simulation included.
-Marks of the flight add one independent coordinate each. Half the squared distance of two signatures
-is about the expected log Bayes factor between them. A squared distance of 4 is two standard errors
-in all.
+Mean times err in common besides, by the discrepancy before the data
+(``diagnosis.likelihood.discrepancy``): their coordinates are whitened by the covariance of both, so
+that what a discrepancy may as well have made is near. Marks of the flight add one independent
+coordinate each. Half the squared distance of two signatures is about the expected log Bayes factor
+between them. A squared distance of 4 is two standard errors in all.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
+from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary
@@ -28,24 +31,30 @@ VISIBLE = USUAL.decision.visible  #: squared distance from which predictions can
 class Metric:
     """Standard errors of a data set, (cells,) each; infinite where no data are.
 
-    ``core`` is that of the mean without outliers, ``mean`` that of all shifts. ``flight``
-    (K, K) makes the marks of the flight independent, of standard error 1.
+    ``core`` is that of the mean without outliers, ``mean`` that of all shifts. ``whitening``
+    (k, k) makes the k means without outliers that have data independent, of standard error 1, what
+    cells err in common included; ``flight`` (K, K) likewise the marks of the flight.
     """
 
     mean: Array
     log_sd: Array
     engaged: Array
     core: Array
+    whitening: Array
     flight: Array | None = None
+
+    @property
+    def precision(self) -> Array:
+        """Weights of the cells in a squared distance, 1/s^2, (cells,); 0 without data."""
+        found = np.zeros(len(self.core))
+        found[known(self.core)] = (self.whitening**2).sum(axis=0)
+        return found
 
     def of(self, predicted: PredictionSummary) -> Array:
         """Return signatures, (m, coordinates)."""
-        parts = zip(
-            (predicted.core, predicted.log_sd, predicted.engaged),
-            (self.core, self.log_sd, self.engaged),
-            strict=True,
-        )
-        found = [np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts]
+        parts = zip((predicted.log_sd, predicted.engaged), (self.log_sd, self.engaged), strict=True)
+        means = np.nan_to_num(predicted.core[:, known(self.core)]) @ self.whitening.T
+        found = [means, *(np.nan_to_num(part[:, known(e)] / e[known(e)]) for part, e in parts)]
         if self.flight is not None and predicted.flight is not None:
             found.append(predicted.flight @ self.flight.T)
         return np.hstack(found)
@@ -56,8 +65,11 @@ def known(errors: Array) -> np.ndarray:
     return np.isfinite(errors)
 
 
-def metric_of(seen: Observed, baseline: PredictionSummary) -> Metric:
-    """Return the standard errors, spreads and errors from the baseline (1, cells)."""
+def metric_of(seen: Observed, baseline: PredictionSummary, discrepancy: Discrepancy) -> Metric:
+    """Return the standard errors, spreads and errors from the baseline (1, cells).
+
+    ``discrepancy`` is what the means of all cells err in common before the data.
+    """
     shifts, tried = seen.shifts, seen.tried
     share = np.clip(baseline.engaged[0], 0.02, 0.98)
     with np.errstate(divide="ignore"):
@@ -70,7 +82,10 @@ def metric_of(seen: Observed, baseline: PredictionSummary) -> Metric:
         log_sd = np.where(seen.freedom > 0, log_sd, np.inf)
         engaged = np.sqrt(share * (1.0 - share) / tried + baseline.engaged_error[0] ** 2)
     flight = whitening(seen.flights) if baseline.flight is not None else None
-    return Metric(mean, log_sd, engaged, core, flight)
+    having = known(core)
+    covariance = np.diag(core[having] ** 2) + discrepancy.covariance[np.ix_(having, having)]
+    independent: Array = np.linalg.inv(np.linalg.cholesky(covariance))
+    return Metric(mean, log_sd, engaged, core, independent, flight)
 
 
 def squared(one: Array, other: Array) -> Array:

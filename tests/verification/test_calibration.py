@@ -194,7 +194,7 @@ def _noisy(monkeypatch: pytest.MonkeyPatch, seeds: int, enough: float) -> tuple[
             other.setattr(integral, "sampled", partial(sample, seed=seed))
             scored = {one.hypothesis: one for one in (*once, evidence(problem, spaces[3]))}
         raw = probabilities({h: one.log_evidence for h, one in scored.items()})
-        metric = metric_of(problem.seen, scored[NONE].rows.predicted)
+        metric = metric_of(problem.seen, scored[NONE].rows.predicted, problem.discrepancy)
         fold = folding(problem, list(scored.values()), metric, raw)
         found.append((fold.fold(raw)[pair], noise(pair, raw, fold, scored)))
     given, said = np.array(found).T

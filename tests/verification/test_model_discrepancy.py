@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
@@ -15,11 +17,14 @@ from dogshape.diagnosis.likelihood.discrepancy import (
     posterior_draws,
 )
 from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.scores import PredictionSummary
+from dogshape.diagnosis.likelihood.signature import Metric, metric_of, squared
 from dogshape.diagnosis.prediction.outliers import bulk, outlier_counts, outlier_statistics
 from dogshape.diagnosis.prediction.prediction import Prediction
-from dogshape.diagnosis.settings import Rules
+from dogshape.diagnosis.settings import Rules, Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
+from tests.declared import Declared, problem_of
 from tests.toy import bench_of, points_of
 
 SLIPS = np.array([5.0, 5.0, 25.0, 249.0]) * RPM
@@ -165,3 +170,42 @@ def test_late_shifts_are_found_with_their_share_and_delay() -> None:
 def test_a_wide_spread_has_no_late_shifts() -> None:
     times = np.linspace(0.05, 0.45, 24)
     assert outlier_counts(times, bulk(times))[0] == 0.0
+
+
+def _metric(
+    scale: float, shapes: tuple[tuple[float, float, float, float], ...] | None = None
+) -> tuple[Metric, PredictionSummary, Array]:
+    """Return the metric of a bench with means of ten shifts, its baseline, and what cells err."""
+    points = points_of((235.2, 641.5))
+    toy = Declared(points)
+    problem = problem_of(toy, bench_of({}, np.random.default_rng(2), points=points, shifts=50))
+    rules = Rules(discrepancy=scale)
+    rules = rules if shapes is None else replace(rules, discrepancy_shapes=shapes)
+    problem = replace(problem, settings=Settings(likelihood=rules))
+    baseline = problem.summary((), np.zeros((1, 0)))
+    metric = metric_of(problem.seen, baseline, problem.discrepancy)
+    return metric, baseline, problem.discrepancy.covariance
+
+
+def test_distances_of_signatures_are_those_of_generalised_least_squares() -> None:
+    metric, baseline, common = _metric(0.05)
+    gaps = np.random.default_rng(4).normal(0.0, 0.01, baseline.core.shape)
+    moved = replace(baseline, core=baseline.core + gaps)
+    whole = np.diag(metric.core**2) + common
+    expected = float(gaps[0] @ np.linalg.solve(whole, gaps[0]))
+    assert squared(metric.of(moved), metric.of(baseline))[0, 0] == pytest.approx(expected)
+    assert metric.precision == pytest.approx(np.diag(np.linalg.inv(whole)))
+
+
+def test_a_one_sided_offset_is_as_far_as_its_own_size_and_that_of_the_discrepancy() -> None:
+    """Of one common direction the distance d becomes d / (1 + k d), k the ratio of variances."""
+    one_sided = ((1.0, 0.0, 0.0, 1.0),)
+    sure, baseline, _ = _metric(1e-9, one_sided)
+    unsure, _, common = _metric(0.05, one_sided)
+    offset = replace(baseline, core=1.05 * baseline.core)
+    alone, both = (
+        float(squared(metric.of(offset), metric.of(baseline))[0, 0]) for metric in (sure, unsure)
+    )
+    assert alone == pytest.approx(float((((0.05 * baseline.core) / sure.core) ** 2).sum()))
+    ratio = float(common[0, 0] / (0.05 * baseline.mean[0, 0]) ** 2)
+    assert both == pytest.approx(alone / (1.0 + ratio * alone), rel=1e-4)
