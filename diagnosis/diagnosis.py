@@ -282,7 +282,7 @@ def diagnose(
     settings : probabilities before the data, errors of the simulation, and limits of the answer.
     """
     seen = observe(bench, settings.likelihood)
-    problem = Problem(seen, emulator, settings, bench.mismatch_sense)
+    problem = Problem(seen, emulator, settings, bench.mismatch_sense, bench)
     ranking = rank(problem, bench, effects, pairs)
     posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]

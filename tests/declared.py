@@ -118,7 +118,7 @@ def _cell(
 
 def problem_of(toy: Toy, bench: Bench) -> Problem:
     """Return the problem of a data set of the toy."""
-    return Problem(observe(bench), toy, USUAL)
+    return Problem(observe(bench), toy, USUAL, bench=bench)
 
 
 def few_points(points: Sequence[OperatingPoint], step: int) -> tuple[OperatingPoint, ...]:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -96,6 +97,7 @@ class Answer:
     raw : probabilities by evidence, without those of unknown, which is never drawn.
     posterior, verdict, named, credible, group : of the diagnosis.
     ranks : share of the posterior below each true value, (p,).
+    fit : predictive p-value of the cause, None where it is not plausible.
     """
 
     cause: Hypothesis
@@ -107,6 +109,7 @@ class Answer:
     credible: tuple[Hypothesis, ...]
     group: tuple[Hypothesis, ...]
     ranks: Array
+    fit: float | None = None
 
 
 def draw(world: World, generator: np.random.Generator) -> Drawn:
@@ -168,6 +171,7 @@ def answer(world: World, one: Drawn) -> Answer:
         credible=found.verdict.credible,
         group=found.verdict.group,
         ranks=weights @ below if one.cause else np.zeros(0),
+        fit=found.fits.get(one.cause),
     )
 
 
@@ -189,3 +193,46 @@ def noncentrality(problem: Problem, one: Drawn, scored: Mapping[Hypothesis, Scor
 def is_rival(hypothesis: Hypothesis, cause: Collection[str]) -> bool:
     """Test that a hypothesis of the known sense lacks an effect of the cause."""
     return REVERSED not in hypothesis and not set(cause) <= set(hypothesis)
+
+
+def as_row(found: Answer) -> dict[str, Any]:
+    """Write an answer for a line of JSON."""
+    return {
+        "cause": list(found.cause),
+        "noncentrality": found.noncentrality,
+        "raw": [[list(h), p] for h, p in found.raw.items()],
+        "posterior": [[list(h), p] for h, p in found.posterior.items()],
+        "verdict": found.verdict,
+        "named": list(found.named),
+        "credible": [list(h) for h in found.credible],
+        "group": [list(h) for h in found.group],
+        "ranks": found.ranks.tolist(),
+        "fit": found.fit,
+    }
+
+
+def from_row(row: Mapping[str, Any]) -> Answer:
+    """Read an answer from what ``as_row`` wrote."""
+    return Answer(
+        cause=tuple(row["cause"]),
+        noncentrality=row["noncentrality"],
+        raw={tuple(h): p for h, p in row["raw"]},
+        posterior={tuple(h): p for h, p in row["posterior"]},
+        verdict=row["verdict"],
+        named=tuple(row["named"]),
+        credible=tuple(map(tuple, row["credible"])),
+        group=tuple(map(tuple, row["group"])),
+        ranks=np.array(row["ranks"]),
+        fit=row["fit"],
+    )
+
+
+def in_set(probabilities: Mapping[Hypothesis, float], cause: Hypothesis, share: float) -> bool:
+    """Test that a cause is among the most probable hypotheses that have a share together."""
+    more = sum(p for p in probabilities.values() if p > probabilities[cause])
+    return more < share
+
+
+def leading(found: Answer) -> Hypothesis:
+    """Find the most probable hypothesis of an answer."""
+    return max(found.posterior, key=lambda h: found.posterior[h])

@@ -79,21 +79,26 @@ class Refits:
         return float(log_sum(self.log_prior + table.sum(axis=1) + together, axis=0))
 
     def replicate(self, bench: Bench, generator: np.random.Generator) -> Observed:
-        """Draw data in the form of a data set's."""
+        """Draw data in the form of a data set's, flights left out."""
         place = int(generator.choice(len(self.drawn), p=self.drawn))
         said = self.predicted.at_value(place)
         offsets = offsets_of(said, self.problem.discrepancy, generator)
         cells = replicate(said, bench.cells, offsets, generator)
-        return observe(replace(bench, cells=cells))
+        return observe(replace(bench, cells=cells), self.problem.settings.likelihood)
 
 
-def calibrated_p(problem: Problem, one: Scored, bench: Bench, seed: int = 1) -> float:
-    """Compute the p-value of a hypothesis by replicates that are fitted anew."""
+def calibrated_p(problem: Problem, one: Scored, seed: int = 1) -> float:
+    """Compute the p-value of a hypothesis by replicates that are fitted anew.
+
+    1 where the problem has no data set that they could be like.
+    """
+    if problem.bench is None:
+        return 1.0
     generator = np.random.default_rng(seed)
     refits = Refits.of(problem, one, generator)
     own, less = refits.log_evidence(problem.seen), 0
     for count in range(1, MOST + 1):
-        less += refits.log_evidence(refits.replicate(bench, generator)) <= own
+        less += refits.log_evidence(refits.replicate(problem.bench, generator)) <= own
         if less == ENOUGH:
             return less / count
     return (less + 1) / (MOST + 1)

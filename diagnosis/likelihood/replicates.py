@@ -50,7 +50,8 @@ def replicate(
     """
     found = []
     for place, cell in enumerate(like):
-        law = _Law.of(predicted, place, generator, single=cell.times.size > 0)
+        single = any(r.n == 1 or r.sd is not None for r in cell.readings)
+        law = _Law.of(predicted, place, generator, single=single)
         rows = [row for r in cell.readings for row in _drawn(r, law, offsets[place], generator)]
         found.append(replace(cell, readings=tuple(rows)))
     return tuple(found)
@@ -63,10 +64,12 @@ def _drawn(
     if reading.engaged is None:
         return [reading]
     times = law.times(reading.n, generator) + offset
-    bare = replace(reading, trace=None)
+    bare = replace(reading, trace=None, sd=None)
     found = []
     if times.size:
-        found.append(replace(bare, n=times.size, time=float(times.mean()), engaged=True))
+        sd = float(times.std(ddof=1)) if reading.sd is not None and times.size > 1 else None
+        mean = float(times.mean())
+        found.append(replace(bare, n=times.size, time=mean, engaged=True, sd=sd))
     if failed := reading.n - times.size:
         found.append(replace(bare, n=failed, time=None, engaged=False))
     return found

@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.likelihood.cell_likelihood import (
@@ -133,7 +134,8 @@ class Rows(Table):
 class Problem:
     """Inference problem: observations, and the emulator that predicts them per hypothesis.
 
-    ``sense`` says whether the sign of the mismatch is known; ``places`` are the cells' numbers in
+    ``sense`` says whether the sign of the mismatch is known; ``bench`` is the data set that was
+    observed, which replicates are like, None without them. ``places`` are the cells' numbers in
     the emulator where only some of them are seen.
     """
 
@@ -141,6 +143,7 @@ class Problem:
     emulator: Emulator
     settings: Settings
     sense: Sense = "known"
+    bench: Bench | None = None
     places: tuple[int, ...] | None = None
 
     @cached_property
