@@ -130,8 +130,8 @@ def draw(world: World, generator: np.random.Generator) -> Drawn:
     problem = Problem(observe(bench), emulator, world.settings)
     said = problem.predictions(cause, values[None])
     offsets = offsets_of(said, problem.discrepancy, generator)
-    cells = replicate(said, blank, offsets, generator)
-    return Drawn(cause, values, shares, replace(bench, cells=cells), emulator)
+    drawn = replicate(said, blank, offsets, generator)
+    return Drawn(cause, values, shares, replace(bench, cells=drawn), emulator)
 
 
 def _blank(point: OperatingPoint, number: int, *, single: bool) -> Cell:

@@ -188,7 +188,10 @@ class Problem:
         """
         places = tuple(np.flatnonzero(cells).tolist())
         mine = places if self.places is None else tuple(self.places[k] for k in places)
-        found = replace(self, seen=self.seen.of(cells), places=mine)
+        bench = self.bench
+        if bench is not None:
+            bench = replace(bench, cells=tuple(bench.cells[k] for k in places))
+        found = replace(self, seen=self.seen.of(cells), places=mine, bench=bench)
         vars(found)["discrepancy"] = self.discrepancy.of(cells)
         vars(found)["_setting"] = self._setting[cells]
         return found
