@@ -178,8 +178,10 @@ def test_inference_is_calibrated(count: int, single: bool) -> None:
         assert abs(found.true[some].sum() - chances.sum()) < 3.3 * error + 1.0
 
 
-def _noisy(monkeypatch: pytest.MonkeyPatch, seeds: int, enough: float) -> tuple[Array, Array]:
-    """Return probabilities of a pair by some seeds, and the noise that each says."""
+def _noisy(
+    monkeypatch: pytest.MonkeyPatch, seeds: int, enough: float
+) -> tuple[Array, Array, float]:
+    """Return probabilities of a pair by some seeds, the noise of each, and effective draws."""
     pair = ("actuation_delay", "sleeve_friction")
     truth = {"delay_s": 0.05, "friction_N": 60.0}
     bench = bench_of(truth, np.random.default_rng(3), points=POINTS)
@@ -196,17 +198,19 @@ def _noisy(monkeypatch: pytest.MonkeyPatch, seeds: int, enough: float) -> tuple[
         raw = probabilities({h: one.log_evidence for h, one in scored.items()})
         metric = metric_of(problem.seen, scored[NONE].rows.predicted, problem.discrepancy)
         fold = folding(problem, list(scored.values()), metric, raw)
-        found.append((fold.fold(raw)[pair], noise(pair, raw, fold, scored)))
-    given, said = np.array(found).T
-    return given, said
+        draws = 1.0 / float((scored[pair].weights() ** 2).sum())
+        found.append((fold.fold(raw)[pair], noise(pair, raw, fold, scored), draws))
+    given, said, effective = np.array(found).T
+    return given, said, float(effective.mean())
 
 
 def test_noise_is_how_far_seeds_are_apart_and_falls_with_draws(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    given, said = _noisy(monkeypatch, 12, 150.0)
+    given, said, draws = _noisy(monkeypatch, 12, 150.0)
     assert 0.05 < given.mean() < 0.95
     assert 0.4 < given.std(ddof=1) / np.sqrt(np.mean(said**2)) < 1.7
-    _, fewer = _noisy(monkeypatch, 2, 1500.0)
-    # Ten times the draws: about a third of the noise.
-    assert 0.15 < fewer.mean() / said.mean() < 0.6
+    _, fewer, more = _noisy(monkeypatch, 2, 1500.0)
+    # By the root of the number of draws that count.
+    assert more > 1.8 * draws
+    assert 0.6 < fewer.mean() / said.mean() * np.sqrt(more / draws) < 1.7
