@@ -19,6 +19,7 @@ from dogshape.diagnosis.inference.classes import (
     structured,
 )
 from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
+from dogshape.diagnosis.inference.foretold_means import ForetoldMeans, foretold_means
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.influence import Influence, influence
 from dogshape.diagnosis.inference.next_test import (
@@ -77,6 +78,8 @@ class Diagnosis:
     drift : trend over the series; None where the order of the shifts is not known.
     influence : what each operating point does to the answer; None for a single one.
     inputs : what errors of nominal force and mismatch make; None where the data set states none.
+    foretold : means that the leading hypothesis, its best rival and none foretell of each
+        operating point from the others; none for a single one.
     settings : with which all this was decided.
     range_ends : where sizes lay at an end of their range, and what was done about it.
     """
@@ -105,6 +108,7 @@ class Diagnosis:
     drift: SeriesDrift | None = None
     influence: Influence | None = None
     inputs: Propagated | None = None
+    foretold: tuple[ForetoldMeans, ...] = ()
     settings: Settings = USUAL
     range_ends: tuple[RangeEnd, ...] = ()
 
@@ -149,6 +153,7 @@ class Diagnosis:
                 for one in self.gaps
             ],
             "influence": self._influence(),
+            "foretold": [one.as_dict(self._points) for one in self.foretold],
             "next_test": {
                 **self.tests[0].as_dict(),
                 "why": why(self.tests[0], self.posterior, self.effects),
@@ -241,9 +246,13 @@ class Diagnosis:
     def _influence(self) -> Record | None:
         if self.influence is None:
             return None
-        points = [(c.point.mismatch / RPM, c.point.profile.force) for c in self.bench.cells]
-        said = influence_in_words(self.influence, points, self.effects)
-        return {"sentence": said, **self.influence.as_dict(points)}
+        said = influence_in_words(self.influence, self._points, self.effects)
+        return {"sentence": said, **self.influence.as_dict(self._points)}
+
+    @property
+    def _points(self) -> list[tuple[float, float]]:
+        """Mismatch in 1/min and force in N of all cells."""
+        return [(c.point.mismatch / RPM, c.point.profile.force) for c in self.bench.cells]
 
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
         found = self.scored.get(hypothesis)
@@ -312,6 +321,8 @@ def diagnose(
         return replace(found, kind="ambiguous") if blind else found
 
     verdict = settle(posterior, ranking.fits, same.probability if same else 0.0)
+    swayed = influence(problem, ranking, settle, verdict, same)
+    compared = (ranking.leading, swayed.rival, NONE) if swayed else ()
     return Diagnosis(
         bench=bench,
         verdict=verdict,
@@ -335,8 +346,11 @@ def diagnose(
         senses=sense_answers(problem, ranking),
         equivalence=same,
         drift=series_drift(problem, ranking),
-        influence=influence(problem, ranking, settle, verdict, same),
         inputs=seen.inputs.propagated(problem.baseline) if seen.inputs else None,
+        influence=swayed,
+        foretold=tuple(
+            foretold_means(problem, scored[h]) for h in dict.fromkeys(compared) if h in scored
+        ),
         settings=settings,
     )
 

@@ -165,7 +165,7 @@ class Influence:
         }
 
 
-def _heavy(one: Scored) -> Scored:
+def heavy_rows(one: Scored) -> Scored:
     """Return a hypothesis with those of its rows that can matter."""
     log = one.log_prior + one.rows.whole
     deep = log > log.max() - DEEP
@@ -174,12 +174,12 @@ def _heavy(one: Scored) -> Scored:
 
 def _of(one: Scored, cells: np.ndarray) -> Scored:
     """Return a hypothesis given the data of some cells."""
-    return _heavy(one).of(cells)
+    return heavy_rows(one).of(cells)
 
 
 def without_each(one: Scored) -> Without:
     """Compute a hypothesis without the data of each cell by new weights of its rows."""
-    one = _heavy(one)
+    one = heavy_rows(one)
     log = one.log_prior + one.rows.whole
     left = one.log_prior[:, None] + totals_without(one.rows)
     whole = log_sum(log, axis=0)

@@ -199,7 +199,7 @@ def _spread_parts(
     """
     bias, own = sampled
     n, waits = np.maximum(2.0, seen.freedom + 1.0)[:, None, None], _outlier_numbers(seen, predicted)
-    behind, _ = _behind(seen, predicted)
+    behind, _ = outlier_delay(seen, predicted)
     among = np.maximum(0.0, waits * (n - waits)) / (n * (n - 1.0))
     square = predicted.sd[..., None] ** 2 + among * behind[..., None] ** 2
     late = _late_beside(seen, predicted, waits)
@@ -290,7 +290,7 @@ def _waits(
     log_share = ways + waits * np.log(share) + (hidden - waits) * np.log1p(-share)
     log_share = np.where((waits <= hidden) & seen.hides(waits), log_share, -1e9)
     log_share = log_share - log_sum(log_share, axis=2)[..., None]
-    behind, wide = _behind(seen, predicted)
+    behind, wide = outlier_delay(seen, predicted)
     own, error = _spread(seen, predicted, sampled) ** 2, predicted.error**2
     whole = (own / n + error)[..., None]
     late = _late_beside(seen, predicted, waits)
@@ -340,7 +340,7 @@ def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:
     return np.arange(max(float(HIDDEN), most) + 1.0)
 
 
-def _behind(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array]:
+def outlier_delay(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array]:
     """Compute mean and deviation of the delay of outliers, s, (cells, m).
 
     Without simulated outliers, the wait for the next slot beyond the simulated range.

@@ -12,6 +12,13 @@ from dogshape.sim.effect import Effect
 NAMED = 3  #: operating points that a sentence names
 CLEAR = 0.02  #: change of the leading probability from which a point counts as influential
 Point = tuple[float, float]  #: mismatch in 1/min and force in N
+#: Verdicts as a table says them.
+VERDICTS: Mapping[str, str] = {
+    "effect": "cause found",
+    "none": "no effect needed",
+    "unknown": "unknown",
+    "ambiguous": "not settled",
+}
 #: Verdicts that name nothing.
 OTHERS: Mapping[str, str] = {
     "none": "no effect would be needed",
@@ -23,7 +30,7 @@ def influence_in_words(
     found: Influence, points: Sequence[Point], effects: Mapping[str, Effect]
 ) -> str:
     """Describe the points that the answer hangs on, and whether any one decides the verdict."""
-    return f"{_weighty(found, points, effects)} {_verdict(found, points, effects)}"
+    return f"{_weighty(found, points, effects)} {verdict_in_words(found, points, effects)}"
 
 
 def _cell(found: Influence, place: int) -> CellInfluence:
@@ -57,7 +64,9 @@ def _weighty(found: Influence, points: Sequence[Point], effects: Mapping[str, Ef
     return f"The probability of {name}, {now}, {few} {listed}."
 
 
-def _verdict(found: Influence, points: Sequence[Point], effects: Mapping[str, Effect]) -> str:
+def verdict_in_words(
+    found: Influence, points: Sequence[Point], effects: Mapping[str, Effect]
+) -> str:
     """Say whether the verdict would change without any single point."""
     changing = sorted(found.changing, key=found.ordered.index)
     if not changing:

@@ -143,6 +143,24 @@ class NominalErrorsRow(Section):
     sentence: str = key("the errors in words, with what the data set cannot propagate")
 
 
+class ForetoldCellRow(Section):
+    """Mean time that a hypothesis foretells of an operating point from all others."""
+
+    mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
+    force_N: float = key("final shift force", "N")
+    quantiles_s: list[float] = key("5, 25, 50, 75 and 95 % of the mean of as many shifts", "s")
+    below: float = key("share of the distribution below the measured mean", SHARE)
+
+
+class ForetoldRow(Section):
+    """Means that a hypothesis foretells, discrepancy included."""
+
+    effects: list[str] = key("effects by name; empty for none")
+    within_90: int = key("measured means that lie within 5 to 95 %")
+    of: int = key("measured means that are compared")
+    cells: list[ForetoldCellRow] = key("operating points that have a time")
+
+
 class PredictedRow(Section):
     """Outcome of a test that a hypothesis predicts."""
 
@@ -291,6 +309,12 @@ class InferenceRecord(Section):
     where: list[PointRow] = key("gap at each operating point")
     influence: InfluenceRow | None = key(
         "influence of each operating point; null for a single one, absent in earlier versions",
+        "",
+        None,
+    )
+    foretold: list[ForetoldRow] | None = key(
+        "means that the leading hypothesis, its best rival and none foretell of each operating "
+        "point; absent in earlier versions",
         "",
         None,
     )

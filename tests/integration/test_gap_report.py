@@ -24,7 +24,13 @@ from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
 from dogshape.diagnosis.report.wording import between, chance, described, ms
 from dogshape.pipeline.diagnose.extras import Extras, Optimum, Remark, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
-from dogshape.pipeline.reports.gap import charts, reasons
+from dogshape.pipeline.reports.gap import (
+    charts,
+    foretold_figure,
+    influence_figure,
+    joint_figure,
+    reasons,
+)
 from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
 from dogshape.pipeline.reports.gap import hypothesis_cards as answers
 from dogshape.pipeline.reports.gap.gap_page import publish
@@ -42,7 +48,9 @@ PAPER = 0.82  #: height of a figure on paper, as paper.js has it
 MINUS = "\N{MINUS SIGN}"
 #: Parts that every report has, and those of figures.
 ALWAYS = ["causes-part", "readings", "next", "provenance"]
-DRAWN = ["map", "causes", "before", "held_out", "alike", "bounds"]
+DRAWN = [
+    *("map", "causes", "joint", "before", "held_out", "foretold", "influence", "alike", "bounds"),
+]
 
 EXTRAS = Extras(
     phases=tuple(
@@ -111,8 +119,8 @@ def _figures(text: str) -> list[str]:
 def test_every_part_is_there(page: Path) -> None:
     text = page.read_text()
     assert _ids(text) == [
-        "where", "causes-part", "before-part", "alike-part", "bounds-part", "readings", "next",
-        "along", "so-what", "provenance",
+        "where", "causes-part", "joint-part", "before-part", "foretold-part", "influence-part",
+        "alike-part", "bounds-part", "readings", "next", "along", "so-what", "provenance",
     ]  # fmt: skip
     assert _figures(text) == [*DRAWN, "phases"]
     for words in (
@@ -129,7 +137,7 @@ def test_every_part_is_there(page: Path) -> None:
 def test_what_is_missing_leaves_no_heading(tmp_path: Path) -> None:
     text = publish(_plain({"delay_s": 0.08}), tmp_path).read_text()
     # One plausible hypothesis: nothing to compare, but for what it can never be told from.
-    assert _figures(text) == ["map", "causes", "before", "held_out", "bounds"]
+    assert _figures(text) == [name for name in DRAWN if name != "alike"]
     assert not {"along", "so-what"} & set(_ids(text))
     assert "Not engaged" not in text
     assert "nobody knows" not in text
@@ -330,9 +338,77 @@ def test_report_in_a_browser(page: Path, tmp_path: Path, width: int) -> None:
     assert {float(one) for one in seen["widths"].split()} == {700.0}
 
 
+#: Put into a report: chooses the second hypothesis of the joint posterior.
+CHOOSE = """
+<script>
+function probe(said) {
+  const corner = document.getElementById("corner");
+  said.before = document.getElementById("joint").querySelectorAll(".subplot").length;
+  corner.value = "1";
+  corner.dispatchEvent(new Event("change"));
+  setTimeout(() => {
+    said.name = document.getElementById("corner-name").textContent;
+    const frame = document.getElementById("joint");
+    said.titles = frame.layout.annotations.length / 2;
+    said.after = frame.querySelectorAll(".subplot").length;
+  }, 500);
+}
+</script>
+"""
+
+
+def test_another_hypothesis_is_drawn_in_place(full: Diagnosis, page: Path, tmp_path: Path) -> None:
+    corners = joint_figure.with_corners(full)
+    assert len(corners) > 1
+    seen = look(page, tmp_path, PROBE + CHOOSE, window="1280,900")
+    assert "error" not in seen
+    size = len(full.scored[corners[1]].space.parameters) + 1
+    assert seen["titles"] == str(size)
+    assert seen["after"] == str(size * (size + 1) // 2)
+    assert seen["name"].startswith("slow rise of the shift force")
+
+
+def test_corner_has_marginals_pairs_and_the_neutral_value(full: Diagnosis) -> None:
+    figure = joint_figure.joint_figure(full, ("actuation_delay",))
+    words = [a.text for a in figure.layout.annotations]
+    size = described("delay_s", full.intervals["actuation_delay",]["delay_s"])
+    assert words[0] == size.removeprefix("delay ")
+    assert words[1] == "before: 0 to 400 ms"
+    # One parameter and the discrepancy: two marginals, a pair with two regions.
+    assert sum(trace.type == "contour" for trace in figure.data) == 2
+    assert figure.layout.xaxis3.title.text == "discrepancy, % of time"
+
+
+def test_foretold_means_stand_beside_the_bench(full: Diagnosis) -> None:
+    figure = foretold_figure.foretold_figure(full)
+    names = {trace.name for trace in figure.data}
+    assert {"leading hypothesis", "best rival", "no effect"} <= names
+    boxes = [trace for trace in figure.data if trace.type == "box"]
+    assert len(boxes) == 3 * 4
+    said = dict(foretold_figure.in_words(full))
+    words = said["Leading hypothesis, dead time of the actuation"]
+    assert re.match(r"holds (all|2\d of) 26", words)
+    assert said["No effect"].startswith("holds ")
+    assert "it fails at" in said["No effect"]
+
+
+def test_each_point_has_its_influence(full: Diagnosis, page: Path) -> None:
+    assert full.influence is not None
+    left, right = influence_figure.influence_figure(full, full.influence).data
+    one = full.influence.cells[4]
+    assert one is not None
+    assert left.z[1][0] == pytest.approx(one.log_bayes)
+    assert right.z[1][0] == pytest.approx(one.probability - full.influence.probability)
+    rows = influence_figure.rows_of(full, full.influence)
+    assert len(rows) == 27  # of one nobody knows whether shifts were tried
+    text = html.unescape(page.read_text())
+    assert full.as_dict()["influence"]["sentence"] in text
+    assert text.count("<summary>") == 1
+
+
 def test_report_prints_on_a_few_pages(page: Path, tmp_path: Path) -> None:
     printed = print_pdf(page, tmp_path)
-    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 8
+    assert 3 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 11
 
 
 def test_chance_has_one_figure_on_the_page(full: Diagnosis, page: Path) -> None:

@@ -62,6 +62,7 @@ def test_an_additional_key_fails(record: dict[str, Any], place: tuple[Any, ...])
 LATER = {
     *("classes", "margin_s", "discrepancy", "settings", "engine", "range_ends"),
     "influence",
+    "foretold",
 } | SOME
 
 

@@ -8,22 +8,27 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from markupsafe import Markup
+
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.next_test import why
 from dogshape.diagnosis.inference.static_readings import against, facts_of
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
+from dogshape.diagnosis.report.influence_words import influence_in_words, verdict_in_words
 from dogshape.diagnosis.report.wording import chance, headline, ms, parts_in_words, quantity
 from dogshape.pipeline.diagnose.extras import Extras, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
-from dogshape.pipeline.reports.gap import charts, reasons
+from dogshape.pipeline.reports.gap import charts, foretold_figure, joint_figure, reasons
 from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
 from dogshape.pipeline.reports.gap import hypothesis_cards as answers
+from dogshape.pipeline.reports.gap import influence_figure as swayed
 from dogshape.pipeline.reports.gap import odds_matrix as alike
 from dogshape.pipeline.reports.gap import point_rows as cells
 from dogshape.pipeline.reports.kit import html
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import axis, label, value
 from dogshape.sim.files import naming
+from dogshape.sim.units import RPM
 
 REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 TESTS = 8  #: tests that are listed
@@ -100,6 +105,9 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "without": sorted({cells.unreadable(point) for point in points} - {""}),
         "part_engaged": any(point.failed and point.engaged for point in points),
         "unknown_shifts": sum(point.unknown for point in points),
+        "corners": _corners(found),
+        "foretold": foretold_figure.in_words(found),
+        **_influence(found),
         **_figures(found, points, extras),
     }
 
@@ -117,10 +125,47 @@ def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> R
         "alike": alike.alike_figure(found) if len(found.confusion.hypotheses) > 1 else None,
         "bounds": charts.bounds_figure(found) if found.bounds else None,
         "phases": charts.phases_figure(extras.phases) if extras.phases else None,
+        "foretold": foretold_figure.foretold_figure(found) if found.foretold and timed else None,
+        "influence": swayed.influence_figure(found, found.influence) if found.influence else None,
     }
     return {
         f"{key}_figure": "" if figure is None else html.figure_html(figure, key)
         for key, figure in drawn.items()
+    }
+
+
+def _corners(found: Diagnosis) -> list[Row]:
+    """Draw the joint posterior of each plausible hypothesis: the first as HTML, others as data."""
+    drawn = []
+    for hypothesis in joint_figure.with_corners(found):
+        figure = joint_figure.joint_figure(found, hypothesis)
+        share = chance(found.posterior.get(hypothesis, 0.0))
+        drawn.append(
+            {
+                "name": f"{plain(hypothesis, found.effects)} ({share})",
+                "html": "" if drawn else html.figure_html(figure, "joint"),
+                "json": Markup(html.as_script_json(json.loads(str(figure.to_json())))),
+                "width": 170 * len(figure.layout.annotations) // 2,
+            }
+        )
+    return drawn
+
+
+def _influence(found: Diagnosis) -> Row:
+    """Say and tabulate the influence of the operating points; empty where there is none."""
+    said = found.influence
+    if said is None:
+        return {"swayed": "", "hangs": "", "influence_rows": [], "elpd": "", "rival": ""}
+    points = [(c.point.mismatch / RPM, c.point.profile.force) for c in found.bench.cells]
+    record = said.as_dict(points)
+    apart, error = record["elpd_difference"], record["elpd_difference_error"]
+    beside = f" ± {error:.2g}" if error is not None else ""
+    return {
+        "swayed": influence_in_words(said, points, found.effects),
+        "hangs": verdict_in_words(said, points, found.effects) if said.changing else "",
+        "influence_rows": swayed.rows_of(found, said),
+        "elpd": f"{apart:.3g}{beside} nats".replace("-", "\N{MINUS SIGN}"),
+        "rival": plain(said.rival, found.effects),
     }
 
 
