@@ -136,7 +136,7 @@ def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> R
 
 def _corners(found: Diagnosis) -> list[Row]:
     """Draw the joint posterior of each plausible hypothesis: the first as HTML, others as data."""
-    drawn = []
+    drawn: list[Row] = []
     for hypothesis in joint_figure.with_corners(found):
         figure = joint_figure.joint_figure(found, hypothesis)
         share = chance(found.posterior.get(hypothesis, 0.0))
