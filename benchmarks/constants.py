@@ -131,7 +131,8 @@ NUMERICAL = {
     "inference.classes": "DRAWN values",
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",
-    "inference.refits": "VALUES values, FLAT power, MOST replicates, ENOUGH replicates",
+    "inference.refits": "VALUES values, FLAT power, MOST replicates, ENOUGH replicates, "
+    "DOUBTFUL p-value",
     "inference.static_readings": "SURE standard errors",
     "inference.next_test": "LEAST probability, FLOWN hypotheses",
     "inference.outcome": "DRAWN outcomes",

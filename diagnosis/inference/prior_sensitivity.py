@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.sense import predictable
 from dogshape.diagnosis.inference.evidence import evidence, with_width
 from dogshape.diagnosis.inference.posterior import Probabilities, judged, probabilities
+from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.ranking import Ranking, plausible_fits
 from dogshape.diagnosis.inference.static_readings import Fact, facts_of, given, log_neutral
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -77,5 +78,5 @@ def _read(
     logs = {h: one.log_evidence for h, one in scored.items()}
     settings, every = problem.settings, {**logs, UNKNOWN: free}
     folded = ranking.fold.fold(probabilities(every, like, problem.sense, settings.priors))
-    fits = plausible_fits(problem, scored, folded, ranking)
+    fits = plausible_fits(problem, scored, folded, ranking, p_value)
     return judged(folded, fits, settings.decision.adequate)

@@ -7,7 +7,7 @@ the sense of rotation is unknown, each sense is treated by itself.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,8 +22,7 @@ from dogshape.diagnosis.inference.posterior import (
     judged,
     probabilities,
 )
-from dogshape.diagnosis.inference.predictive_check import p_value
-from dogshape.diagnosis.inference.refits import calibrated_p
+from dogshape.diagnosis.inference.refits import checked
 from dogshape.diagnosis.inference.unknown import Unknown, unknown
 from dogshape.diagnosis.likelihood.discrepancy import marginals
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -168,12 +167,11 @@ def plausible_fits(
     scored: Mapping[Hypothesis, Scored],
     folded: Probabilities,
     before: Ranking | None = None,
+    fit: Callable[[Problem, Scored], float] = checked,
 ) -> dict[Hypothesis, float]:
-    """Return predictive p-values of the hypotheses that are plausible.
+    """Return predictive p-values of the hypotheses that are plausible, each by ``fit``.
 
-    Each is the smaller of that at values of the posterior and that of replicates that are fitted
-    anew: the one sees spreads that are too narrow, the other has more power besides. Those that
-    ``before``, a ranking of the same problem, has for the same posterior are taken.
+    Those that ``before``, a ranking of the same problem, has for the same posterior are taken.
     """
     shown = {} if before is None else before.fits
     least = problem.settings.decision.plausible
@@ -181,7 +179,7 @@ def plausible_fits(
     return {
         h: shown[h]
         if before and h in shown and _alike(scored[h], before.scored[h])
-        else min(p_value(problem, scored[h]), calibrated_p(problem, scored[h]))
+        else fit(problem, scored[h])
         for h in those
     }
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
     log_engaged,
@@ -34,10 +35,11 @@ from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.terms import Array
 
-VALUES = 160  #: values of a hypothesis that replicates are fitted by, at most
+VALUES = 80  #: values of a hypothesis that replicates are fitted by, at most
 FLAT = 0.5  #: power of the posterior from which these are drawn: it has to hold refits as well
 MOST = 400  #: replicates of a hypothesis
-ENOUGH = 10  #: of them with no more evidence than the data
+ENOUGH = 6  #: of them with no more evidence than the data
+DOUBTFUL = 0.2  #: p-value at values of the posterior from which nothing is fitted anew
 
 
 @dataclass(frozen=True)
@@ -85,6 +87,17 @@ class Refits:
         offsets = offsets_of(said, self.problem.discrepancy, generator)
         cells = replicate(said, bench.cells, offsets, generator)
         return observe(replace(bench, cells=cells), self.problem.settings.likelihood)
+
+
+def checked(problem: Problem, one: Scored) -> float:
+    """Compute the predictive p-value of a hypothesis: the smaller of two.
+
+    That at values of the posterior (``diagnosis.inference.predictive_check``) sees spreads that are
+    too narrow, that of refits has more power besides. Where the first is no cause for doubt it is
+    taken alone.
+    """
+    first = p_value(problem, one)
+    return first if first > DOUBTFUL else min(first, calibrated_p(problem, one))
 
 
 def calibrated_p(problem: Problem, one: Scored, seed: int = 1) -> float:

@@ -336,7 +336,8 @@ def _outlier_numbers(seen: Observed, predicted: CellPredictions) -> Array:
     """
     number = seen.in_means[:, None]
     share = np.where(number * predicted.outlier_share > CROWD, 0.0, predicted.outlier_share)
-    most = binom.isf(RARE, number, share).max(initial=0.0)
+    # More with a larger share: the largest of each cell has the most.
+    most = binom.isf(RARE, number[:, 0], share.max(axis=1)).max(initial=0.0)
     return np.arange(max(float(HIDDEN), most) + 1.0)
 
 
