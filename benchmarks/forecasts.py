@@ -1,9 +1,11 @@
 """Foreseen against true time left, at each tenth of a run.
 
-    python -m benchmarks.forecasts [drake] [screened] [fit]
+    python -m benchmarks.forecasts [NAME ...]
 
-A study of small size with Drake, one with screens by the compiled engine, and the simulations of a
-surrogate. What is foreseen is what the command line would show when so much of the time is over.
+A study of small size with Drake, one with screens by the compiled engine, of which most designs
+fail, one of the compiled engine alone, the simulations of a surrogate, those of a bank for a clutch
+that nobody has met (for two effects), an expected shift time at given angles, and one to a wanted
+precision. What is foreseen is what the command line would show when so much of the time is over.
 One worker runs in this process and time is its processor time, so that other work on the machine
 does not count.
 """
@@ -14,15 +16,20 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.expectation import simulate_mean
 from dogshape.pipeline import forecast
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
 from dogshape.pipeline.progress import Count, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.pipeline.train.training import fill
+from dogshape.running import Where
+from dogshape.sim.effects import load as effects_of
 
 TENTHS = tuple(range(1, 10))
 SMALL = (
@@ -33,6 +40,12 @@ SCREENED = (
     "operating.mismatch_rpm=[25, 149]", "operating.force_N=[235.2, 469]", "search.trials=16",
     "search.points=3", "search.confirm_designs=2", "search.screen_angles=32",
 )  # fmt: skip
+COMPILED = (
+    "solver.engine=planar", "search.trials=24", "search.startup=12", "search.points=6",
+    "expectation.angles=48", "search.confirm_angles=96", "search.confirm_designs=2",
+    "shift.timeout_s=1.1",
+)  # fmt: skip
+UNKNOWN = ("force_scale", "detent_force")  #: effects of the bank
 FITTED = ("surrogate.designs=24", "surrogate.references=3", "shift.timeout_s=1.1")
 
 
@@ -79,6 +92,21 @@ def _study(name: str, values: tuple[str, ...], folder: Path) -> Callable[[Progre
     )
 
 
+def _bank(folder: Path) -> Callable[[Progress], object]:
+    bench = load_bench("mq200_stand")
+    clutch = replace(bench.clutch, timeout=1.1).with_engine("planar")
+    every = effects_of(None)
+    few = {name: every[name] for name in UNKNOWN}
+    return lambda progress: banks_of(
+        replace(bench, clutch=clutch), few, Means(folder, jobs=1, progress=progress)
+    )
+
+
+def _mean(**asked: float) -> Callable[[Progress], object]:
+    study = load_study("mq200_paper")
+    return lambda progress: simulate_mean(study, Where(1, progress=progress), **asked)
+
+
 def main(names: Sequence[str]) -> None:
     """Print the table of some runs; of all without names."""
     forecast.CLOCK = time.process_time
@@ -88,6 +116,10 @@ def main(names: Sequence[str]) -> None:
         runs = {
             "drake": _study("mq200_paper", SMALL, root / "small"),
             "screened": _study("mq200", SCREENED, root / "screened"),
+            "compiled": _study("mq200_paper", COMPILED, root / "compiled"),
+            "gap": _bank(root / "bank"),
+            "expect": _mean(angles=12),
+            "precision": _mean(precision=0.005),
             "fit": lambda progress: fill(
                 fitted, StudyFolder(root / "fit"), 1, None, progress, levels=2
             ),

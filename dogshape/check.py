@@ -67,6 +67,11 @@ class Check(Checked):
         return self.answer.expected.low, self.answer.expected.high
 
     @property
+    def said(self) -> list[str]:
+        """Landing in words, where the compiled engine simulated it."""
+        return self.landing_of(self.shifts, "planar")
+
+    @property
     def facts(self) -> dict[str, str]:
         """Predicted time with its interval, verdict and smallest margin."""
         low, high = self.interval_s

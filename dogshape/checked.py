@@ -63,6 +63,20 @@ class Checked(Result):
             "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
         }
 
+    def landing_of(self, shifts: int, engine: str) -> list[str]:
+        """Explain which shifts the checks of the landing are from; nothing without them."""
+        if self.design.not_checked or not shifts:
+            return []
+        share = self.config.limits.load.landing_share
+        taken = "the hardest" if share is None else f"what {share:.3g} of the shifts exceed"
+        name = "the compiled engine" if engine == "planar" else "Drake"
+        angles = shifts // len(self.config.points)
+        return [
+            f"landing: {taken} of {shifts} shifts by {name}, {angles} angles at each operating "
+            "point; other angles or another number of them ('check' and 'strength' have their own) "
+            "give another sample of it"
+        ]
+
     @property
     def record(self) -> dict[str, Any]:
         """Give the checks as JSON takes them."""

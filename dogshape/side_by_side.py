@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.reports.comparison.items import contact_sets, item_of
+from dogshape.check import check_design
+from dogshape.pipeline.reports.comparison.items import Item, contact_sets, item_of
 from dogshape.pipeline.reports.comparison.page import write_comparison
 from dogshape.pipeline.reports.comparison.rows import notes_of, rows_of
 from dogshape.pipeline.reports.comparison.side_by_side import contacts_record, designs_record
@@ -70,7 +71,8 @@ def compare(*names: str) -> SideBySide:
     Parameters
     ----------
     names : such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
-        ``"lubricated_steel"``; the first is what the others are compared with.
+        ``"lubricated_steel"``; the first is what the others are compared with. Of a design that
+        was not simulated the time is predicted, as by ``check``.
 
     Raises
     ------
@@ -85,4 +87,17 @@ def compare(*names: str) -> SideBySide:
     sets = contact_sets(names)
     if sets is not None:
         return SideBySide(contacts_record(sets))
-    return SideBySide(designs_record([item_of(name) for name in names]))
+    return SideBySide(designs_record([_with_time(item_of(name)) for name in names]))
+
+
+def _with_time(item: Item) -> Item:
+    """Predict the time of a design of which nothing was simulated, as ``check`` does."""
+    if item.standing.time is not None:
+        return item
+    found = check_design(item.study)
+    by = "compiled engine" if found.shifts else "surrogate"
+    margins = {check.name: check.margin for check in found.design.checks}
+    time = found.time_s, found.answer.expected.error
+    standing = replace(item.standing, time=time, margins=margins)
+    source = f"{item.source}; time by the {by}"
+    return replace(item, standing=standing, predicted=by, source=source)

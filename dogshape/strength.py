@@ -26,9 +26,11 @@ class Strength(Checked):
     Parameters
     ----------
     finite_elements : records of the root stress by finite elements; None where not asked for.
+    shifts : simulated for the landing, 0 without.
     """
 
     finite_elements: tuple[Mapping[str, Any], ...] | None = None
+    shifts: int = 0
 
     @property
     def facts(self) -> dict[str, str]:
@@ -60,9 +62,10 @@ class Strength(Checked):
 
     @property
     def said(self) -> list[str]:
-        """Load sharing and flank strikes in words, where the study has them."""
+        """Landing, load sharing and flank strikes in words, where the study has them."""
         sharing = self.load_sharing
         return [
+            *self.landing_of(self.shifts, self.config.clutch.solver.engine),
             *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
             *(
                 f"{one['flank']} flanks that strike at {one['mismatch_rpm']:.4g} 1/min make "
@@ -113,7 +116,12 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
         and angles; a dog that cannot be made is not simulated.
     """
     design = _landed(config, where) if simulate else design_of(config, {})
-    return Strength(config, design, margins_within(config, design))
+    shifts = _shifts(config) if simulate else 0
+    return Strength(config, design, margins_within(config, design), shifts=shifts)
+
+
+def _shifts(config: Setup) -> int:
+    return len(config.points) * config.file.expectation.angles
 
 
 def _landed(config: Setup, where: Where) -> Design:
@@ -121,8 +129,7 @@ def _landed(config: Setup, where: Where) -> Design:
     dog, settings = config.clutch.dog, config.file.expectation
     if not feasible(manufacturing_checks(dog, config.limits.manufacturing)):
         return design_of(config, {})
-    shifts = len(config.points) * settings.angles
-    with where.executor("strength", (config.config_hash,), shifts) as running:
+    with where.executor("strength", (config.config_hash,), _shifts(config)) as running:
         plans = [whole_plan(config)]
         (found,) = evaluate(config, [dog], running.executor, plans, settings.seed)
     return design_of(config, {}, found.measured)

@@ -31,7 +31,7 @@ SHIFTS: tuple[Kind, ...] = ("quick", "shift", "confirm")
 PLANAR: Mapping[Kind, float] = {**COST, "shift": COST["quick"]}
 #: How many of a kind that guess counts for, once some were measured.
 WEIGHT: Mapping[Kind, float] = {
-    "first": 4.0, "design": 1.0, "quick": 200.0, "shift": 10.0, "confirm": 10.0, "fit": 1.0
+    "first": 4.0, "design": 1.0, "quick": 200.0, "shift": 20.0, "confirm": 20.0, "fit": 1.0
 }  # fmt: skip
 #: The same where there is no guess: the work that is done says all.
 NO_GUESS: Mapping[Kind, float] = dict.fromkeys(WEIGHT, 0.0)

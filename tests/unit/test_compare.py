@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import dogshape as ds
+from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.study.single_shifts import read_shifts
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
@@ -108,16 +109,33 @@ def test_other_physics_are_told(dogshape: Call) -> None:
     assert "null" not in said.out
 
 
-def test_a_study_that_was_not_searched_has_its_margins(dogshape: Call) -> None:
-    dogshape("init", "study", "--out", "mine", "--set", "dog.height_mm=3.2")
-    said = dogshape("compare", "mq200_paper", "mine", "--json")
+@pytest.mark.parametrize(
+    ("origin", "by"), [("mq200_paper", "surrogate"), (None, "compiled engine")]
+)
+def test_a_study_that_was_not_searched_has_its_margins_and_a_prediction(
+    dogshape: Call, origin: str | None, by: str
+) -> None:
+    if origin is None:
+        dogshape("init", "study", "--out", "mine", "--set", "dog.height_mm=3.2")
+        name = "mine"
+    else:
+        text = (bundled_root() / origin / "study.toml").read_text()
+        name = "mine.toml"
+        Path(name).write_text(text.replace("height_mm = 3.7", "height_mm = 3.2"))
+    said = dogshape("compare", "mq200_paper", name, "--json")
     own = said.json["items"][1]
-    assert (own["expected_shift_time_s"], own["height_mm"]) == (None, 3.2)
-    study = load_study("mine")
+    study = load_study(name)
+    found = check_design(study)
+    assert own["height_mm"] == 3.2
+    assert (own["predicted_by"], own["source"]) == (by, f"study, not searched; time by the {by}")
+    assert own["expected_shift_time_s"] == pytest.approx(found.time_s)
+    assert own["standard_error_s"] == pytest.approx(found.answer.expected.error)
     assert own["axial_length_mm"] == pytest.approx(1e3 * study.clutch.dog.axial_length)
+    assert said.json["items"][0]["predicted_by"] is None
     (difference,) = said.json["differences"]
-    assert difference["expected_shift_time_s"] is None
-    assert "nothing of mine was simulated" in difference["notes"]
+    apart = own["expected_shift_time_s"] - said.json["items"][0]["expected_shift_time_s"]
+    assert difference["expected_shift_time_s"] == pytest.approx(apart)
+    assert f"the time of {name} is that of the {by}" in difference["notes"]
 
 
 def test_contact_sets(dogshape: Call) -> None:

@@ -84,7 +84,7 @@ def check(
 
 def _text(found: Check) -> RenderableType:
     held, checks = found.blocking_force_N, found.design.checks
-    table = strength_table(checks, found.within, held, found.notes)
+    table = strength_table(checks, found.within, held, found.notes, said=found.said)
     if found.spread is None or found.validation is None:
         return simulated_text(found.answer.expected, found.shifts, table)
     return answer_text(found.answer, found.validation, found.spread, table)

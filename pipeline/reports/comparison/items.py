@@ -34,6 +34,7 @@ class Item:
     standing : what is known of the design; without a time where nothing was simulated.
     prototype : that of the study's own dog; None where it was not simulated.
     shifts : single shifts, None where only a kept result is there.
+    predicted : what its time comes from where nothing of it was simulated; empty elsewhere.
     """
 
     label: str
@@ -42,6 +43,7 @@ class Item:
     standing: Standing
     prototype: Standing | None = None
     shifts: Shifts | None = None
+    predicted: str = ""
 
     @property
     def engine(self) -> str:

@@ -80,7 +80,7 @@ def _time(item: Row) -> str:
     if value is None:
         return "not simulated"
     said = f"{1e3 * value:.1f} ± {1e3 * (error or 0.0):.1f}"
-    return said if item["confirmed"] else f"{said} (search)"
+    return said if item["confirmed"] else f"{said} ({item['predicted_by'] or 'search'})"
 
 
 def _difference(one: Row) -> str:

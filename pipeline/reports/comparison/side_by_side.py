@@ -63,6 +63,7 @@ def _item_record(item: Item) -> Row:
         "expected_shift_time_s": time[0],
         "standard_error_s": time[1],
         "confirmed": one.confirmed,
+        "predicted_by": item.predicted or None,
         "worst_against_prototype": None if worst is None else _point_record(worst[0], worst[1]),
         "smallest_margins": [{"name": name, "margin": margin} for name, margin in one.least],
         "passes": one.passes,
@@ -139,7 +140,10 @@ def _time(
             "their operating points differ, and not both were confirmed: times of other mixes of "
             "points have no difference"
         ]
-    notes.append("one of both was not simulated at the new angles, so its search's time counts")
+    foretold = [f"the time of {i.label} is that of the {i.predicted}" for i in (first, other)
+                if i.predicted]  # fmt: skip
+    own = "one of both was not simulated at the new angles, so its search's time counts"
+    notes += foretold or [own]
     return Difference(two[0] - one[0], float((one[1] ** 2 + two[1] ** 2) ** 0.5), False), notes
 
 
