@@ -1002,6 +1002,28 @@ ENTRIES: list[Entry] = [
         ],
     ),
     # docs/surrogate.md
+    Entry(
+        SURROGATE,
+        "A cold start takes {:.2f} s of processor time, and {:.2f} s where",
+        lambda: [numbers("asking", f"one design, {kept}:")[3] for kept in ("nothing kept", "kept")],
+    ),
+    Entry(
+        SURROGATE,
+        "the whole answer takes {:.1f} s, of which the closed-form checks take {:.2f} s",
+        lambda: [
+            numbers("asking", "100000 designs:")[3],
+            numbers("asking", "their closed-form checks alone:")[0],
+        ],
+    ),
+    Entry(
+        SURROGATE,
+        "one after the other, in {:.0f} s. Without a surrogate the compiled engine simulates a "
+        "design in {:.1f} s",
+        lambda: [
+            numbers("asking", "one after the other, as for a limit of one's own:")[0],
+            numbers("asking", "one design by the compiled engine:")[3],
+        ],
+    ),
     *(
         Entry(
             SURROGATE,

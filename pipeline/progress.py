@@ -69,19 +69,20 @@ class WorkCounter:
 
     ``most`` says that ``total`` is an upper bound, ``unit`` what is counted. ``forecast`` foresees
     the time left where shifts are not all of the work; without it the time follows from what was
-    counted so far, each shift weighed by what it likely costs.
+    counted so far, each shift weighed by what it likely costs; ``extra`` is how many usual ones
+    more than ``total`` the whole work costs.
     """
 
     def __init__(
         self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
-        forecast: Forecast | None = None,
+        forecast: Forecast | None = None, extra: float = 0.0,
     ) -> None:  # fmt: skip
         self._progress = progress
         self._total = total
         self._most = most
         self._unit = unit
         self._bare = forecast is None  # nothing but shifts, and no guess of their cost
-        self._forecast = forecast or Forecast({"shift": total}, weight=NO_GUESS)
+        self._forecast = forecast or Forecast({"shift": total + extra}, weight=NO_GUESS)
         self._done = self._known = 0
         self._kind: Kind = "shift"
         self._factor, self._weighed = 1.0, False

@@ -31,6 +31,7 @@ from dogshape.diagnosis.prediction.sense_bank import (
 from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.simulate.block_cost import dearness
 from dogshape.pipeline.simulate.executor import Executor, workers_of
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.bundled import bundled_root
@@ -207,6 +208,7 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
         lacking = store.missing(blocks_by_key((plain, turned)).values())
     kept = means.bank / "shifts.jsonl"
     left = sum(len(block.angles) for block in lacking)
+    extra = sum((dearness(block) - 1.0) * len(block.angles) for block in lacking)
     why = _why(bench, effects, means)
     lasts = about(
         (left - (there := _finished(lacking, kept))) * cost_of(bench) / workers_of(means.jobs)
@@ -215,7 +217,7 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
     how = "the same command goes on from there"
     with (
         writing(means.bank),
-        WorkCounter(means.progress, left) as progress,
+        WorkCounter(means.progress, left, extra=extra) as progress,
         progress.kept_in(means.bank, how),
     ):
         journal = ShiftJournal(kept)

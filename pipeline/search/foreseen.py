@@ -15,6 +15,7 @@ from dogshape.pipeline.search.dog_guide import OWN, DogGuide, simulated
 from dogshape.pipeline.search.samplers import startup_designs
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState, spent_on
+from dogshape.pipeline.simulate.block_cost import FINE
 from dogshape.pipeline.simulate.level_times import compiled_angles
 from dogshape.pipeline.simulate.life import STAGES
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
@@ -27,7 +28,6 @@ Work = dict[Kind, float]
 #: and of those proposed after what the first ones taught (1 of 16 and 41 of 48 in ``mq200``).
 FILLS, PROPOSED = 0.15, 0.8
 COUNTS = 4.0  #: designs that this guess counts for, once some were
-FINER = 1.0  #: shifts that one with a finer tolerance takes longer than another
 #: s that a proposal takes, fit included: with few rows, and more with a surrogate of so many, by
 #: the square of their number (``benchmarks/workers.py``).
 PROPOSAL, MORE, ROWS = 0.25, 1.75, 2500
@@ -129,7 +129,7 @@ def to_confirm(study: Setup, designs: int) -> Work:
     """Expect the work to confirm prototype and so many designs."""
     kind: Kind = "shift" if study.confirming is study else "confirm"
     each = len(study.points) * study.file.search.confirm_angles
-    finer = FINER * 2 * repeated(each)
+    finer = (FINE - 1.0) * 2 * repeated(each)
     whole = most_to_confirm(study, designs) + finer
     quick = screened(study, designs + 2)
     if study.two_levels:

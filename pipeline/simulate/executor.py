@@ -61,7 +61,7 @@ class Executor:
     called with the number of shifts that the journal has already, instead of ``progress``, and
     ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated,
     with the number of those that will be kept. ``weigh`` is called before ``progress`` or ``quick``
-    with the likely cost of each of the shifts just finished, over the mean of all asked for.
+    with the likely cost of each of the shifts just finished, over the mean of usual ones.
     """
 
     journal: ShiftJournal

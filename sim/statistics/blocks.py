@@ -21,7 +21,7 @@ class Block:
 
     ``seed`` is that of the angles' draw, None where they were given. ``variants`` has for each
     angle the draw of what is uncertain; it is empty where all is certain. Clutch and operating
-    point are the nominal ones.
+    point are the nominal ones. ``fine`` is set where shifts are repeated with a smaller tolerance.
     """
 
     clutch: Clutch
@@ -29,6 +29,7 @@ class Block:
     angles: tuple[float, ...]
     seed: int | None = None
     variants: tuple[Variant, ...] = ()
+    fine: bool = False
 
     @property
     def inputs(self) -> list[Record]:
@@ -58,7 +59,7 @@ class Block:
 
     def refined(self, place: int) -> Block:
         """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
-        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None)
+        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None, fine=True)
 
 
 def even_blocks(

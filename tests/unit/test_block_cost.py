@@ -8,7 +8,13 @@ from pathlib import Path
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.block_cost import dearest_first, likely_cost, mean_cost
+from dogshape.pipeline.simulate.block_cost import (
+    FINE,
+    REVERSED,
+    dearest_first,
+    likely_cost,
+    mean_cost,
+)
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import Block, even_blocks
@@ -39,7 +45,10 @@ def test_slow_and_fast_shifts_cost_more_than_those_between(blocks: list[Block]) 
     still = replace(still, point=replace(still.point, mismatch=0.0))
     assert likely_cost(still) < 10.0
     turned = replace(still, point=replace(still.point, mismatch=-5 * RPM))
-    assert likely_cost(turned) == cost[5]
+    assert likely_cost(turned) == REVERSED * cost[5]
+    fine = _at(blocks, 5, 235.2).refined(0)
+    assert likely_cost(fine) == FINE * cost[5]
+    assert mean_cost([fine, turned]) == pytest.approx(cost[5])
 
 
 def test_engines_differ_in_what_costs(blocks: list[Block]) -> None:
