@@ -12,6 +12,7 @@ does not count.
 
 from __future__ import annotations
 
+import math
 import sys
 import tempfile
 import time
@@ -135,7 +136,8 @@ def main(names: Sequence[str]) -> None:
                 foreseen, true = told.at(tenth / 10.0)
                 ratios.append(foreseen / true)
                 print(f"  {10 * tenth:3d} %  {foreseen:6.0f} : {true:4.0f} s  {ratios[-1]:5.2f}")
-            print(f"  farthest from 1: {max(max(r, 1.0 / r) for r in ratios):.2f}")
+            farthest = max(max(r, 1.0 / r if r > 0.0 else math.inf) for r in ratios)
+            print(f"  farthest from 1: {farthest:.2f}")
 
 
 if __name__ == "__main__":

@@ -785,10 +785,12 @@ ENTRIES: list[Entry] = [
     # docs/commands.md and docs/model.md
     Entry(
         COMMANDS,
-        "factor of {:.2f} in a small study with Drake, {:.2f} in a fit, and {:.2f} in a study",
+        "factor of {:.2f} in a small study with Drake, {:.2f} in one of the compiled engine, "
+        "{:.2f} in a study of few designs most of which fail their screen, {:.2f} for the bank of "
+        "an unknown clutch, and {:.2f} in an expectation",
         lambda: [
             numbers("forecasts", f"{name}:", "farthest from 1:")[0]
-            for name in ("drake", "fit", "screened")
+            for name in ("drake", "compiled", "screened", "gap", "expect")
         ],
     ),
     Entry(
