@@ -97,7 +97,7 @@ class Forecast:
 
     @property
     def pace(self) -> float:
-        """What the shifts that were measured cost over their guesses; 1 before any were."""
+        """Cost of the shifts that were measured over their guesses; 1 before any were."""
         jobs = max(1, self.jobs)
         spent = sum(self.spent.get(kind, 0.0) for kind in SHIFTS)
         guessed = sum(self.done.get(kind, 0.0) * self.cost[kind] for kind in SHIFTS) / jobs

@@ -43,7 +43,7 @@ FINE, REVERSED = 2.2, 1.4  #: cost over that of the same shift as usual; measure
 
 
 def dearness(block: Block) -> float:
-    """Return what a shift of a block costs over one of its operating point as usual."""
+    """Return the cost of a shift of a block over that of a usual one at its operating point."""
     return (FINE if block.fine else 1.0) * (REVERSED if block.point.mismatch < 0.0 else 1.0)
 
 
