@@ -49,7 +49,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Answers:
-    """What the checks say of each design, and predicted times where there is such a design.
+    """Verdict of the checks on each design, and predicted times where there is such a design.
 
     ``times`` (n, 5) are NaN where there is none; ``known`` tells which lie in the trained range.
     """

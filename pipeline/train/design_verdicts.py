@@ -22,7 +22,7 @@ CHUNK = 5000  #: designs that are worked out at a time
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What the checks say of designs, (n,) each.
+    """Verdicts of the checks on designs, (n,) each.
 
     Parameters
     ----------
