@@ -30,8 +30,7 @@ from dogshape.surrogate.dataset import COLUMNS, row_of
 from dogshape.surrogate.mix_learning import fitted, mix_times
 from dogshape.surrogate.mix_times import MixTimes
 
-APART = 30_000  #: added to the seed of the surrogate's data for the angles
-POOL = 60_000  #: and for the designs of which the best are taken
+POOL = 60_000  #: added to the seed of the surrogate's data for designs of which the best are taken
 LEAST = 8  #: angles of an operating point, at least
 USUAL = 128  #: shifts of a design, at least
 FILLS = 2.0 / 3.0  #: share of the designs that fill the space
@@ -58,7 +57,7 @@ def count_of(study: Setup) -> int:
 def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
     """Return the shifts of the design at ``index``; ``study`` is that in the compiled engine."""
     clutch = study.clutch.with_dog(study.dog_with(design))
-    seed, size = study.file.surrogate.seed + APART, len(study.points)
+    seed, size = study.file.surrogate.seed, len(study.points)
     return [
         even_block(
             clutch,
