@@ -47,7 +47,10 @@ COMPILED = (
     "shift.timeout_s=1.1",
 )  # fmt: skip
 UNKNOWN = ("force_scale", "detent_force")  #: effects of the bank
-FITTED = ("surrogate.designs=24", "surrogate.references=3", "shift.timeout_s=1.1")
+FITTED = (
+    "surrogate.designs=24", "surrogate.references=3", "surrogate.mix_shifts=4480",
+    "shift.timeout_s=1.1",
+)  # fmt: skip
 
 
 @dataclass

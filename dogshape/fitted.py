@@ -44,14 +44,21 @@ class Fitted(Result):
     @property
     def facts(self) -> dict[str, str]:
         """Validation on designs that the fit did not use, and what was fitted."""
-        found, data = self.stored.validation, self.stored.surrogate.data
+        found = self.stored.validation
         return {
             "Q2": f"{found.q2:.3f}",
             "root-mean-square error": ms(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
-            "designs": str(len(data.designs)),
+            "designs": self._designs,
             "shifts": ", ".join(f"{n} of {name}" for name, n in self.engines.items()),
         }
+
+    @property
+    def _designs(self) -> str:
+        model = self.stored.surrogate
+        said = str(len(model.data.designs))
+        own = "" if model.own is None else f", {len(model.own.x)} at all of the study's points"
+        return said + own
 
     @property
     def engines(self) -> dict[str, int]:
@@ -65,8 +72,10 @@ class Fitted(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give the validation, the form, the scores of the forms compared, and the file.
 
-        ``levels`` has the correction of rows in two levels.
+        ``levels`` has the correction of rows in two levels; ``mix_designs`` counts the designs that
+        have all of the study's operating points.
         """
+        own = self.stored.surrogate.own
         return {
             **self.stored.validation.as_dict(),
             "shifts_drake": self.engines["drake"],
@@ -74,6 +83,7 @@ class Fitted(Result):
             "seconds": self.seconds,
             "levels": self.stored.surrogate.data.levels,
             "designs": len(self.stored.surrogate.data.designs),
+            "mix_designs": 0 if own is None else len(own.x),
             "form": self.stored.surrogate.form,
             "comparison": list(self.stored.comparison),
             "file": str(self.path),

@@ -55,6 +55,7 @@ def test_the_rows_say_that_they_are_of_two_levels(fitted: dict[str, Any]) -> Non
     assert fitted["shifts_planar"] == 12 * 2 * 8 + 18 * 128
     assert fitted["shifts_drake"] == 12 * 4
     assert fitted["seconds"] > 0.0
+    assert (fitted["designs"], fitted["mix_designs"]) == (12, 18)
     study = ds.Study("mq200_paper", FEW).config
     stored, path = stored_surrogate(study, None)
     assert path == SPACE / "surrogate.json"
@@ -77,7 +78,8 @@ def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) 
 
 
 def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:
-    whole = {name: (SPACE / name).read_bytes() for name in ("compiled.jsonl", "pairs.jsonl")}
+    files = ("compiled.jsonl", "pairs.jsonl", "mix.jsonl")
+    whole = {name: (SPACE / name).read_bytes() for name in files}
     for name, content in whole.items():
         lines = content.splitlines(keepends=True)
         (SPACE / name).write_bytes(b"".join(lines[: len(lines) // 2]))
