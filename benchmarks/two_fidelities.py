@@ -29,7 +29,8 @@ import argparse
 import time
 import warnings
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -70,8 +71,9 @@ HEAD = (
     "rows          designs  rmse,ms  bias,ms  Q2     in 95 %  Q2 points  in 95 %  rank of best"
     "  fit,s"
 )
-FEW_DESIGNS = 60  #: with which ways to correct are compared
-REFERENCE_ERROR = 0.004  #: relative standard error of the expected time of a reference
+FEW_DESIGNS = 40  #: with which ways to correct are compared
+ROWS = 250  #: designs with operating points of their own; a fit has twice as many
+REFERENCE_ERROR = 0.005  #: relative standard error of the expected time of a reference
 POINTS = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0]}
 CLUTCHES: dict[str, dict[str, object]] = {
     "prototype": {},
@@ -189,14 +191,25 @@ def judged(study: Setup, folder: StudyFolder, model: Surrogate, shifts: int) -> 
     return ranked(found, best, predict(model, best.x, mix).time) if len(best) else found
 
 
-def simulate(study: Setup, folder: StudyFolder) -> dict[str, float]:
-    """Simulate a clutch and give processor times in s: of all that is learnt from, of Drake's pairs
-    in it, and of references.
+@contextmanager
+def counted(path: Path, part: str) -> Iterator[dict[str, float]]:
+    """Add the processor time of a part, s, to those of the runs before that were stopped."""
+    spent: dict[str, float] = read_json(path, "remove it") if path.exists() else {}
+    begun = time.process_time()
+    try:
+        yield spent
+    finally:
+        spent[part] = spent.get(part, 0.0) + time.process_time() - begun
+        write_json(path, spent)
 
-    They are those of the run that simulated, which the folder keeps.
+
+def simulate(study: Setup, folder: StudyFolder) -> dict[str, float]:
+    """Simulate a clutch and give processor times in s, by part; go on where a run was stopped.
+
+    ``learnt`` is that of all that is learnt from, with Drake's ``pairs``.
     """
     designs, kept = first_designs(study, study.file.surrogate.designs), folder.root / "seconds.json"
-    clock, made = [time.process_time()], [0]
+    made = [0]
 
     def count(shifts: int) -> None:
         made[0] += shifts
@@ -204,22 +217,22 @@ def simulate(study: Setup, folder: StudyFolder) -> dict[str, float]:
     with folder.writing():
         folder.open(study, resume=True)
         executor = Executor(ShiftJournal(folder.compiled), 1, quick=count)
-        executor.run(row_blocks(study, designs))
-        clock.append(time.process_time())
-        Executor(ShiftJournal(folder.pairs), 1).run(pair_blocks(study, designs))
-        clock.append(time.process_time())
-        simulate_mix_rows(compiled(study), folder, executor)
-        clock.append(time.process_time())
-    fill(study, folder, 1, levels=2)
-    clock.append(time.process_time())
-    if not kept.exists():
-        rows, pairs, mixed, apart = np.diff(clock).tolist()
-        # A run that was stopped and went on made a part of them.
-        mixed *= count_of(study) * angles_of(study) * len(study.points) / max(made[0], 1)
-        learnt = rows + pairs + mixed
-        write_json(kept, {"learnt": learnt, "pairs": pairs, "references": apart})
+        with counted(kept, "rows"):
+            executor.run(row_blocks(study, designs))
+        with counted(kept, "pairs"):
+            Executor(ShiftJournal(folder.pairs), 1).run(pair_blocks(study, designs))
+        with counted(kept, "mixed") as spent:
+            try:
+                simulate_mix_rows(compiled(study), folder, executor)
+            finally:
+                spent["made"] = spent.get("made", 0.0) + made[0]
+    with counted(kept, "references"):
+        fill(study, folder, 1, levels=2)
     found: dict[str, float] = read_json(kept, "remove the folder and run again")
-    return found
+    every = count_of(study) * angles_of(study) * len(study.points)
+    # What a run simulated and had not written when it was stopped counts as made, too.
+    mixed = found["mixed"] * every / found["made"]
+    return found | {"learnt": found["rows"] + found["pairs"] + mixed}
 
 
 def halved(shifts: list[Record], names: list[str]) -> list[Record]:
@@ -309,10 +322,11 @@ def _say_discrepancy(found: Discrepancy) -> None:
 
 
 def study_of(clutch: str, contact: str) -> Setup:
-    """Return the study of a clutch, with denser references than a fit makes by itself."""
+    """Return the study of a clutch: denser references than a fit makes, and fewer rows."""
     more: dict[str, object] = {
         "name": f"two_fidelities-{clutch}-{contact}",
         "contact.set": contact,
+        "surrogate.designs": ROWS,
         "surrogate.reference_error": REFERENCE_ERROR,
     }
     return load_study("mq200_paper", CLUTCHES[clutch] | more)

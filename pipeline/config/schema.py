@@ -342,7 +342,7 @@ class SurrogateSection(Section):
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 12
     reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.007
-    mix_shifts: Annotated[int, Field(ge=0)] = 130_000
+    mix_shifts: Annotated[int, Field(ge=0)] = 100_000
     seed: Annotated[int, Field(ge=0)] = 1
 
 

@@ -63,6 +63,7 @@ from dogshape.surrogate.validation import QUICK, validate
 from dogshape.surrogate.validation_figures import LEAST, Validation, predict, ranked
 
 Say = Callable[[str], None]  #: takes a sentence for people
+BESIDE = Effort(rows=450, steps=40)  #: of rows that stand beside designs at all of a study's points
 FILLED = 1200  #: rows that parameters are fitted to where a folder was filled for it: minutes
 
 
@@ -240,9 +241,7 @@ def train(
     form = scores[0].form if scores else USUAL if known is None else known.form
     # The package brings far more rows than a search adds: its parameters stand.
     keeps = known is not None and not choose
-    one = folder.references.exists() and not data.levels
-    rows = FILLED if one else WHOLE.rows
-    effort = Effort(steps=0) if keeps else Effort(rows, seed=study.file.surrogate.seed)
+    effort = Effort(steps=0) if keeps else _effort(study, folder, data)
     surrogate = fit(data, form, known, effort)
     if mixed is not None:
         say("the expected time over the study's own operating points")
@@ -255,6 +254,14 @@ def train(
     with naming(folder.points):
         data.frame().to_csv(folder.points, index=False)
     return stored
+
+
+def _effort(study: Setup, folder: StudyFolder, data: Dataset) -> Effort:
+    """Return how dearly the parameters of rows are fitted."""
+    seed = study.file.surrogate.seed
+    if data.levels:
+        return Effort(BESIDE.rows, BESIDE.steps, seed)
+    return Effort(FILLED if folder.references.exists() else WHOLE.rows, seed=seed)
 
 
 def _data_of(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset | None]:
