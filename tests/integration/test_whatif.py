@@ -139,7 +139,8 @@ def _questions(study: Setup) -> list[dict[str, Any]]:
         x = [*row[:-1].tolist(), float(round(row[-1]))]
         one: dict[str, Any] = {"x": x, "tolerances": True}
         if k % 3 == 1:
-            one["mix"] = {"points": [[float(5 + 10 * k), 300.0]], "weights": [1]}
+            point = [float(5 + 10 * k), 300.0] if k % 2 else [25.0, 469.0]  # or of the study
+            one["mix"] = {"points": [point], "weights": [1]}
         if k % 3 == 2:
             one |= {"friction_release": 0.1 + 0.005 * k, "friction_hold": 0.002 * k}
         asked.append(one)

@@ -103,11 +103,49 @@ const Times = (() => {
     return found;
   }
 
-  // The process over designs alone that has the study's own mix (surrogate/mix_times.py).
+  // Processes over designs alone of the study's own mix and of each of its points, in this order
+  // (surrogate/mix_times.py).
   const own = model.own && {...model.own, known: numbers(model.own.known, Float64Array),
-    weights: numbers(model.own.weights, Float64Array), root: numbers(model.own.root, Float32Array)};
-  const isOwn = mix => own !== null
-    && JSON.stringify([mix.points, mix.weights]) === JSON.stringify([model.mix.points, model.mix.weights]);
+    processes: model.own.processes.map(one => ({...one, weights: numbers(one.weights, Float64Array)}))};
+  const alike = (a, b) => a.length === b.length && a.every((point, j) =>
+    point.every((value, i) => Math.abs(value - b[j][i]) < 1e-6));
+
+  // The process that has a mix, null where none has.
+  function ownOf(mix) {
+    if (own === null) return null;
+    const weighed = mix.weights.every((weight, j) => Math.abs(weight - own.weights[j]) < 1e-9);
+    if (alike(mix.points, own.points) && weighed) return own.processes[0];
+    if (mix.points.length !== 1) return null;
+    const place = own.points.findIndex(point => alike(mix.points, [point]));
+    return place < 0 ? null : own.processes[1 + place];
+  }
+
+  // Covariance of a design with each of the known ones.
+  function ownLinks(process, z) {
+    const linked = new Float64Array(process.weights.length);
+    for (const part of process.parts) {
+      const factor = factorOf(part, z, own.known);
+      for (let k = 0; k < linked.length; k++) linked[k] += part.variance * factor[k];
+    }
+    return linked;
+  }
+
+  // Lower root of the known designs' covariance, row after row; worked out when it is first asked.
+  function ownRoot(process) {
+    if (process.root) return process.root;
+    const size = process.weights.length, width = own.known.length / size;
+    const root = new Float64Array(size * (size + 1) / 2);
+    for (let i = 0, at = 0; i < size; at += ++i) {
+      const row = ownLinks(process, own.known.subarray(i * width, (i + 1) * width));
+      row[i] += process.noise;
+      for (let j = 0, to = 0; j <= i; to += ++j) {
+        let sum = row[j];
+        for (let k = 0; k < j; k++) sum -= root[at + k] * root[to + k];
+        root[at + j] = i === j ? Math.sqrt(sum) : sum / root[to + j];
+      }
+    }
+    return process.root = root;
+  }
 
   function ownInputs(x) {
     const tangent = angle => Math.tan(angle * Math.PI / 180);
@@ -122,21 +160,18 @@ const Times = (() => {
     return [...z, ...[play, tip, fall].map((value, i) => (value - own.low[i]) / own.span[i])];
   }
 
-  // Logarithm of the expected time of a design over the study's mix, and its variance.
-  function ownTime(x) {
-    const z = ownInputs(x), size = own.weights.length, linked = new Float64Array(size);
-    let variance = 0;
-    for (const part of own.parts) {
-      const factor = factorOf(part, z, own.known);
-      for (let k = 0; k < size; k++) linked[k] += part.variance * factor[k];
-      variance += part.variance;
+  // Logarithm of the expected time of a design, and its variance.
+  function ownTime(process, x) {
+    const linked = ownLinks(process, ownInputs(x)), root = ownRoot(process);
+    const white = new Float64Array(linked.length);
+    let variance = process.parts.reduce((sum, part) => sum + part.variance, 0);
+    for (let i = 0, at = 0; i < white.length; at += ++i) {
+      let sum = linked[i];
+      for (let k = 0; k < i; k++) sum -= root[at + k] * white[k];
+      white[i] = sum / root[at + i];
+      variance -= white[i] ** 2;
     }
-    for (let i = 0, start = 0; i < size; start += ++i) {
-      let sum = 0;
-      for (let m = 0; m <= i; m++) sum += own.root[start + m] * linked[m];
-      variance -= sum * sum;
-    }
-    return {mean: own.centre + dot(linked, own.weights), variance: Math.max(variance, 0)};
+    return {mean: process.centre + dot(linked, process.weights), variance: Math.max(variance, 0)};
   }
 
   const near = square => share.length === null ? 1 : Math.exp(-0.5 * square / share.length ** 2);
@@ -168,8 +203,8 @@ const Times = (() => {
   }
 
   // Expected time of shifts that engage with its variance, and half the variances of logarithms.
-  function ownEngages(x) {
-    const {mean, variance} = ownTime(x), time = Math.exp(mean + 0.5 * variance);
+  function ownEngages(process, x) {
+    const {mean, variance} = ownTime(process, x), time = Math.exp(mean + 0.5 * variance);
     return {time, variance: time * time * Math.expm1(variance), grown: [0.5 * variance]};
   }
 
@@ -188,7 +223,8 @@ const Times = (() => {
   // Expected shift time of a design (edge units) over operating points with weights.
   function expected(x, mix) {
     const z = inputs(x), nodes = mix.points.map(place_of), parts = engaged(z, nodes);
-    const {time: engages, variance: unknown, grown} = isOwn(mix) ? ownEngages(x)
+    const process = ownOf(mix);
+    const {time: engages, variance: unknown, grown} = process ? ownEngages(process, x)
       : engagesBy(cross(z, nodes, false), nodes, mix);
     const lost = parts.map((one, j) =>
       mix.weights[j] * Math.sqrt(one.variance) / one.share ** 2 * model.retry);
@@ -212,7 +248,9 @@ const Times = (() => {
     const z = inputs(x), nodes = mix.points.map(place_of), parts = engaged(z, nodes);
     const retries = parts.reduce((sum, {share}, j) =>
       sum + mix.weights[j] * (1 - share) / share * model.retry, 0);
-    if (isOwn(mix)) return Math.exp(ownTime(x).mean + grown[0]) + retries;
+    const process = ownOf(mix);
+    if (process) return retries + Math.exp(grown[0] + process.centre
+      + dot(ownLinks(process, ownInputs(x)), process.weights));
     return means(cross(z, nodes, true)).reduce((sum, mean, j) =>
       sum + mix.weights[j] * Math.exp(mean + grown[j]), retries);
   }

@@ -17,8 +17,7 @@ from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.covariance import Part
 from dogshape.surrogate.engaged_share import Share
-from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.mix_times import SHAPE
+from dogshape.surrogate.mix_times import SHAPE, MixTimes
 from dogshape.surrogate.model import ALTERNATIVES, Surrogate
 from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
 from dogshape.surrogate.query import FAR
@@ -52,31 +51,35 @@ def packed(study: Setup, surrogate: Surrogate) -> Row:
         "share": _share(surrogate.share, data.design_of_row),
         "mix": {"points": mix.points.tolist(), "weights": mix.weights.tolist()},
         "retry": mix.retry,
-        "own": _own(surrogate, mix),
+        "own": _own(surrogate.own),
     }
 
 
-def _own(surrogate: Surrogate, mix: Mix) -> Row | None:
-    """Return the process that has the study's mix over designs alone, None where none has."""
-    own, process = surrogate.own, surrogate.own_process(mix)
-    if own is None or process is None:
+def _own(own: MixTimes | None) -> Row | None:
+    """Return the processes over designs alone; the page works out their roots."""
+    if own is None:
         return None
     names, physics = list(own.about.variables), own.about.physics
-    shape, known = own.spans, process.whitening
-    low, span = (None, None) if shape is None else (shape[0].tolist(), shape[1].tolist())
+    low, span = (None, None) if own.spans is None else (end.tolist() for end in own.spans)
+    shape = [
+        {"place": names.index(name) if name in names else None, "value": physics.get(name)}
+        for name in SHAPE
+    ]
     return {
-        "known": array_text(process.inputs, "f8"),
-        "weights": array_text(process.weights, "f8"),
-        "root": array_text(known[np.tril_indices(len(known))], "f4"),
-        "centre": process.centre,
-        "parts": [_part(part) for part in process.covariance.parts],
-        "angles": [i for i, name in enumerate(names) if name in ANGLES],
-        "shape": None
-        if shape is None
-        else [
-            {"place": names.index(name) if name in names else None, "value": physics.get(name)}
-            for name in SHAPE
+        "points": own.mix.points.tolist(),
+        "weights": own.mix.weights.tolist(),
+        "known": array_text(own.inputs, "f8"),
+        "processes": [
+            {
+                "weights": array_text(process.weights, "f8"),
+                "centre": process.centre,
+                "noise": float(process.noise[0]),
+                "parts": [_part(part) for part in process.covariance.parts],
+            }
+            for process in own.processes
         ],
+        "angles": [i for i, name in enumerate(names) if name in ANGLES],
+        "shape": None if own.spans is None else shape,
         "low": low,
         "span": span,
     }
