@@ -17,7 +17,7 @@ from dogshape.surrogate.process import Process
 from dogshape.surrogate.references import Reference, reference_of
 
 EFFORT = Effort(rows=400, steps=60)  #: of the process of the mix
-POINT_EFFORT = Effort(rows=300, steps=25)  #: of each point, from the parameters of the mix
+POINT_EFFORT = Effort(rows=250, steps=15)  #: of each point, from the parameters of the mix
 EXACT = 1e-4  #: least relative error of a time
 
 
