@@ -66,9 +66,14 @@ def _steel(radius: str) -> list[float]:
 CLUTCHES = {"prototype": "prototype", "small": "small, 40 mm", "large": "large, 92 mm"}
 
 
+def _name(clutch: str) -> str:
+    """Give the name of a clutch's study in two_fidelities.txt."""
+    return f"two_fidelities-{clutch}"
+
+
 def _fitted(clutch: str, row: str) -> list[float]:
     """Give what references say of a fit in two levels: rmse, bias, Q2 and so on."""
-    return numbers("two_fidelities", f"two_fidelities-{clutch}", row)
+    return numbers("two_fidelities", _name(clutch), row)
 
 
 def _most(clutch: str) -> str:
@@ -620,10 +625,16 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         SURROGATE,
-        "themselves uncertain by {:.2f}, {:.2f} and {:.2f} ms",
+        "themselves uncertain by {:.2f}, {:.2f} and {:.2f} ms. What is learnt from took {:.0f}, "
+        "{:.0f} and {:.0f} s of a processor, references {:.0f}, {:.0f} and {:.0f} s and fits "
+        "{:.0f}, {:.0f} and {:.0f} s.",
         lambda: [
-            numbers("two_fidelities", f"two_fidelities-{clutch}", "references", "")[2]
-            for clutch in CLUTCHES
+            *(numbers("two_fidelities", _name(one), "references", "")[2] for one in CLUTCHES),
+            *(
+                numbers("two_fidelities", _name(one), "processor time")[place]
+                for place in range(3)
+                for one in CLUTCHES
+            ),
         ],
     ),
     Entry(

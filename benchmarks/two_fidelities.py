@@ -65,6 +65,7 @@ from dogshape.surrogate.learning import fit
 from dogshape.surrogate.mix_learning import fitted, mix_times
 from dogshape.surrogate.model import MIN_DESIGNS, Surrogate
 from dogshape.surrogate.process_targets import point_coordinates
+from dogshape.surrogate.references import Reference
 from dogshape.surrogate.validation_figures import Validation, figures, predict, ranked
 
 HEAD = (
@@ -183,9 +184,11 @@ def first(study: Setup, shifts: list[Record], count: int) -> list[Record]:
     return [s for s in shifts if tuple(round(s[name], 3) for name in names) in kept]
 
 
-def judged(study: Setup, folder: StudyFolder, model: Surrogate, shifts: int) -> Validation:
-    """Judge a surrogate by the folder's references."""
-    space, best = references_of(study, folder)
+def judged(
+    study: Setup, apart: tuple[Reference, Reference], model: Surrogate, shifts: int
+) -> Validation:
+    """Judge a surrogate by references that fill the space, and by those of the best."""
+    space, best = apart
     mix = study_mix(study)
     found = figures(space, predict(model, space.x, mix), "references", shifts)
     return ranked(found, best, predict(model, best.x, mix).time) if len(best) else found
@@ -254,7 +257,8 @@ def compare(study: Setup, folder: StudyFolder, counts: list[int]) -> None:
     whole = train(folder).surrogate
     fitting = time.process_time() - begun
     data, mixed = two_level_data(study, folder)
-    _say_data(study, folder, whole, seconds | {"fits": fitting})
+    apart = references_of(study, folder)
+    _say_data(folder, (study.name, apart), whole, seconds | {"fits": fitting})
     cheap = list(ShiftJournal(folder.compiled).rows.values())
     dear = list(ShiftJournal(folder.pairs).rows.values())
     theirs = times_of(study, dear)
@@ -263,7 +267,7 @@ def compare(study: Setup, folder: StudyFolder, counts: list[int]) -> None:
     print(HEAD)
 
     def say(name: str, designs: int, model: Surrogate, spent: float, shifts: int) -> None:
-        print(line(name, designs, judged(study, folder, model, shifts), spent), flush=True)
+        print(line(name, designs, judged(study, apart, model, shifts), spent), flush=True)
 
     size, every = len(study.points), count_of(study)
     for count in [*(n for n in sorted(counts) if n < every), every]:
@@ -293,14 +297,17 @@ def _fitted(study: Setup, rows: Dataset) -> tuple[Surrogate, float, int]:
 
 
 def _say_data(
-    study: Setup, folder: StudyFolder, model: Surrogate, seconds: dict[str, float]
+    folder: StudyFolder,
+    named: tuple[str, tuple[Reference, Reference]],
+    model: Surrogate,
+    seconds: dict[str, float],
 ) -> None:
-    space, best = references_of(study, folder)
+    name, (space, best) = named
     apart = len(ShiftJournal(folder.references).rows)
     dense = len(ShiftJournal(folder.compiled_references).rows)
     error = float(np.sqrt((space.error**2).mean()))
     levels = model.data.levels
-    print(f"{study.name}: {levels['planar']} shifts compiled, {levels['drake']} of Drake in pairs")
+    print(f"{name}: {levels['planar']} shifts compiled, {levels['drake']} of Drake in pairs")
     print(f"references: {len(space)} that fill the space and {len(best)} of the best tenth,")
     print(f"{dense} shifts compiled and {apart} of Drake; s.e. of a time {error * 1e3:.2f} ms")
     print(
