@@ -404,8 +404,9 @@ ENTRIES: list[Entry] = [
     Entry(
         README,
         "| Q² {:.3f}, {:.3f} and {:.3f} on three clutches, at a single point {:.3f}, {:.3f} and "
-        "{:.3f} | rank correlation in the best tenth {:.2f}, {:.2f} and {:.2f}, where",
-        lambda: [_clutch(clutch)[place] for place in (0, 4, 6) for clutch in CLUTCHES],
+        "{:.3f} | rank correlation in the best tenth {:.2f}, {:.2f} and {:.2f}; "
+        "intervals hold {:.0f}, {:.0f} and {:.0f} % |",
+        lambda: [_clutch(clutch)[place] for place in (0, 4, 6, 3) for clutch in CLUTCHES],
     ),
     Entry(
         README,
