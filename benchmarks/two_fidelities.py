@@ -8,6 +8,7 @@ References that no fit saw, 40 that fill the space and 20 of the best tenth, jud
 - ``all points``: designs at all of the study's operating points, more and more of them, the last
   with those that were chosen as likely to be among the best, which is what ``fit`` has;
 - ``own points``: what the rows at operating points of their own say without these;
+- ``bundled``: the surrogate that the package brings, where it has one of the clutch;
 - ``one engine``: rows as ``--levels 1`` has them, of as many designs as Drake simulates in the
   processor time of all that is learnt from. They are rows of the compiled engine, whose means are
   Drake's to the discrepancy that is printed, and Drake's time of a shift is that of the pairs.
@@ -44,6 +45,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import first_designs
+from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.pipeline.train.mix_rows import angles_of, count_of, simulate_mix_rows
 from dogshape.pipeline.train.training import fill, references_of, train
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
@@ -276,6 +278,9 @@ def compare(study: Setup, folder: StudyFolder, counts: list[int]) -> None:
         own = fitted(mix_times(data, rows, study_mix(study)))
         say("all points", count, replace(whole, own=own), time.process_time() - begun, own.shifts)
     say("own points", len(data.designs), replace(whole, own=None), 0.0, data.shifts)
+    if brought := known_surrogate(study):
+        model = brought.surrogate
+        say("bundled", len(model.data.designs), model, 0.0, model.data.shifts)
     for way, correct in WAYS.items():
         some = dataset_of(compiled(study), first(study, cheap, FEW_DESIGNS))
         kept = {tuple(np.round(x, DIGITS)) for x in some.designs.tolist()}
