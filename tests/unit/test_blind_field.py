@@ -32,7 +32,9 @@ from dogshape.validation.blind.stand import Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
 from tests.conftest import Said
 
-CASES = FieldWanted().cases
+DRAWN = FieldWanted().cases
+#: As many as are kept, whichever draw of a group that is.
+CASES = tuple({one.group or -k: one for k, one in enumerate(DRAWN, 1)}.values())
 HALF = read_points(base("half"))
 
 
@@ -70,6 +72,14 @@ def test_pairs_and_threes_have_no_common_effect_and_truths_beyond_are_beyond() -
     laws = {tuple(v) for one in CASES if one.case.kind == "other"
             for v in one.case.parameters.values()}  # fmt: skip
     assert laws == {("mismatch_factor",), ("force_offset_N",)}
+
+
+def test_of_each_group_the_clearest_draw_is_kept() -> None:
+    plain, first = CASES[0], replace(CASES[0], group=1)
+    cases = {"a": replace(plain, group=0), "b": first, "c": first, "d": replace(plain, group=2)}
+    yards = {"b": {"noncentrality": 1.0}, "c": {"noncentrality": 5.0}, "d": {"noncentrality": 0.0}}
+    assert field_set.kept_of(cases, yards) == {"a", "c", "d"}
+    assert len(DRAWN) == len(CASES) + 26 * (field_cases.DRAWS - 1)
 
 
 def test_each_case_is_read_back_from_the_key() -> None:

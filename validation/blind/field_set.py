@@ -272,6 +272,19 @@ def margins(means: Array, simulated: Array) -> float:
     return float(np.sqrt(np.nanmean(((means - simulated) / margin) ** 2)))
 
 
+def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[str]:
+    """List the cases of a set: of each group of draws the one that the yardstick has clearest."""
+    groups: dict[int, list[str]] = {}
+    for name, case in cases.items():
+        groups.setdefault(case.group, []).append(name)
+    best = (
+        max(names, key=lambda n: float(yards[n]["noncentrality"]))
+        for group, names in groups.items()
+        if group
+    )
+    return {*groups.get(0, []), *best}
+
+
 def _seal(
     folder: Path,
     wanted: FieldWanted,
@@ -280,10 +293,13 @@ def _seal(
 ) -> Record:
     """Write the key and the manifest."""
     making = folder / MAKING
+    yards = {n: read(making / f"{n}_yardstick.json", "remove it")["made"] for n in cases}
     truths = {}
     for name, case in cases.items():
-        made = read(making / f"{name}.json", "remove it")["made"]
-        yard = read(making / f"{name}_yardstick.json", "remove it")["made"]
+        if name not in kept_of(cases, yards):
+            rmtree(folder / "cases" / name, ignore_errors=True)
+            continue
+        made, yard = read(making / f"{name}.json", "remove it")["made"], yards[name]
         truths[name] = {**case.record(), **made, "yardstick": yard}
         # A stand says what the diagnosis of today reads, whenever the shifts were made.
         write_stand_file(folder / "cases" / name, base(case.stand), case)
