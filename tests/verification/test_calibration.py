@@ -25,7 +25,7 @@ from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.likelihood.cell_likelihood import timed
 from dogshape.diagnosis.likelihood.signature import metric_of
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
-from dogshape.diagnosis.prediction.prediction import Array, Hypothesis
+from dogshape.diagnosis.prediction.prediction import Array, Hypothesis, Prediction
 from tests.declared import Declared, drawn, problem_of
 from tests.toy import EFFECTS, bench_of, points_of
 
@@ -107,6 +107,26 @@ def test_spreads_and_means_each_make_the_joint_p_value_small(stretch: float, off
     assert p_value(problem, evidence(problem, space)) < 1e-3
     usual = problem_of(toy, _made(1.0, 0.0))
     assert p_value(usual, evidence(usual, space)) > 0.5
+
+
+class _Reliable(Declared):
+    """The toy whose shifts engage in 99 % of all tries."""
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        said = super().at(hypothesis, values, cell)
+        one = np.ones(len(values))
+        return replace(said, engaged=0.99 * one, engaged_error=0.002 * one)
+
+
+def test_points_where_a_shift_failed_are_judged_among_all() -> None:
+    """By themselves they are the worst of them: half of all sets then had a p-value below 0.2."""
+    toy, (space,) = _Reliable(points_of()), _spaces((NONE,))
+    found = []
+    for seed in range(40):
+        problem = problem_of(toy, drawn(toy, NONE, NOTHING, np.random.default_rng(seed)))
+        found.append(p_value(problem, evidence(problem, space)))
+    assert (np.array(found) < 0.2).sum() <= binom.ppf(SURE, len(found), 0.2)
+    assert np.mean(found) > 0.4
 
 
 def test_late_shifts_that_are_found_count_once() -> None:
