@@ -78,7 +78,7 @@ class Diagnosis:
     drift : trend over the series; None where the order of the shifts is not known.
     influence : what each operating point does to the answer; None for a single one.
     inputs : what errors of nominal force and mismatch make; None where the data set states none.
-    foretold : means that the leading hypothesis, its best rival and none foretell of each
+    ``foretold`` : means that the leading hypothesis, its best rival and none predict of each
         operating point from the others; none for a single one.
     settings : with which all this was decided.
     range_ends : where sizes lay at an end of their range, and what was done about it.

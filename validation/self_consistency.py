@@ -62,7 +62,7 @@ class Some:
 
 @dataclass(frozen=True)
 class World:
-    """What sets are drawn from: a bench with its operating points, its emulator, and effects."""
+    """Source of sets: a bench with its operating points, its emulator, and effects."""
 
     bench: Bench
     emulator: Emulator
@@ -89,7 +89,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a diagnosis says of a set, beside the truth.
+    """Answer of a diagnosis to a set, beside the truth.
 
     Parameters
     ----------

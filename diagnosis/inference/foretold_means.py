@@ -1,4 +1,4 @@
-"""Mean times that a hypothesis foretells of each operating point from all others.
+"""Mean times that a hypothesis predicts of each operating point from all others.
 
 The parameters and the size of the discrepancy are those given the data of the other points, so that
 no point is predicted from itself. A draw adds the error of the simulation at the point, the

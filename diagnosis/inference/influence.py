@@ -67,7 +67,7 @@ class Without:
 
 @dataclass(frozen=True)
 class CellInfluence:
-    """What an operating point does to the answer.
+    """Influence of an operating point on the answer.
 
     Parameters
     ----------

@@ -67,7 +67,7 @@ def _weighty(found: Influence, points: Sequence[Point], effects: Mapping[str, Ef
 def verdict_in_words(
     found: Influence, points: Sequence[Point], effects: Mapping[str, Effect]
 ) -> str:
-    """Say whether the verdict would change without any single point."""
+    """Describe whether the verdict would change without any single point."""
     changing = sorted(found.changing, key=found.ordered.index)
     if not changing:
         return "The verdict is the same without any single one."

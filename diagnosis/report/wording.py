@@ -279,7 +279,7 @@ def _given(found: Found, one: SenseAnswer) -> str:
 
 
 def range_sentence(one: RangeEnd, effects: Effects) -> str:
-    """Say that sizes lie at the end of their range, and what was done about it."""
+    """Name sizes that lie at the end of their range, and what was done about it."""
     name = one.parameter.name
 
     def said(value: float) -> str:

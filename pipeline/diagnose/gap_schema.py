@@ -97,7 +97,7 @@ class DriftRow(Section):
 
 
 class CellInfluenceRow(Section):
-    """What an operating point does to the answer, given all others."""
+    """Influence of an operating point on the answer, given all others."""
 
     mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
     force_N: float = key("final shift force", "N")
@@ -144,7 +144,7 @@ class NominalErrorsRow(Section):
 
 
 class ForetoldCellRow(Section):
-    """Mean time that a hypothesis foretells of an operating point from all others."""
+    """Mean time that a hypothesis predicts of an operating point from all others."""
 
     mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
     force_N: float = key("final shift force", "N")
@@ -153,7 +153,7 @@ class ForetoldCellRow(Section):
 
 
 class ForetoldRow(Section):
-    """Means that a hypothesis foretells, discrepancy included."""
+    """Means that a hypothesis predicts, discrepancy included."""
 
     effects: list[str] = key("effects by name; empty for none")
     within_90: int = key("measured means that lie within 5 to 95 %")

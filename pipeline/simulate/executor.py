@@ -100,7 +100,7 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     def _none(self, _: int) -> None:
-        """Say that shifts begin of which none is kept."""
+        """Announce shifts of which none is kept."""
         if self.begun is not None:
             self.begun(0)
 

@@ -50,7 +50,7 @@ def angles_of(study: Setup) -> int:
 
 
 def count_of(study: Setup) -> int:
-    """Return how many designs the study's ``mix_shifts`` are enough for."""
+    """Count the designs that the study's ``mix_shifts`` are enough for."""
     return study.file.surrogate.mix_shifts // (angles_of(study) * len(study.points))
 
 
@@ -147,7 +147,7 @@ def _simulate(
 
 
 def _key(blocks: Sequence[Block]) -> str:
-    """Return what tells a design's shifts from all others."""
+    """Return the key that tells a design's shifts from all others."""
     first = [[block.only([0]).keys[0], len(block.angles)] for block in blocks]
     return content_key({"blocks": first, **engine()})
 

@@ -257,7 +257,7 @@ def train(
 
 
 def _effort(study: Setup, folder: StudyFolder, data: Dataset) -> Effort:
-    """Return how dearly the parameters of rows are fitted."""
+    """Return the effort with which the parameters of rows are fitted."""
     seed = study.file.surrogate.seed
     if data.levels:
         return Effort(BESIDE.rows, BESIDE.steps, seed)

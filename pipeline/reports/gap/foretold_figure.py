@@ -1,4 +1,4 @@
-"""Means that hypotheses foretell of each operating point, beside the bench's."""
+"""Means that hypotheses predict of each operating point, beside the bench's."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def roles(found: Diagnosis) -> list[str]:
 
 
 def foretold_figure(found: Diagnosis) -> go.Figure:
-    """Draw bench and foretold means over the mismatch, a panel for each force.
+    """Draw bench and predicted means over the mismatch, a panel for each force.
 
     Where forces are many, or points are no grid, each point has its own place in one panel.
     """
@@ -143,7 +143,7 @@ def _bench(
 
 
 def in_words(found: Diagnosis) -> list[tuple[str, str]]:
-    """Say how many means each hypothesis holds, and where it fails."""
+    """Count the means that each hypothesis holds, and name where it fails."""
     said = []
     for one, role in zip(found.foretold, roles(found), strict=True):
         title = f"{role[0].upper()}{role[1:]}"

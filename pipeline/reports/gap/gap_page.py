@@ -152,7 +152,7 @@ def _corners(found: Diagnosis) -> list[Row]:
 
 
 def _influence(found: Diagnosis) -> Row:
-    """Say and tabulate the influence of the operating points; empty where there is none."""
+    """Describe and tabulate the influence of the operating points; empty where there is none."""
     said = found.influence
     if said is None:
         return {"swayed": "", "hangs": "", "influence_rows": [], "elpd": "", "rival": ""}
