@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.units import RPM
 
@@ -107,3 +109,9 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     broken.write_text("format = 1\nname = 'x'\n")
     with pytest.raises(DogshapeError, match="'dog' is missing; add it"):
         load_study(broken)
+
+
+@pytest.mark.parametrize("name", ["mq200", "mq200_paper", "mq200_robust", "mq200_three"])
+def test_a_key_that_came_later_leaves_kept_results_of_the_same_study(name: str) -> None:
+    kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
+    assert load_study(name).config_hash == kept["config_hash"]
