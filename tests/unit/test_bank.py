@@ -204,6 +204,26 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(tmp_path: Path
     assert with_bank_engine(quick, EFFECTS, Means(tmp_path)) == quick
 
 
+@pytest.mark.parametrize("name", ["stand", "adams"])
+def test_the_bundled_bank_has_the_ranges_that_published_answers_were_widened_to(
+    tmp_path: Path, name: str
+) -> None:
+    kept = Path(__file__).parents[2] / "docs" / "evidence" / f"gap_{name}.json"
+    ends, effects = json.loads(kept.read_text(encoding="utf-8"))["range_ends"], dict(EFFECTS)
+    assert bool(ends) == (name == "stand")
+    for end in (one for one in ends if one["remedy"] == "widened"):
+        effect, moved = effects[end["effect"]], "high" if end["upper"] else "low"
+        mine = tuple(
+            replace(p, **{moved: end["moved"]}) if p.name == end["parameter"] else p
+            for p in effect.parameters
+        )
+        effects[end["effect"]] = replace(effect, parameters=mine)
+    bench = with_bank_engine(load_bench(f"mq200_{name}"), effects, Means(tmp_path))
+    assert bench.clutch.solver.engine == "planar"
+    store = BankStore((brought(TIMES), tmp_path / TIMES))
+    assert store.missing(blocks_by_key(plans_of(bench, effects)).values()) == []
+
+
 def test_the_compiled_engine_simulates_what_no_bank_has(bench: Bench, tmp_path: Path) -> None:
     unseen = replace(bench, clutch=replace(bench.clutch, timeout=1.1))
     few = {"actuation_delay": EFFECTS["actuation_delay"]}
