@@ -287,6 +287,12 @@ def _linkage() -> list[float]:
     return [found["low"], found["high"]]
 
 
+def _widened_lag() -> list[float]:
+    """Give the end of the range of the slow rise, and that after widening, s."""
+    found = next(one for one in gap("stand")["range_ends"] if one["parameter"] == "lag_s")
+    return [found["end"], found["moved"]]
+
+
 def _prices() -> list[list[float]]:
     """Give the time with the causes and its error for each design of the price, ms."""
     told = gap("stand")["so_what"]["candidates"]
@@ -786,6 +792,14 @@ ENTRIES: list[Entry] = [
     Entry(RESULTS, "rise, {:.0f} to {:.0f} ms beside the other thirds", _other_delays),
     Entry(RESULTS, "| {:.1f} N m ({:.1f} to {:.1f}),", _stand(STAND_TOP, "drag_Nm")),
     Entry(RESULTS, "constant {:.2f} s ({:.2f} to {:.2f}):", _stand(STAND_TOP, "lag_s")),
+    Entry(RESULTS, "end of its range, {:.2f} s, which is widened to {:.1f} s", _widened_lag),
+    Entry(
+        RESULTS,
+        "Now {:.0f} ms are left there, and {:.0f} ms with the mass",
+        lambda: [
+            MS * gap("stand")["gap"][name] for name in ("heldout_rmse_s", "rival_heldout_rmse_s")
+        ],
+    ),
     Entry(RESULTS, "linkage, {:.1f} kg ({:.1f} to {:.1f}):", _stand(WITH_MASS, "added_mass_kg")),
     Entry(
         RESULTS,
