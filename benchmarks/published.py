@@ -15,6 +15,7 @@ CONTROL, STANDARD = "mq200_actuation", "standard_error_s"
 README = "README.md"
 RESULTS = "docs/results.md"
 COMMANDS = "docs/commands.md"
+DIAGNOSIS = "docs/diagnosis.md"
 MODEL = "docs/model.md"
 PLANAR = "docs/planar.md"
 SIMULATION = "docs/simulation.md"
@@ -777,6 +778,40 @@ ENTRIES: list[Entry] = [
         RESULTS,
         "({:.1f} and {:.1f} ms from 25 1/min up)",
         lambda: [numbers("sense", name)[1] for name in ("of the table", "reversed")],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "operating points {:.0f} shifts in {:.0f} s of processor time, and the flights in {:.0f} s.",
+        lambda: [
+            numbers("unseen_clutch", "7 operating points,")[0],
+            numbers("unseen_clutch", "shifts")[1],
+            numbers("unseen_clutch", "flights")[1],
+        ],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "it lasted {:.0f} s instead of {:.0f};",
+        lambda: numbers("unseen_clutch", "shifts")[:2],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "the mean of {:.2f} ms differs by {:.3f} ± {:.3f} ms, with",
+        lambda: numbers("bank_engines", f"{'linkage_compliance':<21}35")[:3],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "of play by {:.3f} ± {:.3f} ms,",
+        lambda: numbers("bank_engines", f"{'free_play':<21}2 ")[1:3],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "without any effect by {:.3f} ± {:.3f} ms.",
+        lambda: numbers("bank_engines", "none")[1:3],
+    ),
+    Entry(
+        DIAGNOSIS,
+        "by {:.3f} ± {:.3f} ms of {:.2f}.",
+        lambda: [numbers("bank_engines", "drag_torque          8")[k] for k in (1, 2, 0)],
     ),
     Entry(RESULTS, "from the {:,.0f} simulated shifts", lambda: [bank_shifts()]),
     Entry(
