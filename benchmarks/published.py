@@ -781,7 +781,8 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         DIAGNOSIS,
-        "operating points {:.0f} shifts in {:.0f} s of processor time, and the flights in {:.0f} s.",
+        "operating points {:.0f} shifts in {:.0f} s of processor time, and the flights in "
+        "{:.0f} s.",
         lambda: [
             numbers("unseen_clutch", "7 operating points,")[0],
             numbers("unseen_clutch", "shifts")[1],
