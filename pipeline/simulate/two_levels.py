@@ -21,13 +21,16 @@ Rounds follow from the shifts alone, so a run that was stopped goes on as it wou
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.forecast import Kind
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.simulate.block_cost import FINE
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.precision import ENOUGH, FIRST, MOST, Precise
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -37,6 +40,7 @@ from dogshape.sim.statistics.expectation import (
     expect,
     expect_point,
 )
+from dogshape.sim.statistics.numerical_error import repeated
 from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.sim.statistics.two_levels import TwoLevelPoint, common_spreads, two_level_point
 
@@ -50,6 +54,9 @@ COST = 1.0 / 25.0  #: of a shift, compiled over Drake's (docs/evidence/engines.t
 
 #: What is left of a variance with twice the angles.
 SMOOTH, SCATTERED = 0.25, 0.5
+
+#: Variance that the second round usually leaves over the wanted one; only the time left uses it.
+AGAIN = 1.1
 
 
 @dataclass(frozen=True)
@@ -172,9 +179,9 @@ def expect_in_two_levels(
     The study's engine is Drake. Blocks and records are Drake's. Where the precision cannot be
     reached, the last round is returned and progress says why.
     """
-    parts = _simulated(
-        study, points, [first_angles(len(points), precision)] * len(points), executor
-    )
+    first = [first_angles(len(points), precision)] * len(points)
+    progress.rounds(_counts(first), _later(first, AGAIN))
+    parts, again = _simulated(study, points, first, executor, progress), AGAIN
     while True:
         found = expect([part.expectation for part in parts])
         share = found.standard_error / found.mean
@@ -184,11 +191,15 @@ def expect_in_two_levels(
         elif plan != [part.angles for part in parts]:
             counts = f"{found.shifts} shifts of Drake and {found.planar_shifts} compiled ones"
             progress.say(f"standard error {share:.2%} from {counts}; more where they tell most")
-            progress.extend(sum(map(_shifts, plan)) - sum(_shifts(p.angles) for p in parts))
-            parts = _simulated(study, points, plan, executor, parts)
+            goal = precision * found.mean
+            ratio = max(again, _expected_variance(parts, plan) / goal**2)
+            again = 1.0
+            progress.rounds(_counts(plan, parts), _later(plan, ratio))
+            parts = _simulated(study, points, plan, executor, progress, before=parts)
             continue
         elif share > precision:
             progress.say(f"{share:.1%} is what {MOST} angles of Drake at each operating point give")
+        progress.rounds({"shift": repeated(found.shifts)}, {"shift": _finer(found.shifts)})
         return Precise(found, [part.block for part in parts], [part.rows for part in parts])
 
 
@@ -202,11 +213,46 @@ def first_angles(points: int, precision: float) -> Angles:
 
 def first_shifts(points: int, precision: float) -> int:
     """Count the shifts of the first round, of both engines."""
-    return points * _shifts(first_angles(points, precision))
+    angles = first_angles(points, precision)
+    return points * (angles.few + angles.many)
 
 
-def _shifts(angles: Angles) -> int:
-    return angles.few + angles.many
+def _counts(plan: Sequence[Angles], before: Sequence[Part] = ()) -> dict[Kind, int]:
+    """Count the shifts of each engine that a plan has and the round before had not."""
+    few = sum(angles.few for angles in plan) - sum(part.angles.few for part in before)
+    had = [part.angles.many for part in before] or [0] * len(plan)
+    many = sum(max(0, a.many - b) for a, b in zip(plan, had, strict=True))
+    return {"shift": few, "quick": many}
+
+
+def _later(plan: Sequence[Angles], ratio: float) -> dict[Kind, float]:
+    """Foresee what follows a plan: further rounds, and what is repeated for the numerical error.
+
+    ``ratio`` is the variance that the plan should leave over the wanted one. That of differences
+    falls as 1/n, that of the compiled engine's mean as 1/N2. Repeated shifts count by their cost.
+    """
+    few = sum(min(MOST, a.few * ratio) for a in plan)
+    many = sum(min(MOST_MANY, a.many * math.sqrt(ratio)) for a in plan)
+    fine = repeated(round(few))
+    more = few - sum(a.few for a in plan) + fine + _finer(round(few))
+    return {"shift": more, "quick": many - sum(a.many for a in plan)}
+
+
+def _finer(shifts: int) -> float:
+    """Weigh the shifts repeated of so many: what each costs more than a usual one."""
+    return (FINE - 1.0) * repeated(shifts)
+
+
+def _expected_variance(parts: Sequence[Part], plan: Sequence[Angles]) -> float:
+    """Expect the variance of the mean that a plan leaves, s2."""
+    weights = np.array([part.alone.point.weight for part in parts])
+    left = []
+    for part, angles in zip(parts, plan, strict=True):
+        first, second = part.variances
+        few = part.angles.few / angles.few
+        many = part.angles.many / angles.many if angles.many else few
+        left.append(first * many**2 + second * few)
+    return float((weights / weights.sum()) ** 2 @ np.array(left))
 
 
 def _simulated(
@@ -214,6 +260,8 @@ def _simulated(
     points: Sequence[OperatingPoint],
     plan: Sequence[Angles],
     executor: Executor,
+    progress: WorkCounter,
+    *,
     before: Sequence[Part] = (),
 ) -> list[Part]:
     """Simulate a round and say what it tells; where Drake stands alone it did ``before``."""
@@ -221,8 +269,9 @@ def _simulated(
     compiled = study.clutch.with_engine("planar")
     both = [k for k, angles in enumerate(plan) if angles.many]
     many = {k: _block(study, compiled, k, points[k], plan[k].many) for k in both}
-    rows = executor.run([*few, *many.values()])
-    cheap = dict(zip(both, rows[len(few) :], strict=True))
+    with progress.counting("quick"):
+        cheap = dict(zip(both, executor.run(list(many.values())), strict=True))
+    rows = executor.run(few)
     lost, parts = study.clutch.timeout + study.retraction, []
     for k, (angles, block) in enumerate(zip(plan, few, strict=True)):
         dear = [result_of(row) for row in rows[k]]

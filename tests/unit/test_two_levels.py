@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.forecast import Kind
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.simulate.block_cost import FINE
 from dogshape.pipeline.simulate.precision import MOST, Precise
 from dogshape.pipeline.simulate.two_levels import (
     FEW,
@@ -21,6 +23,7 @@ from dogshape.pipeline.simulate.two_levels import (
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import expect_point
+from dogshape.sim.statistics.numerical_error import repeated
 from dogshape.sim.statistics.shift_records import Record, result_of
 from tests.conftest import Listener, Said
 
@@ -191,3 +194,23 @@ def test_bad_levels_are_a_sentence(
     said = dogshape("expect", "mq200_paper", *options)
     assert said.status == 2
     assert all(word in said.sentence for word in words)
+
+
+def test_time_left_is_never_nought_before_the_last_round(default: Setup) -> None:
+    """What is foreseen of a round holds it, and what is repeated after it."""
+    expected: list[dict[Kind, float]] = []
+
+    class Watched(WorkCounter):
+        def expects(self, left: Mapping[Kind, float]) -> None:
+            expected.append(dict(left))
+            super().expects(left)
+
+    engines = MadeUp(_slope, _slope)
+    with Watched(Listener([]), 1) as progress:
+        found = expect_in_two_levels(default, default.points, 0.0015, engines, progress)  # type: ignore[arg-type]
+    first, last = expected[0], expected[-1]
+    assert len(expected) > 2, "a round more than the first"
+    assert first["shift"] > len(default.points) * FEW
+    assert first["quick"] > len(default.points) * MANY
+    assert all(left["shift"] > 0.0 for left in expected)
+    assert last == pytest.approx({"shift": FINE * repeated(found.expectation.shifts)})
