@@ -123,7 +123,7 @@ def main(names: Sequence[str]) -> None:
             "compiled": _study("mq200_paper", COMPILED, root / "compiled"),
             "gap": _bank(root / "bank"),
             "expect": _mean(angles=12),
-            "precision": _mean(precision=0.005),
+            "precision": _mean(precision=0.002),
             "fit": lambda progress: fill(
                 fitted, StudyFolder(root / "fit"), 1, None, progress, levels=2
             ),
