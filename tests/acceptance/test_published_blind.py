@@ -33,7 +33,8 @@ def test_a_new_score_needs_the_lines_and_nothing_else() -> None:
     entries = [e for e in ENTRIES if e.file == PAGE]
     assert not outdated(text, [BLOCK])
     assert not differences(text, entries)
-    assert not unvouched(PAGE, text, entries, RESULTS[PAGE], spans(text, [BLOCK]))
+    written = spans(text, [BLOCK, *(one for one in BLOCKS[1:] if one.file == PAGE)])
+    assert not unvouched(PAGE, text, entries, RESULTS[PAGE], written)
     assert filled(text, [BLOCK]) == text
 
 
