@@ -6,7 +6,7 @@ Ten single shifts, or their means, at 14 operating points of the published clutc
 bundled bank as the likelihood says: without any effect, or with one of any strength, which is then
 fitted. *Posterior* is the p-value at values of the posterior, *refits* that of replicates that are
 fitted anew, and the *smaller* of both is what the diagnosis takes. *Off* are the same data whose
-cells are each moved by 5 % besides, independently, which nothing known explains. Ten minutes.
+cells are each moved by 5 % besides, independently, which nothing known explains. Three minutes.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def p_values(problems: Sequence[Problem], space: Space) -> Array:
 def main() -> None:
     """Draw, check and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sets", type=int, default=60)
+    parser.add_argument("--sets", type=int, default=30)
     count = parser.parse_args().sets
     whole = world()
     print(f"{count} sets each, {len(whole.bench.cells)} operating points, {SHIFTS} shifts at each")
