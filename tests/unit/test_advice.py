@@ -169,7 +169,7 @@ def test_unknown_predicts_nothing_or_anything_in_a_direct_test() -> None:
 def test_a_test_that_misleads_yields_to_one_that_is_worth_its_cost() -> None:
     """Forty shifts more would settle most for their hours, and mislead most."""
     points = POINTS[10:]
-    bench = bench_of({"added_mass_kg": 0.4}, np.random.default_rng(2), shifts=5, points=points)
+    bench = bench_of({"added_mass_kg": 0.3}, np.random.default_rng(2), shifts=5, points=points)
     few = {name: EFFECTS[name] for name in (*DELAY, *MASS)}
     dear = (TestTerms(FORCE, 5.0), TestTerms(EFFECTS["moving_mass"].test.name, possible=False))
     found = diagnose(replace(bench, tests=dear), Toy(points), few, pairs=[])
