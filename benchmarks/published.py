@@ -25,6 +25,8 @@ STRENGTH = "docs/strength.md"
 #: Effects that move the mean by half a millisecond or less.
 SMALL_EFFECTS = ("contact_dissipation", "detent_force", "spline_friction")
 MS = 1e3
+#: Rows of two workers.
+TWO_WORKERS = ("processes           2", "Dask                2")
 PERCENT = 100.0
 #: Settings of the contact that the best designs were simulated under.
 CONTACTS = (
@@ -386,6 +388,11 @@ ENTRIES: list[Entry] = [
         README,
         "would need {:.0f} N to be pulled out",
         lambda: numbers("gearbox_loads", "toothing 0.1:", "chosen (19)", "pulled out with"),
+    ),
+    Entry(
+        COMMANDS,
+        "two processes simulate {:.2f} times as fast as one, and two Dask workers {:.2f} times.",
+        lambda: [numbers("workers", name)[1] for name in TWO_WORKERS],
     ),
     Entry(README, "| slower by {:.0f} and {:.0f} ms at two points", _slower),
     Entry(
