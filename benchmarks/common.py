@@ -45,7 +45,7 @@ IDLE_LOAD = 0.3
 
 
 def load_told() -> str:
-    """Tell how loaded the machine was in the last minute, and whether that is idle."""
+    """Describe the load of the machine in the last minute, idle or not."""
     load = os.getloadavg()[0]
     return f"load average {load:.2f}, {'idle' if load <= IDLE_LOAD else 'not idle'}"
 

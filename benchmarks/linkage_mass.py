@@ -1,4 +1,4 @@
-"""What the linkage's own mass does: is it the effect ``moving_mass``, with and without compliance?
+"""Compare the linkage's own mass with the effect ``moving_mass``, with and without compliance.
 
     python -m benchmarks.linkage_mass
 

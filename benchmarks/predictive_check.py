@@ -18,8 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.self_consistency import World, world
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import setting_of
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.refits import calibrated_p
@@ -28,28 +27,18 @@ from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.validation.self_consistency import blank_cell
 
 SHIFTS = 10  #: at each operating point
 OFF = 0.05  #: of the mean time
 CAUSES: tuple[Hypothesis, ...] = (NONE, ("sleeve_friction",), ("contact_friction",))
 
 
-def blank(bench: Bench, *, single: bool) -> Bench:
-    """Return a data set of the form that is asked for, whose times say nothing."""
-    many = [1] * SHIFTS if single else [SHIFTS]
-    points = [c.point for c in bench.cells for _ in many]
-    numbers = many * len(bench.cells)
-    rows = [
-        Reading(k + 2, point, n, 0.1, True)
-        for k, (point, n) in enumerate(zip(points, numbers, strict=True))
-    ]
-    return replace(bench, cells=gather(rows))
-
-
 def drawn(whole: World, space: Space, seed: int, *, single: bool, off: float) -> Problem:
     """Draw a data set of a hypothesis, at values of its prior."""
     generator = np.random.default_rng(seed)
-    bench = blank(whole.bench, single=single)
+    cells = [blank_cell(cell.point, SHIFTS, single=single) for cell in whole.bench.cells]
+    bench = replace(whole.bench, cells=tuple(cells))
     problem = Problem(observe(bench), whole.emulator, whole.settings)
     values = space.values(generator.random((1, len(space.parameters))))
     said = problem.predictions(space.hypothesis, values)

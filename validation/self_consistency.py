@@ -125,7 +125,7 @@ def draw(world: World, generator: np.random.Generator) -> Drawn:
     single = bool(generator.random() < 0.5)
     numbers = generator.choice(COUNTS[single], number).tolist()
     points = [world.bench.cells[k].point for k in places]
-    blank = [_blank(p, n, single=single) for p, n in zip(points, numbers, strict=True)]
+    blank = [blank_cell(p, n, single=single) for p, n in zip(points, numbers, strict=True)]
     bench = replace(world.bench, name="drawn", cells=tuple(blank))
     problem = Problem(observe(bench), emulator, world.settings)
     said = problem.predictions(cause, values[None])
@@ -134,7 +134,7 @@ def draw(world: World, generator: np.random.Generator) -> Drawn:
     return Drawn(cause, values, shares, replace(bench, cells=drawn), emulator)
 
 
-def _blank(point: OperatingPoint, number: int, *, single: bool) -> Cell:
+def blank_cell(point: OperatingPoint, number: int, *, single: bool) -> Cell:
     """Make a cell of so many shifts, whose times say nothing."""
     rows = (
         [Reading(0, point, 1, 1.0, True)] * number

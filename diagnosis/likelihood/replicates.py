@@ -79,8 +79,8 @@ def _drawn(
 class _Law:
     """How the shifts of a cell come about: what is drawn once for all of them.
 
-    ``times`` without late shifts, s, (q,); shares engaged and late; delay of late shifts and its
-    deviation, s, NaN where none is known.
+    ``timely`` are times of shifts that are not late, s, (q,); ``engaged`` and ``late`` are shares;
+    ``behind`` and ``behind_sd`` the delay of late shifts and its deviation, s, NaN where unknown.
     """
 
     timely: Array

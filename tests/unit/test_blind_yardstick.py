@@ -85,7 +85,7 @@ def test_a_rival_goes_no_farther_than_its_prior() -> None:
 
 
 def test_a_pair_refits_both() -> None:
-    """What delay and force make together along both directions leaves nothing to the pair."""
+    """A gap along both directions, of delay and of force, leaves nothing to the pair."""
     change = 0.05 * ALONG["actuation_delay"] + 0.3 * ALONG["force_scale"]
     alone = _stick().left(_asked(change), [DELAY, SCALE]).noncentrality
     pair = _stick().left(_asked(change), [(*DELAY, *SCALE)]).noncentrality

@@ -197,7 +197,7 @@ def test_bad_levels_are_a_sentence(
 
 
 def test_time_left_is_never_nought_before_the_last_round(default: Setup) -> None:
-    """What is foreseen of a round holds it, and what is repeated after it."""
+    """The forecast of a round holds its shifts and those that are repeated after it."""
     expected: list[dict[Kind, float]] = []
 
     class Watched(WorkCounter):
