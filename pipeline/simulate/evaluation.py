@@ -73,13 +73,15 @@ def evaluate(
     base: int | None = None,
     checked: bool = False,
     operated: Sequence[Setup] | None = None,
+    referred: Sequence[Block] | None = None,
 ) -> list[Simulated]:
     """Simulate the shifts of several designs side by side and evaluate them.
 
     ``plans`` say what is simulated of each, with ``base`` as for
     ``sim.statistics.expectation.even_phases``. ``checked`` adds the numerical error, from an eighth
     of the shifts repeated. ``operated`` is the study as each design is operated, itself if not
-    given. Raises GeometryError for a dog that cannot be made, before anything is
+    given. ``referred`` are the blocks of the reference at the plan that all designs have, where
+    they are at hand. Raises GeometryError for a dog that cannot be made, before anything is
     simulated.
     """
     each = operated or [study] * len(dogs)
@@ -89,19 +91,21 @@ def evaluate(
         blocks_of(own, study.clutch.with_dog(dog), plan, seed, base)
         for own, dog, plan in zip(each, dogs, plans, strict=True)
     ]
-    alike = {tuple(plan): _referred(study, plan, seed, base) for plan in plans}
-    referred = [alike[tuple(plan)] for plan in plans]
     # The same shifts of the reference belong to several designs: the journal holds each once.
-    rows = executor.run([block for groups in (blocks, referred) for g in groups for block in g])
-    taken = iter(rows)
+    alike = {
+        plan: _referred(study, [*plan], seed, base) if referred is None else referred
+        for plan in dict.fromkeys(map(tuple, plans))
+    }
+    asked = [block for groups in (blocks, alike.values()) for group in groups for block in group]
+    taken = iter(executor.run(asked))
     of_designs = [[next(taken) for _ in group] for group in blocks]
-    of_reference = [[next(taken) for _ in group] for group in referred]
+    of_reference = {plan: [next(taken) for _ in group] for plan, group in alike.items()}
     results = []
-    for k, (dog, group, mine, others) in enumerate(
-        zip(dogs, blocks, of_designs, of_reference, strict=True)
-    ):
+    for k, (dog, group, mine) in enumerate(zip(dogs, blocks, of_designs, strict=True)):
+        plan = tuple(plans[k])
         result = expectation_of(study, [b.point for b in group], mine)
-        beside = expectation_of(study, [b.point for b in referred[k]], others) if others else None
+        others, where = of_reference[plan], [b.point for b in alike[plan]]
+        beside = expectation_of(study, where, others) if others else None
         if checked:
             result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
         learned = _learned(study, each[k].operation, plans[k], mine)
@@ -132,8 +136,12 @@ def screen(
     quick = replace(study, clutch=study.clutch.with_engine("planar"))
     plans = [whole_plan(quick, angles)] * len(dogs)
     own = None if operated is None else [replace(one, clutch=quick.clutch) for one in operated]
-    with executor.apart(_referred(quick, whole_plan(quick, angles), seed, base)) as running:
-        return [*evaluate(quick, dogs, running, plans, seed, base=base, operated=own)]
+    referred = _referred(quick, whole_plan(quick, angles), seed, base)
+    with executor.apart(referred) as running:
+        found = evaluate(
+            quick, dogs, running, plans, seed, base=base, operated=own, referred=referred
+        )
+    return [*found]
 
 
 def in_two_levels(

@@ -130,10 +130,11 @@ class Executor:
         left, taken = [], set(self.journal.rows)
         for block in blocks:
             keys = dict(zip(block.keys, range(len(block.angles)), strict=True))
-            rest = block.only([place for key, place in keys.items() if key not in taken])
+            places = [place for key, place in keys.items() if key not in taken]
             taken.update(keys)
-            if rest.angles:
-                left.append(rest)
+            if places:  # a whole block keeps the keys that it has worked out
+                whole = len(places) == len(block.angles)
+                left.append(block if whole else block.only(places))
         return left
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:

@@ -14,7 +14,7 @@ from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
+from dogshape.sim.statistics.shift_records import Record, landing_record
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import versions
 
@@ -58,11 +58,11 @@ def shaft_record(trace: Trace) -> Record:
     }
 
 
-def shift_record(result: Engagement, given: Record) -> Record:
-    """Return one shift as a flat record: key, the inputs ``given``, result and versions."""
+def shift_record(result: Engagement, given: Record, key: str) -> Record:
+    """Return one shift as a flat record: its ``key``, the inputs ``given``, result and versions."""
     linked = result.clutch.mechanism.has_linkage
     return {
-        "key": content_key(given),
+        "key": key,
         **given,
         "outcome": result.outcome.value,
         "shift_time_s": result.shift_time,
@@ -80,8 +80,9 @@ def shift_record(result: Engagement, given: Record) -> Record:
 
 def run_block(block: Block) -> Iterator[Record]:
     """Simulate the shifts of a block one after the other and yield their records."""
-    for angle, variant, given in zip(block.angles, block.each_variant, block.inputs, strict=True):
+    asked = zip(block.angles, block.each_variant, block.inputs, block.keys, strict=True)
+    for angle, variant, given, key in asked:
         clutch, point = block.clutch, block.point
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
-        yield {**shift_record(engage(clutch, point, angle), given), "seed": block.seed}
+        yield {**shift_record(engage(clutch, point, angle), given, key), "seed": block.seed}

@@ -122,15 +122,18 @@ class Uncertainty:
             for one, column in zip(self.distributions, shares.T, strict=True)
         }
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
-        return tuple(self._variant(point, row) for row in factors)
+        source = self.source  # in words, alike for all
+        return tuple(self._variant(point, row, source) for row in factors)
 
-    def _variant(self, point: OperatingPoint, factors: Values) -> Variant:
+    def _variant(
+        self, point: OperatingPoint, factors: Values, source: tuple[tuple[str, str], ...]
+    ) -> Variant:
         friction, force, inertia, dissipation = (float(factor) for factor in factors)
         profile = point.profile
         rise = profile.rise
         if self.rise.gives(profile):  # a rise time that was given by hand stays
             rise = self.rise.profile(profile.force * force).rise
-        return Variant(friction, force, inertia, rise, self.source, dissipation)
+        return Variant(friction, force, inertia, rise, source, dissipation)
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:
