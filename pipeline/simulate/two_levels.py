@@ -56,6 +56,7 @@ COST = 1.0 / 25.0  #: of a shift, compiled over Drake's (docs/evidence/engines.t
 SMOOTH, SCATTERED = 0.25, 0.5
 
 #: Variance that the second round usually leaves over the wanted one; only the time left uses it.
+#: It takes shifts of the compiled engine: more of Drake are seldom asked for.
 AGAIN = 1.1
 
 
@@ -180,7 +181,7 @@ def expect_in_two_levels(
     reached, the last round is returned and progress says why.
     """
     first = [first_angles(len(points), precision)] * len(points)
-    progress.rounds(_counts(first), _later(first, AGAIN))
+    progress.rounds(_counts(first), _later(first, 1.0, AGAIN))
     parts, again = _simulated(study, points, first, executor, progress), AGAIN
     while True:
         found = expect([part.expectation for part in parts])
@@ -192,9 +193,9 @@ def expect_in_two_levels(
             counts = f"{found.shifts} shifts of Drake and {found.planar_shifts} compiled ones"
             progress.say(f"standard error {share:.2%} from {counts}; more where they tell most")
             goal = precision * found.mean
-            ratio = max(again, _expected_variance(parts, plan) / goal**2)
+            ratio = max(1.0, _expected_variance(parts, plan) / goal**2)
+            progress.rounds(_counts(plan, parts), _later(plan, ratio, max(ratio, again)))
             again = 1.0
-            progress.rounds(_counts(plan, parts), _later(plan, ratio))
             parts = _simulated(study, points, plan, executor, progress, before=parts)
             continue
         elif share > precision:
@@ -225,14 +226,15 @@ def _counts(plan: Sequence[Angles], before: Sequence[Part] = ()) -> dict[Kind, i
     return {"shift": few, "quick": many}
 
 
-def _later(plan: Sequence[Angles], ratio: float) -> dict[Kind, float]:
+def _later(plan: Sequence[Angles], ratio: float, ratio_many: float) -> dict[Kind, float]:
     """Foresee what follows a plan: further rounds, and what is repeated for the numerical error.
 
-    ``ratio`` is the variance that the plan should leave over the wanted one. That of differences
-    falls as 1/n, that of the compiled engine's mean as 1/N2. Repeated shifts count by their cost.
+    The ratios are the variance that the plan should leave over the wanted one, of differences,
+    which falls as 1/n, and of the compiled engine's mean, which falls as 1/N2. Repeated shifts
+    count by their cost.
     """
     few = sum(min(MOST, a.few * ratio) for a in plan)
-    many = sum(min(MOST_MANY, a.many * math.sqrt(ratio)) for a in plan)
+    many = sum(min(MOST_MANY, a.many * math.sqrt(ratio_many)) for a in plan)
     fine = repeated(round(few))
     more = few - sum(a.few for a in plan) + fine + _finer(round(few))
     return {"shift": more, "quick": many - sum(a.many for a in plan)}

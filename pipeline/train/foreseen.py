@@ -2,26 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.forecast import Kind
+from dogshape.pipeline.forecast import COST, Kind
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.train.mix_rows import count_of
 from dogshape.pipeline.train.two_level_rows import paired
 
 AGAIN = 0.4  #: shifts of the later rounds of references over those of the first, about
+#: First guesses of the cost where the fit that chooses designs has them at all operating points.
+IN_TWO_LEVELS: Mapping[Kind, float] = {**COST, "fit": 2.0}
 
 
-def to_fill(study: Setup, rows: int, pairs: int, levels: int) -> dict[Kind, float]:
-    """Expect the shifts of rows, pairs and references, and the fit that chooses references."""
+def to_fill(
+    study: Setup, folder: StudyFolder, rows: int, pairs: int, levels: int
+) -> dict[Kind, float]:
+    """Expect the shifts of rows, pairs and references, and the fits that choose designs."""
     settings = study.file.surrogate
     designs = settings.references + settings.best_references
     points = designs * len(study.points)
     references = points * settings.reference_angles * (1.0 + AGAIN)
+    choosing = float(not folder.best.exists())
     if levels == 2:
         apart = designs * len(paired(0, len(study.points)))
-        return {"fit": 2, "quick": rows + references, "shift": pairs + apart}
-    return {"fit": 1, engine_kind(study): rows + references}
+        choosing += float(count_of(study) > 0 and not folder.chosen.exists())
+        return {"fit": choosing, "quick": rows + references, "shift": pairs + apart}
+    return {"fit": choosing, engine_kind(study): rows + references}
 
 
 def engine_kind(study: Setup) -> Kind:

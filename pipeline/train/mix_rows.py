@@ -9,7 +9,7 @@ of what a run had not written when it was stopped, a few designs, shifts are sim
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -70,10 +70,16 @@ def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
     ]
 
 
-def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> None:
+def simulate_mix_rows(
+    study: Setup,
+    folder: StudyFolder,
+    executor: Executor,
+    chose: Callable[[], None] = lambda: None,
+) -> None:
     """Simulate the designs that a folder lacks; ``study`` is that in the compiled engine.
 
     Shifts are counted as quick ones of the executor; those of its journal are none of them.
+    ``chose`` is called after the fit that chooses designs.
     """
     count = count_of(study)
     if count == 0:
@@ -81,14 +87,17 @@ def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> 
     filling = first_designs(study, round(FILLS * count))
     known = _lines(folder.mix)
     _simulate(study, filling, 0, (folder.mix, known), executor)
-    chosen = _chosen(study, folder, filling, count - len(filling))
+    if not folder.chosen.exists():
+        _choose(study, folder, filling, count - len(filling))
+        chose()
+    chosen = _chosen(folder)
     _simulate(study, chosen, len(filling), (folder.mix, known), executor)
 
 
 def mix_rows(study: Setup, folder: StudyFolder) -> Array:
     """Return the rows of a folder's designs, (n, d + 8); ``study`` is in the compiled engine."""
     filling = first_designs(study, round(FILLS * count_of(study)))
-    chosen = read_json(folder.chosen, "fit again")["designs"] if folder.chosen.exists() else []
+    chosen = _chosen(folder) if folder.chosen.exists() else []
     return _rows(study, [*filling, *chosen], _lines(folder.mix))
 
 
@@ -98,16 +107,19 @@ def _rows(study: Setup, designs: Sequence[Design], lines: Lines) -> Array:
     return np.array(found, dtype=float).reshape(-1, len(study.variables) + len(COLUMNS))
 
 
-def _chosen(study: Setup, folder: StudyFolder, filling: list[Design], count: int) -> list[Design]:
-    """Choose designs of those that are expected to be best, once."""
-    if not folder.chosen.exists():
-        rows = _rows(study, filling, _lines(folder.mix))
-        model = fitted(mix_times(with_rows(study, rows[:0]), rows, study_mix(study)), points=False)
-        seed = study.file.surrogate.seed + POOL
-        drawn = islice(filling_designs(study, seed, border=False), BEST * count)
-        pool = [design for design in drawn if design not in filling]
-        best = np.argsort(expected(model, study.rows(pool)), kind="stable")[:count]
-        write_json(folder.chosen, {"designs": [pool[place] for place in sorted(best.tolist())]})
+def _choose(study: Setup, folder: StudyFolder, filling: list[Design], count: int) -> None:
+    """Choose designs of those that are expected to be best, and keep them."""
+    rows = _rows(study, filling, _lines(folder.mix))
+    model = fitted(mix_times(with_rows(study, rows[:0]), rows, study_mix(study)), points=False)
+    seed = study.file.surrogate.seed + POOL
+    drawn = islice(filling_designs(study, seed, border=False), BEST * count)
+    pool = [design for design in drawn if design not in filling]
+    best = np.argsort(expected(model, study.rows(pool)), kind="stable")[:count]
+    write_json(folder.chosen, {"designs": [pool[place] for place in sorted(best.tolist())]})
+
+
+def _chosen(folder: StudyFolder) -> list[Design]:
+    """Read the designs that were chosen."""
     found: list[Design] = read_json(folder.chosen, "remove it and fit again")["designs"]
     return found
 

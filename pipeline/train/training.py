@@ -24,7 +24,7 @@ from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import filling_blocks, first_designs
-from dogshape.pipeline.train.foreseen import engine_kind, round_by_round, to_fill
+from dogshape.pipeline.train.foreseen import IN_TWO_LEVELS, engine_kind, round_by_round, to_fill
 from dogshape.pipeline.train.found_surrogates import joining
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.mix_rows import (
@@ -92,7 +92,7 @@ def fill(
         designs = first_designs(study, settings.designs)
         total = settings.designs * settings.points * settings.angles
         keeping = "the same command goes on"
-        foreseen = Forecast(to_fill(study, total, 0, 1), workers_of(jobs))
+        foreseen = Forecast(to_fill(study, folder, total, 0, 1), workers_of(jobs))
         with (
             WorkCounter(progress, total, forecast=foreseen) as counter,
             counter.kept_in(folder.root, keeping),
@@ -131,9 +131,7 @@ def _references(
     """Choose the designs of the references: some that fill the space, and some of the best."""
     wanted = study.file.surrogate.references
     apart = [one for one in reference_designs(study, wanted) if one not in designs]
-    found = [*apart, *_best(study, folder, counter.say)]
-    counter.worked("fit")
-    return found
+    return [*apart, *_best(study, folder, counter)]
 
 
 def _require_shapes_alone(study: Setup) -> None:
@@ -157,7 +155,8 @@ def _fill_in_two_levels(
         every, few = (sum(len(block.angles) for block in both) for both in (cheap, dear))
         every += count_of(study) * angles_of(study) * len(study.points)
         keeping = "the same command goes on"
-        foreseen = Forecast(to_fill(study, every, few, 2), workers_of(jobs))
+        expected_work = to_fill(study, folder, every, few, 2)
+        foreseen = Forecast(expected_work, workers_of(jobs), cost=IN_TWO_LEVELS)
         with (
             WorkCounter(progress, every + few, forecast=foreseen) as counter,
             counter.kept_in(folder.root, keeping),
@@ -172,7 +171,7 @@ def _fill_in_two_levels(
             )
             rows.run(cheap)
             pairs.run(dear)
-            simulate_mix_rows(compiled(study), folder, rows)
+            simulate_mix_rows(compiled(study), folder, rows, lambda: counter.worked("fit"))
             simulate_two_level_references(
                 study,
                 _references(study, folder, designs, counter),
@@ -202,11 +201,12 @@ def ask_more(
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 
 
-def _best(study: Setup, folder: StudyFolder, say: Say) -> list[dict[str, float]]:
+def _best(study: Setup, folder: StudyFolder, counter: WorkCounter) -> list[dict[str, float]]:
     """Return designs of the best tenth, by a quick fit; chosen once and kept."""
     if not folder.best.exists():
-        say("choosing references among the best designs")
+        counter.say("choosing references among the best designs")
         write_json(folder.best, {"designs": best_designs(study, _quickly(study, folder))})
+        counter.worked("fit")
     remedy = "remove it and fit again"
     kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
     return kept
