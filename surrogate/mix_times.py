@@ -29,10 +29,11 @@ from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import design_coordinates
 
-#: What the shape does far and near.
+#: What the shape does far and near, and steps that no design nearby predicts.
 TERMS = (
     Term(design=True, point=False),
-    Term(design=True, point=False, scales=(0.05, 0.6), first=0.2),
+    Term(design=True, point=False, scales=(0.05, 3.0), first=0.3),
+    Term(design=True, point=False, scales=(0.1, 0.1), first=0.1),
 )
 SHAPE = (
     "chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count", "outer_diameter_mm",

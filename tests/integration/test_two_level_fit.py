@@ -7,11 +7,20 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import dogshape as ds
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import stored_surrogate
+from dogshape.pipeline.train.mix_rows import angles_of, mix_rows
+from dogshape.pipeline.train.two_level_rows import compiled
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.statistics.expectation import variance_of_mean
+from dogshape.sim.units import RPM
+from dogshape.surrogate.dataset import COLUMNS
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
 from tests.integration.studies import SETTINGS, Finished, made_once
@@ -69,6 +78,28 @@ def test_the_rows_say_that_they_are_of_two_levels(fitted: dict[str, Any]) -> Non
     # Of the design contact set both engines agree to a few ten-thousandths (engines.txt).
     assert abs(found["constant"]) < 4.0 * found["constant_error"] + 1e-3
     assert 0.0 < found["constant_error"] < 2e-3
+
+
+def test_rows_have_the_mean_of_many_even_angles(fitted: dict[str, Any]) -> None:
+    """Half of a design's angles are where its times jump: they say what 512 even ones say."""
+    study = compiled(ds.Study("mq200_paper", FEW).config)
+    rows = mix_rows(study, StudyFolder(SPACE))
+    size, first = len(study.points), len(study.variables)
+    there = [(point.mismatch / RPM, point.profile.force) for point in study.points]
+    ratios = []
+    for row in rows[: 3 * size]:
+        clutch = study.clutch.with_dog(study.dog_with(study.named(row[:first])))
+        found = dict(zip(COLUMNS, row[first:], strict=True))
+        place = there.index((found["mismatch_rpm"], found["force_N"]))
+        shifts = run_block(even_block(clutch, study.points[place], 512, (5, place)))
+        times = np.array([shift["shift_time_s"] for shift in shifts], dtype=float)
+        parts = [times[::step] for step in (1, 512 // angles_of(study))]
+        many, few = (variance_of_mean(part[np.isfinite(part)]) for part in parts)
+        own = found["standard_error_s"]
+        assert found["shifts"] == angles_of(study)
+        assert found["mean_s"] == pytest.approx(np.nanmean(times), abs=4.0 * (many + own**2) ** 0.5)
+        ratios.append(own**2 / few)
+    assert np.mean(ratios) < 0.25, "of the variance of as many even angles"
 
 
 def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) -> None:

@@ -7,14 +7,22 @@ from collections import Counter
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.train.mix_rows import LEAST, USUAL, angles_of, count_of, mix_blocks
+from dogshape.pipeline.train.mix_rows import (
+    LEAST,
+    MOST,
+    USUAL,
+    angles_of,
+    count_of,
+    halved,
+    mix_blocks,
+)
 from dogshape.pipeline.train.two_level_rows import APIECE, compiled, paired
 
 ONE = {"operating.mismatch_rpm": [25.0], "operating.force_N": [469.0]}
 EIGHT = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0], "operating.force_N": [235.2, 641.5]}
 
 
-@pytest.mark.parametrize(("settings", "angles"), [({}, 8), (EIGHT, 16), (ONE, 128)])
+@pytest.mark.parametrize(("settings", "angles"), [({}, 16), (EIGHT, 16), (ONE, 128)])
 def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     settings: dict[str, object], angles: int
 ) -> None:
@@ -24,8 +32,22 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     assert each >= USUAL
     assert count_of(study) == 50_000 // each
     blocks = mix_blocks(compiled(study), study.prototype, 3)
-    assert sum(len(block.angles) for block in blocks) == each
+    assert {len(block.angles) for block in blocks} == {angles // 2}
+    assert sum(halved(study)) == angles // 2
     assert {block.clutch.solver.engine for block in blocks} == {"planar"}
+
+
+def test_no_more_designs_than_are_worth_asking() -> None:
+    assert count_of(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})) == MOST
+
+
+def test_what_is_uncertain_has_even_angles() -> None:
+    """A time is no function of the angle there: between two of them nothing is halved."""
+    unsure = {"uncertain.friction_factor": {"distribution": "uniform", "low": 0.9, "high": 1.1}}
+    study = load_study("mq200_paper", {**ONE, **unsure})
+    assert halved(study) == ()
+    (block,) = mix_blocks(compiled(study), study.prototype, 0)
+    assert len(block.angles) == angles_of(study)
 
 
 def test_two_designs_have_no_angle_in_common() -> None:
