@@ -48,7 +48,7 @@ COMPILED = (
 )  # fmt: skip
 UNKNOWN = ("force_scale", "detent_force")  #: effects of the bank
 FITTED = (
-    "surrogate.designs=24", "surrogate.references=3", "surrogate.mix_shifts=4480",
+    "surrogate.designs=24", "surrogate.references=3", "surrogate.mix_shifts=8960",
     "shift.timeout_s=1.1",
 )  # fmt: skip
 

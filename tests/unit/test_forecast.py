@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.forecast import COST, Forecast
 from dogshape.pipeline.progress import Count, WorkCounter
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.train.foreseen import to_fill
 
 
 @dataclass
@@ -173,3 +177,16 @@ def test_a_counter_takes_what_it_was_told_later() -> None:
 )
 def test_times_are_said_in_minutes_and_hours(seconds: float, said: str) -> None:
     assert about(seconds) == said
+
+
+def test_a_fit_that_was_done_is_foreseen_no_more(tmp_path: Path) -> None:
+    """A surrogate in two levels is fitted quickly twice: to choose designs, and references."""
+    study, folder = load_study("mq200_paper"), StudyFolder(tmp_path)
+    assert to_fill(study, folder, 1000, 300, 2)["fit"] == 2.0
+    assert to_fill(study, folder, 1000, 0, 1)["fit"] == 1.0
+    folder.chosen.write_text("{}", encoding="utf-8")
+    assert to_fill(study, folder, 1000, 300, 2)["fit"] == 1.0
+    folder.best.write_text("{}", encoding="utf-8")
+    assert to_fill(study, folder, 1000, 300, 2)["fit"] == 0.0
+    few = load_study("mq200_paper", {"surrogate.mix_shifts": 0})
+    assert to_fill(few, StudyFolder(tmp_path / "new"), 1000, 300, 2)["fit"] == 1.0
