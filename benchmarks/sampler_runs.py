@@ -1,10 +1,18 @@
 """One search of a sampler, for ``benchmarks/samplers.py``: what it declares after how many shifts.
 
-This project's sampler runs as in any study. Optuna's are asked and told one design at a time, begin
-with the same designs and have one constraint, the largest of all, in the way that each of them
-wants it: known before the simulation for all checks but the landing, and told with it. A design
-that may not be simulated costs no shift. It is told with the worst time so far, which matters to
-no sampler but the one that fits a process to values.
+Optuna's samplers are asked and told one design at a time, as one uses Optuna with a simulator:
+Drake simulates a design at every operating point. They begin with the same designs as this
+project's and have one constraint, the largest of all, told in the way that each of them wants it.
+A design that a closed form forbids costs no shift; its constraint says so, and its time is the
+worst so far, which these samplers do not read.
+
+``GPSampler`` would read it, refits at each proposal, and proposes forbidden designs nearly always.
+So it proposes among allowed designs only (``AllowedGP``): it is given the closed forms, and spends
+its shifts. Its constraint is the landing, the one that a simulation has to tell.
+
+In two levels a search is that of a study with ``search.levels = 2`` and a pair of shifts at each
+operating point, with this project's sampler or with TPE: all but the proposals is the same then.
+Neither replicates, as the others cannot.
 """
 
 from __future__ import annotations
@@ -12,9 +20,11 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 import optuna
@@ -22,12 +32,14 @@ from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.dog_guide import LANDING, DogGuide, search_space
+from dogshape.pipeline.search.pool import Pool
 from dogshape.pipeline.search.rounds import run
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import open_search
-from dogshape.pipeline.search.state import SearchState
+from dogshape.pipeline.search.state import SearchState, compiled_shifts
+from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import Executor
@@ -37,37 +49,71 @@ from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.surrogate.hypervolume import not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
-POINTS = 3  #: operating points of six that this project's sampler simulates of a design
-MOST_ASKED = 4000  #: proposals after which a sampler of Optuna's gives up: most may be forbidden
-MOST_CPU = 400.0  #: s of a processor after which it gives up too
+POINTS = 3  #: operating points of six that the search in one level simulates of a design
+MOST_ASKED = 4000  #: proposals after which a search gives up: most may be forbidden
+SCREEN = 64  #: angles of the compiled engine at each operating point of a design in two levels
+WIDE, NEAR = 2048, 100  #: allowed designs among which ``AllowedGP`` proposes: of the space, near
 PROBLEM = (
     "operating.mismatch_rpm=[10, 50, 149]",
     "operating.force_N=[235.2, 641.5]",
     "expectation.angles=4",
+    "load.landing_share=0.01",
     "search.use_known=false",
     f"search.startup={START}",
 )
 
 Values = dict[str, float]
+
+
+class AllowedGP(GPSampler):
+    """GPSampler that takes the largest value of its acquisition among allowed designs.
+
+    Optuna has its acquisition optimised in one method that a user may override. Here it is
+    taken at as many designs of the whole space as Optuna itself begins with, all of them allowed,
+    at allowed ones near its front, and at allowed ones near the best ten of these.
+    """
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed=seed, n_startup_trials=START)
+        study = problem()
+        self._space = Space(search_space(study))
+        self._pool = Pool(DogGuide(study), seed, WIDE)
+        self._draw = np.random.default_rng(seed)
+
+    def _optimize_acqf(self, acqf: Any, best_params: Any) -> Any:
+        inner, space = acqf.search_space, self._space
+        known = (
+            [] if best_params is None else [inner.get_unnormalized_param(p) for p in best_params]
+        )
+        found = self._pool.first(space)
+        found = found + (self._pool.drawn(space, self._draw, NEAR, known) if known else [])
+        values = acqf.eval_acqf_no_grad(inner.get_normalized_params([None] * len(found), found))
+        best = [found[k] for k in np.argsort(values)[-10:]]
+        found = best + self._pool.drawn(space, self._draw, NEAR, best)
+        places = inner.get_normalized_params([None] * len(found), found)
+        return places[int(np.argmax(acqf.eval_acqf_no_grad(places)))]
+
+
 SAMPLERS: dict[str, Callable[[int], BaseSampler]] = {
     "TPE": lambda seed: TPESampler(seed=seed, n_startup_trials=START),
     "NSGA-II": lambda seed: NSGAIISampler(seed=seed, population_size=START),
-    "GPSampler": lambda seed: GPSampler(seed=seed, n_startup_trials=START),
+    "GPSampler": AllowedGP,
     "quasi-random": lambda seed: QMCSampler(seed=seed, scramble=True),
 }
-OWN = {"own, 3 of 6 points": POINTS, "own, all points": None}  #: by points of a design
-COMPILED = "own, Drake judges"  #: searched by the compiled engine, its front simulated by Drake
-MANY = 64  #: angles at each operating point of that search
+ONE_LEVEL = "own, one level"  #: every shift is Drake's, at 3 of 6 points of a design
+LEVEL_SHARE = 0.25  #: of the shifts of Drake after which a search in two levels ends
+LEVELS = {"own, two levels": "surrogate", "TPE, two levels": "tpe"}  #: ``search.sampler`` of each
 
 
 @dataclass(frozen=True)
 class Step:
-    """The front that a search declares after so many shifts and s of one processor."""
+    """The front that a search declares after so many shifts of Drake and s of one processor."""
 
     shifts: int
     cpu: float
     designs: int
     front: list[Values]
+    compiled: int = 0
 
 
 @dataclass
@@ -76,6 +122,14 @@ class Record:
 
     asked: int = 0
     steps: list[Step] = field(default_factory=list)
+
+    def note(self, state: SearchState, journal: ShiftJournal, begun: float) -> None:
+        """Note what a search of this project declares now."""
+        study, declared = state.study, [dict(trial.params) for trial in state.front]
+        compiled = compiled_shifts(study, state.trials) if study.two_levels else 0
+        spent = time.process_time() - begun
+        shifts, designs = len(journal.rows), len(state.simulated)
+        self.steps.append(Step(shifts, spent, designs, declared, compiled))
 
 
 def problem(*overrides: str) -> Setup:
@@ -88,10 +142,10 @@ def search(sampler: str, seed: int, designs: int) -> Record:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     with warnings.catch_warnings(), TemporaryDirectory() as folder:
         warnings.simplefilter("ignore", ExperimentalWarning)
-        if sampler in OWN:
-            return _own(Path(folder), OWN[sampler], seed, designs)
-        if sampler == COMPILED:
-            return _judged(Path(folder), seed, designs)
+        if sampler == ONE_LEVEL:
+            return _one_level(Path(folder), seed, designs)
+        if sampler in LEVELS:
+            return _two_levels(Path(folder), sampler, seed, designs)
         executor = Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), 1)
         return _asked_and_told(SAMPLERS[sampler](seed), executor, problem(), seed, designs)
 
@@ -105,11 +159,9 @@ def first_designs(study: Setup, seed: int) -> list[Values]:
     return [dict(asked.ask(search_space(study)).params) for _ in range(START)]
 
 
-def _own(folder: Path, points: int | None, seed: int, designs: int) -> Record:
-    whole = problem()
-    part = points or len(whole.points)
-    trials = designs * len(whole.points) // part
-    study = problem(f"search.points={part}", f"search.trials={trials}", f"search.seed={seed}")
+def _one_level(folder: Path, seed: int, designs: int) -> Record:
+    trials = designs * len(problem().points) // POINTS
+    study = problem(f"search.points={POINTS}", f"search.trials={trials}", f"search.seed={seed}")
     guide = DogGuide(study)
     root = StudyFolder(folder)
     journal = ShiftJournal(root.shifts)
@@ -117,33 +169,38 @@ def _own(folder: Path, points: int | None, seed: int, designs: int) -> Record:
     record, begun = Record(trials), time.process_time()
 
     def after_round(_: str, state: SearchState) -> None:
-        declared = [dict(trial.params) for trial in state.front]
-        spent = time.process_time() - begun
-        record.steps.append(Step(len(journal.rows), spent, len(state.simulated), declared))
+        record.note(state, journal, begun)
 
     run(opened, sampler_factory(study, guide), Executor(journal, 1), after_round)
     return record
 
 
-def _judged(folder: Path, seed: int, designs: int) -> Record:
-    """Search by the compiled engine alone; Drake then simulates designs of the front in turn."""
-    settings = ("solver.engine=planar", f"expectation.angles={MANY}")
-    study = problem(*settings, f"search.trials={designs}", f"search.seed={seed}")
+class _SpentError(Exception):
+    """The shifts of a search are spent."""
+
+
+def _two_levels(folder: Path, name: str, seed: int, designs: int) -> Record:
+    """Search in two levels until the shifts of Drake are spent."""
+    study = problem(
+        "search.levels=2", "search.pair_angles=1", f"search.screen_angles={SCREEN}",
+        f"search.sampler={LEVELS[name]}", f"search.seed={seed}", f"search.trials={MOST_ASKED}",
+    )  # fmt: skip
     guide, root = DogGuide(study), StudyFolder(folder)
-    opened = open_search(study, root, None, False, guide=guide)
-    record, begun = Record(designs), time.process_time()
-    compiled = Executor(ShiftJournal(root.compiled), 1)
-    run(opened, sampler_factory(study, guide), compiled, lambda _, __: None)
-    front = [dict(trial.params) for trial in opened.read().front]
-    judge, kept = Executor(ShiftJournal(root.shifts), 1), list[Values]()
-    for count, params in enumerate(front, start=1):
-        whole = problem()
-        plan, dog = whole_plan(whole), whole.dog_with(params)
-        (one,) = evaluate(whole, [dog], judge, [plan], whole.file.expectation.seed)
-        if design_of(whole, params, one.measured).feasible:
-            kept.append(params)
-        spent = time.process_time() - begun
-        record.steps.append(Step(len(judge.journal.rows), spent, count, [*kept]))
+    journal, opened = ShiftJournal(root.shifts), open_search(study, root, None, False, guide=guide)
+    executor, begun, record = Executor(journal, 1), time.process_time(), Record()
+    budget = LEVEL_SHARE * designs * sum(whole_plan(problem()))
+    if study.file.search.sampler != "surrogate":
+        for place, params in enumerate(first_designs(study, seed)):
+            opened.optuna.enqueue_trial(params, user_attrs={"prototype": True} if not place else {})
+
+    def after_round(_: str, state: SearchState) -> None:
+        record.note(state, journal, begun)
+        record.asked = len(state.trials)
+        if len(journal.rows) >= budget:
+            raise _SpentError
+
+    with suppress(_SpentError):
+        run(opened, sampler_factory(study, guide), executor, after_round)
     return record
 
 
@@ -158,11 +215,8 @@ def _asked_and_told(
     worst = 0.0
     simulated = 0
     budget = designs * sum(whole_plan(study))
-    while (
-        len(executor.journal.rows) < budget
-        and record.asked < MOST_ASKED
-        and time.process_time() - begun < MOST_CPU
-    ):
+    told_of = LANDING if isinstance(sampler, AllowedGP) else None
+    while len(executor.journal.rows) < budget and record.asked < MOST_ASKED:
         record.asked += 1
         trial = asked.ask(search_space(study))
         design = design_of(study, dict(trial.params))
@@ -180,7 +234,8 @@ def _asked_and_told(
         # A shape that is impossible has no length either: it is told the prototype's.
         length = values_of(study, design, times)[1]
         told = [times[SIMULATED], length if np.isfinite(length) else study.clutch.dog.travel * 1e3]
-        trial.set_constraint("largest", max(design.constraints.values()))
+        limits = [v for n, v in design.constraints.items() if told_of is None or n in told_of]
+        trial.set_constraint("largest", max(limits))
         asked.tell(trial, told)
         if len(executor.journal.rows) > (record.steps[-1].shifts if record.steps else 0):
             spent = time.process_time() - begun
