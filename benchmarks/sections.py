@@ -117,6 +117,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         "How sure the front is": ((r"5 and 95 %|\(0\.2\)|96 angles", "rules of replication"),),
         "Against other samplers": (
             (r"230(?: shifts)?|1152|384 compiled shifts|288 shifts", "set for the comparison"),
+            (r"4\.6 mm|5\.0 mm", "ends of the fronts at two seeds of samplers.txt's runs"),
             (r"by 0\.04|by 0\.13|0\.08", "races of samplers.txt"),
             (r"0\.61 to 0\.72|to 0\.93", "rows of the table above"),
             (r"took 0\.9 minutes(?s:.)*?to 0\.8", "costs of samplers.txt, other on each machine"),
