@@ -21,6 +21,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import expected_means, field_cases, field_figures, field_set, sealed
+from dogshape.validation.blind.advised_test import Advised, Stage, more_shifts
 from dogshape.validation.blind.case_marks import Mark
 from dogshape.validation.blind.cases import BEYOND, Case
 from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
@@ -211,7 +212,8 @@ ONE = Mark(
 
 
 def _mark(noncentrality: float = 50.0, **changes: Any) -> FieldMark:
-    return FieldMark(replace(ONE, **changes), "planar", "half", noncentrality, (), False)
+    mark = replace(ONE, **changes)
+    return FieldMark(mark, "planar", "half", noncentrality, (), False, evidence=mark.chances)
 
 
 def test_bands_go_by_the_yardstick() -> None:
@@ -239,7 +241,7 @@ def test_headline_figures_of_made_up_cases() -> None:
         _mark(0.0, kind="none", truth=()),
         _mark(kind="pair", truth=("a", "b"), causes=("a", "b"), chances={("a", "b"): 0.9}),
     ]
-    found = {name: (one["value"], one["n"]) for name, one in headline(marks).items()}
+    found = {name: (one["value"], one["n"]) for name, one in headline(marks, {}).items()}
     assert found["cause_right"] == (pytest.approx(2 / 4), 4)
     # Of seven that are named those of both thirds are right, and what is outside and absent is not.
     assert found["named_right"] == (pytest.approx(3 / 7), 7)
@@ -250,9 +252,44 @@ def test_headline_figures_of_made_up_cases() -> None:
     assert found["none_said"] == (0.5, 2)
     assert found["named_wrongly_between"] == (0.5, 2)
     assert found["left_open"] == (None, 0)
+    assert found["named_as_seen"] == found["named_right"]
+    assert found["coverage_90_seen"] == found["coverage_90"]
     far = [replace(one, off=1.2) for one in marks]
-    assert headline(far)["none_said_within"]["n"] == 0
-    assert headline(marks)["none_said_within"]["n"] == 2
+    assert headline(far, {})["none_said_within"]["n"] == 0
+    assert headline(marks, {})["none_said_within"]["n"] == 2
+
+
+def test_what_data_cannot_show_counts_apart() -> None:
+    pair = {"kind": "pair", "truth": ("a", "b")}
+    marks = [
+        _mark(5.0, **pair, also=(("a",),)),
+        _mark(5.0, **pair),
+        replace(_mark(0.0, kind="none", truth=()), power=0.95),
+    ]
+    marks = [replace(one, evidence={("a",): 0.6, ("a", "b"): 0.35, (): 0.05}) for one in marks]
+    found = {name: (one["value"], one["n"]) for name, one in headline(marks, {}).items()}
+    assert found["named_right"] == (0.0, 3)
+    assert found["named_as_seen"] == (pytest.approx(1 / 3), 3)
+    assert found["coverage_90"] == (0.0, 3)
+    assert found["coverage_90_seen"] == (pytest.approx(1 / 3), 3)
+    assert found["coverage_90_evidence"] == (pytest.approx(2 / 3), 3)
+    assert found["calibration_seen"] == (pytest.approx(abs(0.9 - 1 / 3)), 3)
+    assert found["calibration_evidence"] == (pytest.approx(0.6), 3)
+    assert found["none_said_shown"] == (0.0, 1)
+
+
+def test_the_advised_test_is_made_by_the_engine_of_the_case() -> None:
+    right = Advised("a test", "shifts", (0.1,), ("a",), frozenset({("a",)}), {("a",): 0.9})
+    wrong = replace(right, chances={("b",): 0.9})
+    marks = [_mark(name="one"), _mark(name="two"), _mark(name="three")]
+    found = headline(marks, {"one": right, "two": wrong})
+    assert (found["advice_settled"]["value"], found["advice_settled"]["n"]) == (0.5, 2)
+    assert found["advice_wrong"]["value"] == 0.5
+    grid = base("half")
+    stages = [Stage(read_stand(grid), HALF, engine) for engine in ("planar", "drake")]
+    mine = [more_shifts(Truth(), stage, HALF[0], 2, 5)[0] for stage in stages]
+    assert mine[0] == pytest.approx(mine[1], rel=0.2)
+    assert mine[0] != mine[1]
 
 
 def test_a_gap_in_margins_is_five_percent_and_two_milliseconds_at_least() -> None:
@@ -283,7 +320,8 @@ def test_a_score_says_by_what_code(
 ) -> None:
     manifest = sealed.manifest_of(made)
     (made / "results").mkdir()
-    found = {"verdict": "none", "causes": [], "hypotheses": [{"effects": [], "probability": 1.0}]}
+    plain = {"effects": [], "probability": 1.0, "evidence_probability": 1.0}
+    found = {"verdict": "none", "causes": [], "hypotheses": [plain]}
     for name in manifest["cases"]:
         record = {"key_sha256": manifest["key_sha256"], "diagnosis": found, "time_s": 1.0}
         (made / "results" / f"{name}.json").write_text(json.dumps(record))
@@ -295,7 +333,10 @@ def test_a_score_says_by_what_code(
     assert "no effect: one is named" in said.out
     monkeypatch.setattr(field_figures, "SCORING", ("field_figures.py",))
     said = dogshape("blind", "score", made)
-    assert "scored by other code than sealed: case_marks.py, field_score.py" in said.out
+    assert (
+        "scored by other code than sealed: advised_test.py, case_marks.py, field_score.py"
+        in said.out
+    )
 
 
 SCORE_TEXT = """$ dogshape blind score results/field

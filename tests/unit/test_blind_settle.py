@@ -191,9 +191,9 @@ def test_the_error_of_a_direct_test_is_a_twentieth_and_repeatable() -> None:
 
 def test_more_shifts_are_those_of_the_second_engine_with_the_truth() -> None:
     needed(engine_available(), "mujoco")
-    free = more_shifts(Truth(), STAND, FAST, 3, 5)
-    assert more_shifts(Truth(delay=0.1), STAND, FAST, 3, 5) == pytest.approx([free[0] + 0.1])
-    assert more_shifts(Truth(), replace(STAND, timeout=0.01), FAST, 3, 5) == ()
+    free = more_shifts(Truth(), STAGE, FAST, 3, 5)
+    assert more_shifts(Truth(delay=0.1), STAGE, FAST, 3, 5) == pytest.approx([free[0] + 0.1])
+    assert more_shifts(Truth(), Stage(replace(STAND, timeout=0.01), (FAST,)), FAST, 3, 5) == ()
 
 
 def test_more_shifts_are_made_at_the_operating_point_of_the_test() -> None:
@@ -208,14 +208,14 @@ def test_more_shifts_are_made_at_the_operating_point_of_the_test() -> None:
 def test_traces_show_the_marks_of_the_flight_with_the_truth() -> None:
     """A dead time moves all marks of the displacement; the force is the signal's."""
     needed(engine_available(), "mujoco")
-    free, late = (np.array(more_traces(t, STAND, FAST, 2, 5)) for t in (Truth(), Truth(delay=0.1)))
+    free, late = (np.array(more_traces(t, STAGE, FAST, 2, 5)) for t in (Truth(), Truth(delay=0.1)))
     shown = np.isfinite(free[: len(WAYS)])
     assert shown.sum() >= 3
     moved = (late - free)[: len(WAYS)][shown]
     assert moved == pytest.approx(np.full(moved.size, 0.1), abs=2e-3)
     # So short a shift ends before the force has risen far.
     assert (late - free)[len(WAYS)] == pytest.approx(0.0, abs=1e-3)
-    assert more_traces(Truth(), replace(STAND, timeout=0.01), FAST, 2, 5) == ()
+    assert more_traces(Truth(), Stage(replace(STAND, timeout=0.01), (FAST,)), FAST, 2, 5) == ()
     test = {"kind": "traces", "mismatch_rpm": 249.0, "force_N": 641.5, "shifts": 2}
     assert len(outcome_of("case_00", LATE, test, STAGE)) == SIZE
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
+from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
@@ -15,7 +17,15 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.validation.blind.expected_means import Expected, moments
 from dogshape.validation.blind.pair_refit import Seen
-from dogshape.validation.blind.yardstick import Asked, Series, Yardstick, asked_of, rivals_of
+from dogshape.validation.blind.yardstick import (
+    Asked,
+    Series,
+    Yardstick,
+    asked_of,
+    equivalence_power,
+    rivals_of,
+    seen_as,
+)
 
 SETTINGS = settings_of(load_bench("mq200_adams"))[:6]
 EFFECTS = load(None)
@@ -152,3 +162,32 @@ def test_moments_leave_late_shifts_out() -> None:
     assert found.mean[0] == pytest.approx(0.115)
     assert found.sd[0] == pytest.approx(np.hypot(soon.std(), 0.02))
     assert np.isnan(found.mean[1])
+
+
+def test_of_two_causes_only_those_are_seen_that_leave_something_without_them() -> None:
+    """The second one's change is made as small and as large as the limit of 4 squared errors."""
+    stick, error = _stick(), SD**2 / 10 + ERROR**2
+    along, other = ALONG["actuation_delay"], ALONG["force_scale"]
+    alone = other - along * (other @ along) / (along @ along)
+    limit = 2.0 * np.sqrt(error / (alone @ alone))
+    both = ("actuation_delay", "force_scale")
+    for share, seen in ((0.9, [DELAY]), (1.1, [both])):
+        asked = _asked(0.1 * along + share * limit * other)
+        assert seen_as(stick, asked, both) == seen
+    assert seen_as(stick, _asked(np.zeros(6)), both) == [NONE]
+    assert seen_as(stick, _asked(0.3 * other), ("unknown",)) == [("unknown",)]
+
+
+def test_power_of_a_plain_test_at_one_point_is_that_of_two_one_sided_ones() -> None:
+    gap, error = 0.2, 0.4
+
+    def chance(read: float) -> float:
+        return float(norm.cdf((1.0 - read) / error) - norm.cdf((-1.0 - read) / error))
+
+    edge = brentq(lambda read: chance(read) - 0.8, 0.0, 1.0)
+    exact = norm.cdf((edge - gap) / error) - norm.cdf((-edge - gap) / error)
+    found = equivalence_power(np.array([gap]), np.array([error]), 0.8)
+    assert found == pytest.approx(exact, abs=0.06)
+    assert equivalence_power(np.full(5, 0.9), np.full(5, 1e-3)) == 1.0
+    assert equivalence_power(np.full(5, 1.1), np.full(5, 1e-3)) == 0.0
+    assert equivalence_power(np.zeros(5), np.full(5, 3.0)) == 0.0

@@ -36,9 +36,10 @@ from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.case_marks import Names, class_of, names_of
 from dogshape.validation.blind.data import draws, trace_rows
 from dogshape.validation.blind.intervals import share
-from dogshape.validation.blind.mujoco_shift import Engine, Shift
+from dogshape.validation.blind.mujoco_shift import Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
 from dogshape.validation.blind.true_effects import FIELDS, RANGES, SWITCHES, truth_of
+from dogshape.validation.blind.truth_engines import engine_of
 
 Record = dict[str, Any]  #: key and results of a set, as they are kept in JSON
 
@@ -50,10 +51,13 @@ _RANGES = {one.name: one for ranges in RANGES.values() for one in ranges}
 
 @dataclass(frozen=True)
 class Stage:
-    """Place of a test: the stand of the case, and operating points with their true rises."""
+    """Place of a test: the stand of the case, its operating points with their true rises, and its
+    engine.
+    """
 
     stand: Stand
     points: tuple[Point, ...]
+    engine: str = "mujoco"
 
 
 @dataclass(frozen=True)
@@ -164,10 +168,17 @@ def stage_of(folder: Path, key: Record, name: str) -> Stage:
     return Stage(read_stand(folder / "cases" / name), points)
 
 
-def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], Stage]) -> Advised:
+def judged_by_test(
+    name: str,
+    case: Record,
+    result: Record,
+    stage: Callable[[], Stage],
+    also: Iterable[Names] = (),
+) -> Advised:
     """Simulate the advised test of a case, by its truth and its diagnosis.
 
-    ``stage`` is asked where the record predicts the outcome.
+    ``stage`` is asked where the record predicts the outcome. To settle on one of ``also``, or on a
+    member of its class, is as right as on the truth.
     """
     test = result["next_test"]
     outcome = outcome_of(name, case, test, stage()) if "foretold" in test else ()
@@ -178,7 +189,7 @@ def judged_by_test(name: str, case: Record, result: Record, stage: Callable[[], 
         kind=test["kind"],
         outcome=outcome,
         truth=truth,
-        group=class_of(truth, result),
+        group=frozenset().union(*(class_of(one, result) for one in (truth, *also))),
         chances=updated(chances, test["foretold"], outcome) if outcome else {},
     )
 
@@ -195,7 +206,7 @@ def outcome_of(name: str, case: Record, test: Record, stage: Stage) -> tuple[flo
         return tuple(float(s) for s in generator.normal(exact, ERROR))
     seed = int(generator.integers(2**31))
     made = more_traces if test["kind"] == "traces" else more_shifts
-    return made(truth, stage.stand, _point_of(test, stage), test["shifts"], seed)
+    return made(truth, stage, _point_of(test, stage), test["shifts"], seed)
 
 
 def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
@@ -225,23 +236,23 @@ def shares_of(truth: Truth, stand: Stand, names: Sequence[str]) -> list[float]:
 
 
 def more_shifts(
-    truth: Truth, stand: Stand, point: Point, count: int, seed: int
+    truth: Truth, stage: Stage, point: Point, count: int, seed: int
 ) -> tuple[float, ...]:
     """Return the mean time in s of those of ``count`` new shifts that engage, if any does."""
-    times = [shift.time for shift in _new_shifts(truth, stand, point, count, seed)]
+    times = [shift.time for shift in _new_shifts(truth, stage, point, count, seed)]
     engaged = [time for time in times if time is not None]
     return (float(np.mean(engaged)),) if engaged else ()
 
 
 def more_traces(
-    truth: Truth, stand: Stand, point: Point, count: int, seed: int
+    truth: Truth, stage: Stage, point: Point, count: int, seed: int
 ) -> tuple[float, ...]:
     """Return the marks of the flight in s of ``count`` new shifts, NaN for those not shown.
 
     Empty where no shift engages or no mark is shown.
     """
     generator = np.random.default_rng(seed)
-    shifts = _new_shifts(truth, stand, point, count, seed, keep=True)
+    shifts = _new_shifts(truth, stage, point, count, seed, keep=True)
     tables = [trace_rows(point, shift, generator) for shift in shifts]
     units = (1.0, MM, 1.0, RPM, RPM)
     traces = [
@@ -249,15 +260,15 @@ def more_traces(
     ]
     if not traces:
         return ()
-    marks = joined_marks(traces, ForceProfile(point.force, point.rise), stand.gap)
+    marks = joined_marks(traces, ForceProfile(point.force, point.rise), stage.stand.gap)
     found = tuple(np.nan if mark is None else mark.time for mark in marks)
     return () if np.isnan(found).all() else found
 
 
 def _new_shifts(
-    truth: Truth, stand: Stand, point: Point, count: int, seed: int, *, keep: bool = False
+    truth: Truth, stage: Stage, point: Point, count: int, seed: int, *, keep: bool = False
 ) -> list[Shift]:
-    engine = Engine(stand, truth)
+    engine, stand = engine_of(stage.engine, stage.stand, truth), stage.stand
     # They come after the series, when all that drifts away is gone.
     mine = [replace(d, fade=1.0 - truth.drift) for d in draws(truth, stand, 1, count, seed)[0]]
     return [engine.shift(point, draw, keep) for draw in mine]

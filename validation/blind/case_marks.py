@@ -12,7 +12,7 @@ with *c* what chance alone gives.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -212,6 +212,11 @@ def _classes(found: Record) -> list[list[list[str]]]:
 def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:
     if "credible_set" in found:
         return tuple(names_of(h) for h in found["credible_set"])
+    return credible_of(chances)
+
+
+def credible_of(chances: Mapping[Names, float]) -> tuple[Names, ...]:
+    """List the fewest hypotheses that have 90 % of the probability, by all their probabilities."""
     chosen: list[Names] = []
     whole = 0.0
     for hypothesis in sorted(chances, key=lambda h: -chances[h]):

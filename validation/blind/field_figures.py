@@ -12,8 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CLEAR, SEEN = 38.0, 9.0  #: noncentralities from which bands begin
+SHOWN = 0.9  #: power of a plain test from which data show that there is no gap
 #: Files that score, beside this one.
-SCORING = ("field_figures.py", "field_score.py", "case_marks.py", "intervals.py")
+SCORING = (
+    "field_figures.py",
+    "field_score.py",
+    "case_marks.py",
+    "advised_test.py",
+    "intervals.py",
+)
 
 
 @dataclass(frozen=True)
@@ -33,7 +40,7 @@ class Headline:
         """Write the aim, a share in percent."""
         if self.low is None and self.high is None:
             return ""
-        unit = "" if self.name == "calibration" else " %"
+        unit = "" if self.name.startswith("calibration") else " %"
         parts = [f"{one:g}" if not unit else f"{100.0 * one:.0f}" for one in self._ends]
         if self.low is not None and self.high is not None:
             return f"{parts[0]} to {parts[1]}{unit}"
@@ -53,16 +60,24 @@ class Headline:
 HEADLINES = (
     Headline("cause_right", "clear: cause or its class leads", 0.95, None),
     Headline("named_right", "named exactly, of all that is named, outside included", 0.97, None),
+    Headline("named_as_seen", "named exactly, but for causes that data cannot show", 0.97, None),
     Headline("unknown_recognised", "clear, outside the list: unknown", 0.90, None),
     Headline("false_unknown", "clear, of the list: unknown said", None, 0.02),
     Headline("both_of_a_pair", "clear pairs: both found", 0.80, None),
     Headline("false_alarms", "no effect: one is named", None, 0.02),
     Headline("none_said", "no effect: none within the margin said", 0.90, None),
     Headline("none_said_within", "the same, of engines within the margin themselves", None, None),
+    Headline("none_said_shown", "no effect, and a plain test shows it: none said", 0.90, None),
     Headline("coverage_90", "90 % set holds the truth", 0.85, 0.95),
+    Headline("coverage_90_seen", "90 % set holds the truth, but for such causes", 0.85, 0.95),
+    Headline("coverage_90_evidence", "90 % set by evidence holds the truth", 0.85, 0.95),
     Headline("calibration", "calibration error of the leading one", None, 0.05),
+    Headline("calibration_seen", "calibration error, but for such causes", None, 0.05),
+    Headline("calibration_evidence", "calibration error by evidence", None, 0.05),
     Headline("named_wrongly_between", "between: named wrongly", None, 0.05),
     Headline("left_open", "hidden: left open with a test that would tell", None, None),
+    Headline("advice_settled", "left open: the advised test settles it", 0.75, None),
+    Headline("advice_wrong", "left open: the advised test settles it wrongly", None, 0.05),
 )
 
 

@@ -4,22 +4,34 @@
 engine, clutch, kind and form. Shares have Wilson's 95 % interval. The diagnosis is told nothing of
 what engines differ by. There is no column of one that is, since only a stand without any effect
 could tell that.
+
+A diagnosis counts effects that are too weak to be seen as none, so what it says is held against the
+truth and, beside that, against what the data can show of it, which the key has. Its probabilities
+by evidence, before that, are held against the truth itself. The advised test of each ambiguous case
+is made by the engine of the case (``validation.blind.advised_test``).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dogshape.validation.blind.case_marks import Mark, Names, mark_of
-from dogshape.validation.blind.field_figures import CLEAR, HEADLINES, SEEN, scoring_code
+from dogshape.validation.blind.advised_test import (
+    Advised,
+    Stage,
+    judged_by_test,
+    settled_figures,
+)
+from dogshape.validation.blind.case_marks import Mark, Names, credible_of, mark_of, names_of
+from dogshape.validation.blind.field_figures import CLEAR, HEADLINES, SEEN, SHOWN, scoring_code
 from dogshape.validation.blind.intervals import Interval, calibration, mean, share
 from dogshape.validation.blind.sealed import manifest_of, opened, results_of
+from dogshape.validation.blind.stand import read_points, read_stand
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
 
@@ -37,7 +49,9 @@ class FieldMark:
     ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
     ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
     drift over the series is said: where there is one, no effect beside it is a right answer.
-    ``off`` is by how many margins the engine without any effect is off the simulation.
+    ``off`` is by how many margins the engine without any effect is off the simulation, ``power``
+    how often a plain test would show that this is within the margin; 0 with an effect.
+    ``evidence`` are the probabilities before effects that cannot be seen count as none.
     """
 
     mark: Mark
@@ -48,6 +62,8 @@ class FieldMark:
     open_with_test: bool
     drift: bool = False
     off: float = 0.0
+    power: float = 0.0
+    evidence: Mapping[Names, float] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -71,6 +87,16 @@ class FieldMark:
         return "drift" in self.mark.outside and self.drift and not self.mark.named
 
     @property
+    def in_credible(self) -> bool:
+        """Test that the 90 % set holds the truth, or all of it that the data can show."""
+        return any(one in self.mark.credible for one in (self.mark.truth, *self.mark.also))
+
+    @property
+    def leading_by_evidence(self) -> tuple[Names, float]:
+        """Most probable hypothesis by evidence, and its probability."""
+        return max(self.evidence.items(), key=lambda one: one[1])
+
+    @property
     def named_wrongly(self) -> bool:
         """Test that a cause is named that is not the truth, no more and no less."""
         return self.mark.named and not self.mark.named_right
@@ -84,7 +110,23 @@ def score_field(folder: Path) -> Record:
     results, manifest = results_of(folder), manifest_of(folder)
     key = opened(folder)
     marks = [field_mark(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    return {"set": key["set"], "code": code_of(manifest), **scored_field(marks)}
+    answers = {n: result.get("diagnosis", {}) for n, result in results.items()}
+    tests = {
+        one.mark.name: advised_test(folder, one, key["cases"][one.mark.name], mine)
+        for one in marks
+        if one.open_with_test and "kind" in (mine := answers[one.mark.name])["next_test"]
+    }
+    return {"set": key["set"], "code": code_of(manifest), **scored_field(marks, tests)}
+
+
+def advised_test(folder: Path, one: FieldMark, truth: Record, diagnosis: Record) -> Advised:
+    """Make the test that a diagnosis advises, with the truth of its case (of the key)."""
+    name, grid = one.mark.name, folder / "stands" / one.stand
+
+    def stage() -> Stage:
+        return Stage(read_stand(folder / "cases" / name), read_points(grid), one.engine)
+
+    return judged_by_test(name, truth, diagnosis, stage, one.mark.also)
 
 
 def code_of(manifest: Mapping[str, Any]) -> Record:
@@ -103,6 +145,12 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
     found = result.get("diagnosis", {})
     advised = bool(found.get("next_test", {}).get("name"))
     mark = mark_of(name, truth, reference, result)
+    seen = tuple(names_of(part) for part in yard.get("seen_as", ()))
+    mark = replace(mark, also=tuple(part for part in seen if part != mark.truth))
+    evidence = {
+        names_of(h["effects"]): float(h["evidence_probability"])
+        for h in found.get("hypotheses", [])
+    }
     drift = bool((found.get("drift") or {}).get("significant"))
     if drift and "drift" in mark.outside and NONE in mark.chances:
         mark = replace(mark, truth=NONE)
@@ -115,12 +163,14 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
         mark.verdict == "ambiguous" and advised,
         drift,
         float(yard["engine_off_in_margins"]),
+        float(yard.get("power", 0.0)),
+        evidence,
     )
 
 
-def scored_field(marks: Sequence[FieldMark]) -> Record:
-    """Compute all figures from the marks of the cases."""
-    head = headline(marks)
+def scored_field(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> Record:
+    """Compute all figures from the marks of the cases, and the advised tests of some of them."""
+    head = headline(marks, tests)
     return {
         "cases": len(marks),
         "headline": [
@@ -131,8 +181,8 @@ def scored_field(marks: Sequence[FieldMark]) -> Record:
         "calibration_by_chance": by_chance(marks),
         "size_90": mean(float(len(m.mark.credible)) for m in marks if not m.mark.refused),
         "bands": _split(marks, lambda m: m.band, figures),
-        "by_engine": _split(marks, lambda m: m.engine, headline),
-        "by_clutch": _split(marks, lambda m: m.stand, headline),
+        "by_engine": _split(marks, lambda m: m.engine, lambda part: headline(part, tests)),
+        "by_clutch": _split(marks, lambda m: m.stand, lambda part: headline(part, tests)),
         "by_kind": _split(marks, lambda m: m.kind, figures),
         "clear_by_kind": _split([m for m in marks if m.band == "clear"], lambda m: m.kind, figures),
         "by_form": _split(marks, lambda m: m.mark.form, figures),
@@ -140,31 +190,46 @@ def scored_field(marks: Sequence[FieldMark]) -> Record:
             [m for m in marks if m.kind == "outside"], lambda m: m.mark.outside[0], figures
         ),
         "plain": _plain(marks),
+        "advised_test": settled_figures(len(tests), list(tests.values())),
         "time_s": mean(m.mark.time for m in marks),
-        "marks": [_row(m) for m in marks],
+        "marks": [_row(m, tests.get(m.mark.name)) for m in marks],
     }  # fmt: skip
 
 
-def headline(marks: Sequence[FieldMark]) -> dict[str, Interval]:
-    """Compute the headline figures of some cases, by name."""
+def headline(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> dict[str, Interval]:
+    """Compute the headline figures of some cases, by name; ``tests`` are of any cases."""
     clear = [m for m in marks if m.band == "clear"]
     listed = [m.mark for m in clear if m.kind in LISTED]
     free = [m for m in marks if m.kind == "none"]
     none = [m.mark for m in free]
-    answered = [m.mark for m in marks if not m.mark.refused]
+    replied = [m for m in marks if not m.mark.refused]
+    answered = [m.mark for m in replied]
+    made = [tests[m.mark.name] for m in marks if m.mark.name in tests]
     return {
         "cause_right": share(m.right_class for m in listed),
         "named_right": share(m.mark.named_right for m in marks if m.mark.named),
+        "named_as_seen": share(m.mark.named_as_seen for m in marks if m.mark.named),
         "unknown_recognised": share(m.recognised for m in clear if m.kind == "outside"),
         "false_unknown": share(m.verdict in ("unknown", "refused") for m in listed),
         "both_of_a_pair": share(m.found == 2 for m in listed if m.kind == "pair"),
         "false_alarms": share(m.named for m in none),
         "none_said": share(m.verdict == "none" for m in none),
         "none_said_within": share(m.mark.verdict == "none" for m in free if m.off < 1.0),
+        "none_said_shown": share(m.mark.verdict == "none" for m in free if m.power >= SHOWN),
         "coverage_90": share(m.truth in m.credible for m in answered),
+        "coverage_90_seen": share(m.in_credible for m in replied),
+        "coverage_90_evidence": share(m.mark.truth in credible_of(m.evidence) for m in replied),
         "calibration": calibration([[(m.chances[m.top], m.right)] for m in answered]),
+        "calibration_seen": calibration(
+            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in answered]
+        ),
+        "calibration_evidence": calibration(
+            [[(p, h == m.mark.truth)] for m in replied for h, p in [m.leading_by_evidence]]
+        ),
         "named_wrongly_between": share(m.named_wrongly for m in marks if m.band == "between"),
         "left_open": share(m.open_with_test for m in marks if m.band == "hidden"),
+        "advice_settled": share(one.settled for one in made),
+        "advice_wrong": share(one.wrong for one in made),
     }
 
 
@@ -236,7 +301,7 @@ def _heaviest(mark: Mark) -> tuple[str, ...]:
     return max(mark.weights, key=lambda h: mark.weights[h])
 
 
-def _row(one: FieldMark) -> Record:
+def _row(one: FieldMark, test: Advised | None) -> Record:
     mark = one.mark
     return {
         "case": mark.name,
@@ -261,5 +326,8 @@ def _row(one: FieldMark) -> Record:
         "open_with_test": one.open_with_test,
         "drift_said": one.drift,
         "engine_off_in_margins": one.off,
+        "seen_as": [list(part) for part in mark.also] or [list(mark.truth)],
+        "power": one.power,
+        "advised_test": None if test is None else test.as_dict(),
         "time_s": mark.time,
     }

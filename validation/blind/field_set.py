@@ -53,7 +53,14 @@ from dogshape.validation.blind.field_figures import HEADLINES, scoring_code
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.sealed import FORMAT, MAKING, Advance, hash_of, pool, read, write
 from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
-from dogshape.validation.blind.yardstick import Series, Yardstick, asked_of, rivals_of
+from dogshape.validation.blind.yardstick import (
+    Series,
+    Yardstick,
+    asked_of,
+    equivalence_power,
+    rivals_of,
+    seen_as,
+)
 
 Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
 
@@ -241,26 +248,44 @@ def yardstick_of(
 ) -> Record:
     """Compute the yardstick of a case from what its engine expects.
 
-    Without any effect it has only by how many margins the engine is off the simulation.
+    Without any effect it has by how many margins the engine is off the simulation, and how often a
+    plain test would show that this is within the margin. Else the noncentrality that is left by the
+    best rival, and what the data can show of the truth.
     ``made`` has times and expectation of the case, ``reference`` those of its engine without any
     effect at all operating points of its clutch.
     """
     places = list(case.places)
     plain = _expected_of(dict(reference), places)
-    off = {"engine_off_in_margins": margins(plain.mean, stick.baseline[places])}
-    if case.case.kind == "none":
-        return off
     slopes = {n: np.array(part, dtype=float)[places] for n, part in reference["slopes"].items()}
     nominal = (slopes["force"] * case.force_error) ** 2
     nominal += (slopes["mismatch"] * case.speed_error) ** 2
     counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
+    simulated = stick.baseline[places]
+    off = {"engine_off_in_margins": margins(plain.mean, simulated)}
+    if case.case.kind == "none":
+        known = (counts > 0) & np.isfinite(plain.mean) & np.isfinite(nominal)
+        error = np.sqrt((plain.sd**2 / np.maximum(counts, 1.0) + nominal)[known])
+        margin = margin_of(simulated)[known]
+        gaps = (plain.mean - simulated)[known]
+        return {**off, "power": equivalence_power(gaps / margin, error / margin)}
     series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
     truth = _expected_of(dict(made["expected"]))
     asked = asked_of(stick, series, truth, plain)
     rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)
     own = None if case.case.outside else stick.at_truth(case.case.parameters)
     left = stick.left(asked, rivals, own)
-    return {**off, "noncentrality": left.noncentrality, "rival": list(left.rival)}
+    return {
+        **off,
+        "noncentrality": left.noncentrality,
+        "rival": list(left.rival),
+        "seen_as": [list(part) for part in seen_as(stick, asked, case.case.causes, own)],
+    }
+
+
+def margin_of(simulated: Array) -> Array:
+    """Compute the gap below which nothing needs doing, s, from mean times in s, (points,)."""
+    limit: Array = np.maximum(USUAL_MARGIN.share * simulated, USUAL_MARGIN.least)
+    return limit
 
 
 def margins(means: Array, simulated: Array) -> float:
@@ -268,8 +293,7 @@ def margins(means: Array, simulated: Array) -> float:
 
     Both are mean times in s, (points,).
     """
-    margin = np.maximum(USUAL_MARGIN.share * simulated, USUAL_MARGIN.least)
-    return float(np.sqrt(np.nanmean(((means - simulated) / margin) ** 2)))
+    return float(np.sqrt(np.nanmean(((means - simulated) / margin_of(simulated)) ** 2)))
 
 
 def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[str]:

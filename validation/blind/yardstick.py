@@ -17,6 +17,10 @@ sample's logarithm of the spread and :math:`\kappa` the simulation's error of it
 
 Half of it is the expected logarithm of the likelihood ratio of the truth over that rival. Late
 shifts, shares engaged and traces, which may tell more, are left out.
+
+A part of a truth that leaves less than what can be told apart is what the data can show of it
+(``seen_as``). Of data without any effect the yardstick is how often a plain test would show that
+the gap is within its margin (``equivalence_power``).
 """
 
 from __future__ import annotations
@@ -33,6 +37,7 @@ from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, sample_spread
 from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.expected_means import Expected
 from dogshape.validation.blind.pair_refit import Seen
@@ -43,6 +48,7 @@ AROUND = 64  #: values of each round of that
 WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the priors, about the best so far
 ENGAGED = 0.5  #: share below which a rival has no times where the truth has
 MOST_ERROR = 0.1  #: of the mean time, what an emulated mean errs by at most
+SERIES, DRAWN = 400, 400  #: test series that a plain test of a gap is tried with, and its draws
 
 
 @dataclass(frozen=True)
@@ -283,3 +289,45 @@ def asked_of(stick: Yardstick, series: Series, truth: Expected, plain: Expected)
     covariance = prior.covariance + np.diag(np.where(known, own, 0.0))
     mean = np.where(known, truth.mean - plain.mean, np.nan)
     return Asked(places, mean, np.where(known, log_sd, np.nan), covariance, spread)
+
+
+def seen_as(
+    stick: Yardstick,
+    asked: Asked,
+    causes: Sequence[str],
+    truth: Changes | None = None,
+    visible: float = USUAL.decision.visible,
+) -> list[Hypothesis]:
+    """List what the data can show of a truth: the fewest of its causes that leave nothing visible.
+
+    A part of the causes is all that can be seen where its best refit leaves less than ``visible``,
+    the limit of the diagnosis from which two predictions can be told apart. Several of one size
+    may do. Parts are of causes that the diagnosis knows.
+    """
+    mine = tuple(sorted(causes))
+    known = [name for name in mine if name in stick.seen.effects]
+    for size in range(len(mine)):
+        parts = [tuple(part) for part in itertools.combinations(known, size)]
+        found = [p for p in parts if stick.left(asked, [p], truth).noncentrality < visible]
+        if found:
+            return found
+    return [mine]
+
+
+def equivalence_power(gaps: Array, errors: Array, named: float = USUAL.decision.named) -> float:
+    """Compute how often a plain test shows that a gap is within its margin.
+
+    Parameters
+    ----------
+    gaps, errors : true gap of each operating point over its margin, and the standard error of its
+        mean over the same, (k,).
+    named : probability from which it is shown.
+
+    The test knows the errors and nothing else: a flat prior over the gap of each operating point.
+    The gap is within its margin where its root mean square over the points is below one.
+    """
+    generator = np.random.default_rng(1)
+    read = gaps + errors * generator.standard_normal((SERIES, gaps.size))
+    after = read[:, None] + errors * generator.standard_normal((1, DRAWN, gaps.size))
+    chances = ((after**2).mean(axis=2) < 1.0).mean(axis=1)
+    return float((chances >= named).mean())
