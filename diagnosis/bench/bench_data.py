@@ -16,7 +16,6 @@ from pathlib import Path
 from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
 from dogshape.diagnosis.bench.nominal_errors import EXACT, NominalErrors
 from dogshape.diagnosis.bench.reading import Cell, Reading, gather
-from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.bench.slips import Finding, examine, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import (
@@ -164,25 +163,7 @@ def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]
     rule = impossible(stand, row, asked)
     if rule:
         raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
-    _require_whole(stand, sheet, row)
     return Reading(row.row, point, row.n, row.time, row.engaged, row.trace, row.sd, row.place)
-
-
-def _require_whole(stand: Stand, sheet: Sheet, row: Row) -> None:
-    """Raise DataError where a trace ends before its shift has come to the first touch.
-
-    Up to there a trace is the flight, which a diagnosis reads; one that is cut later is used as far
-    as it goes, with a warning (``diagnosis.bench.repeats.short_traces``).
-    """
-    trace = row.trace
-    if trace is None or not ends_early(row):
-        return
-    if trace.displacement.max() < stand.clutch.dog.axial_gap:
-        raise DataError(
-            f"{trace.path} ends at {number(trace.time[-1])} s and before the first touch, but its "
-            f"shift took {number(row.time or 0.0)} s ({sheet.path}, row {row.row}); export the "
-            "whole shift, or correct the name of the trace"
-        )
 
 
 def setting_of(bench: Bench) -> Setting:

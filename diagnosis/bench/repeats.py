@@ -52,18 +52,28 @@ def ends_early(row: Row) -> bool:
     return bool(trace.time[-1] < row.time - 2.0 * trace.step)
 
 
-def short_traces(_: Stand, sheet: Sheet) -> list[Finding]:
-    """Find traces that end before their shift, which are used as far as they go."""
-    short = [row for row in sheet.rows if ends_early(row)]
-    if not short:
+def short_traces(stand: Stand, sheet: Sheet) -> list[Finding]:
+    """Find traces that end before their shift, which are used as far as they go.
+
+    Of those that end before the first touch a part of the flight is left, by which a diagnosis
+    still tells what acts so early.
+    """
+    short = [(row, row.trace, row.time) for row in sheet.rows if ends_early(row)]
+    known = [(row, trace, time) for row, trace, time in short if trace is not None and time]
+    if not known:
         return []
-    row = short[0]
-    assert row.trace is not None
-    assert row.time is not None
-    least = (row.time - row.trace.time[-1]) / MS
-    many = f"{len(short)} traces end" if len(short) > 1 else "a trace ends"
+    row, trace, time = known[0]
+    least = (time - trace.time[-1]) / MS
+    many = f"{len(known)} traces end" if len(known) > 1 else "a trace ends"
     found = (
         f"{many} before the shift is over: that of row {row.row} by {least:.3g} ms, so that it is "
         "used up to there"
     )
+    gap = stand.clutch.dog.axial_gap
+    flying = sum(one.displacement.max() < gap for _, one, _ in known)
+    if flying:
+        found += (
+            f"; {flying} of {len(known)} end before the first touch and tell its beginning only, "
+            "if they are of these shifts at all"
+        )
     return [Finding("traces", found, "a recording that was stopped early", arguable=False)]

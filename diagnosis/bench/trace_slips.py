@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.finding import Finding
+from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.traces import BenchTrace
@@ -105,7 +106,10 @@ def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
 def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
     """Return a displacement that does not end near the travel of the sleeve."""
     travel = stand.clutch.dog.travel
-    ratios = _ratios(sheet, lambda row, t: t.displacement.max() / travel if row.time else None)
+    ratios = _ratios(
+        sheet,
+        lambda row, t: t.displacement.max() / travel if row.time and not ends_early(row) else None,
+    )
     most = 1.8 if stand.sensor.displacement_at == "actuator" else 1.15
     if not ratios.size or 0.9 <= np.median(ratios) <= most:
         return []

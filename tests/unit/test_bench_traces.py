@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.flight_marks import trace_marks
 from dogshape.diagnosis.bench.mdf4 import mdf_available
 from dogshape.diagnosis.bench.table import load_sheet
 from dogshape.diagnosis.bench.tdms import tdms_available
@@ -76,7 +77,6 @@ BROKEN: list[tuple[Callable[[Path], object], str]] = [
     (cell(7, 0, "0.001"), "row 7, column t_s is '0.001' after '0.004', but time must grow"),
     (cell(7, 0, "0.004"), "sort the trace and leave doubled samples out"),
     (lines(lambda given: given[:9]), "has 8 samples, but a trace needs at least 10"),
-    (lines(lambda given: given[:14]), "before the first touch, but its shift took"),
 ]
 
 
@@ -99,6 +99,30 @@ def test_a_trace_that_ends_early_is_used_up_to_there(folder: Path) -> None:
     assert before is not None
     assert before.time[-1] >= took > trace.time[-1] > took - 0.01
     assert bench.readings[0].time == whole.readings[0].time
+
+
+def test_of_a_trace_that_ends_before_the_first_touch_the_beginning_counts(folder: Path) -> None:
+    """Marks of the whole trace that lie before its end are those of the part, within a step."""
+    path = folder / "traces" / "0041.csv"
+    whole = load_bench(folder)
+    before = whole.readings[0].trace
+    assert before is not None
+    profile, gap = whole.cells[0].point.profile, whole.clutch.dog.axial_gap
+    marks = trace_marks(before, profile, gap)
+    assert marks[1] is not None
+    assert marks[3] is not None
+    end = 0.5 * (marks[1].time + marks[3].time)
+    lines(lambda given: [given[0], *(g for g in given[1:] if float(g.split(",")[0]) < end)])(path)
+    bench = load_bench(folder)
+    (warning,) = [one for one in bench.warnings if one.quantity == "traces"]
+    assert "1 of 1 end before the first touch and tell its beginning only" in warning.sentence
+    after = bench.readings[0].trace
+    assert after is not None
+    left = trace_marks(after, profile, gap)
+    assert left[1] is not None
+    assert left[1].time == pytest.approx(marks[1].time, abs=before.step)
+    assert left[3] is None
+    assert left[4] is None
 
 
 @pytest.mark.parametrize(("spoil", "words"), BROKEN, ids=[words for _, words in BROKEN])
