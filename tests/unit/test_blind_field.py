@@ -80,7 +80,18 @@ def test_of_each_group_the_clearest_draw_is_kept() -> None:
     cases = {"a": replace(plain, group=0), "b": first, "c": first, "d": replace(plain, group=2)}
     yards = {"b": {"noncentrality": 1.0}, "c": {"noncentrality": 5.0}, "d": {"noncentrality": 0.0}}
     assert field_set.kept_of(cases, yards) == {"a", "c", "d"}
-    assert len(DRAWN) == len(CASES) + 26 * (field_cases.DRAWS - 1)
+    counts, draws = field_cases.COUNTS, field_cases.DRAWS
+    many = {
+        engine: dict(mine, single=mine["single"] * len(RANGES)) for engine, mine in counts.items()
+    }
+    more = sum(many[e][kind] * (n - 1) for e, mine in draws.items() for kind, n in mine.items())
+    assert len(DRAWN) == len(CASES) + more
+    for number in {one.group for one in DRAWN if one.group}:
+        mine = [one for one in DRAWN if one.group == number]
+        assert len({(one.engine, one.stand, one.case.kind) for one in mine}) == 1
+        assert len(mine) == draws[mine[0].engine][mine[0].case.kind]
+        if mine[0].case.kind == "single":
+            assert len({one.case.causes for one in mine}) == 1
 
 
 def test_each_case_is_read_back_from_the_key() -> None:

@@ -58,9 +58,13 @@ DRIFTS = (0.2, 0.7)  #: strengths of a drift, least and most
 STRENGTHS = (0.4, 1.0)  #: the same of anything else outside the list
 SINGLES = 0.6  #: share of cases with single shifts
 LEAST = 0.5  #: least strength of an effect
-#: Draws of each pair of the compiled engine, of which the clearest by the yardstick is kept: of
-#: pairs drawn at random hardly one in thirty is clear.
-DRAWS = 6
+#: Draws of a case by engine and kind, of which the clearest by the yardstick is kept: of pairs
+#: drawn at random hardly one in thirty is clear, of single effects one in five. Drake's are dear.
+DRAWS: dict[str, dict[str, int]] = {
+    "planar": {"single": 3, "pair": 10, "three": 3, "beyond": 3},
+    "mujoco": {"single": 2, "pair": 3, "beyond": 2},
+    "drake": {},
+}
 
 
 @dataclass(frozen=True)
@@ -135,27 +139,35 @@ def field_cases(
             f"--size is '{size}', which there is not; {did_you_mean(size, ('small', 'full'))}"
         )
     generator = np.random.default_rng(SEED if seed is None else seed)
-    found = []
+    found, groups = list[FieldCase](), 0
     for engine in COUNTS:
         mine = list(_full(generator, engine) if size == "full" else _small(generator, engine))
         # Each clutch has a third of each kind, since kinds stand in blocks.
         order = generator.permutation(list(grids)).tolist()
         for k, case in enumerate(mine):
             placed = _placed(generator, case, engine, order[k % len(order)], grids)
-            found.append(placed)
-            if engine == "planar" and case.kind == "pair" and size == "full":
-                again = [_again(generator, placed, grids) for _ in range(DRAWS - 1)]
-                found[-1:] = [replace(one, group=k + 1) for one in (placed, *again)]
+            draws = DRAWS[engine].get(case.kind, 1) if size == "full" else 1
+            again = [_again(generator, placed, grids) for _ in range(draws - 1)]
+            groups += bool(again)
+            number = groups if again else 0
+            found += [replace(one, group=number) for one in (placed, *again)]
     return tuple(found[k] for k in generator.permutation(len(found)))
 
 
 def _again(
     generator: np.random.Generator, placed: FieldCase, grids: Mapping[str, Sequence[Point]]
 ) -> FieldCase:
-    """Draw another pair on the same clutch."""
-    names = generator.choice(_rare(), 2, replace=False).tolist()
-    case = _drawn(generator, "pair", _anywhere(generator, names))
-    return _placed(generator, case, placed.engine, placed.stand, grids)
+    """Draw another case of the kind on the same clutch: other sizes, of several causes others."""
+    case = placed.case
+    if case.kind == "beyond":
+        parameters = _beyond(generator, case.causes[0])
+    elif case.kind == "single":
+        parameters = _anywhere(generator, case.causes)
+    else:
+        names = generator.choice(_rare(), len(case.causes), replace=False).tolist()
+        parameters = _anywhere(generator, names)
+    drawn = _drawn(generator, case.kind, parameters, traced=case.form == "traces")
+    return _placed(generator, drawn, placed.engine, placed.stand, grids)
 
 
 def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
@@ -172,8 +184,7 @@ def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
             yield _drawn(generator, kind, _anywhere(generator, names))
     beyond = generator.permutation(list(BEYOND)).tolist() * 2
     for name in beyond[: counts["beyond"]]:
-        parameter, low, high = BEYOND[name]
-        yield _drawn(generator, "beyond", {name: {parameter: float(generator.uniform(low, high))}})
+        yield _drawn(generator, "beyond", _beyond(generator, name))
     for place in range(counts["other"]):
         yield _drawn(generator, "other", _otherwise(generator, place))
     for name, (many, shown) in OUTSIDE[engine].items():
@@ -205,6 +216,11 @@ def _anywhere(generator: np.random.Generator, names: Sequence[str]) -> dict[str,
         else values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
         for name in sorted(names)
     }
+
+
+def _beyond(generator: np.random.Generator, name: str) -> dict[str, Values]:
+    parameter, low, high = BEYOND[name]
+    return {name: {parameter: float(generator.uniform(low, high))}}
 
 
 def _otherwise(generator: np.random.Generator, place: int) -> dict[str, Values]:
