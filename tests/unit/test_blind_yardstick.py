@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
+from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.prediction.prediction import Prediction
@@ -178,16 +179,27 @@ def test_of_two_causes_only_those_are_seen_that_leave_something_without_them() -
     assert seen_as(stick, _asked(0.3 * other), ("unknown",)) == [("unknown",)]
 
 
-def test_power_of_a_plain_test_at_one_point_is_that_of_two_one_sided_ones() -> None:
-    gap, error = 0.2, 0.4
+def test_power_to_show_no_gap_at_one_point_is_that_of_a_normal_posterior() -> None:
+    """One amplitude, one shape: with k = a^2/(a^2 + e^2) the gap is N(k y, k e^2) after y."""
+    size, error, gap = 0.6, 0.4, 0.2
+    prior = Discrepancy((np.array([[size]]),), np.ones(1), np.ones((1, 1)))
+    shrink = size**2 / (size**2 + error**2)
+    after = np.sqrt(shrink) * error
 
     def chance(read: float) -> float:
-        return float(norm.cdf((1.0 - read) / error) - norm.cdf((-1.0 - read) / error))
+        middle = shrink * read
+        return float(norm.cdf((1.0 - middle) / after) - norm.cdf((-1.0 - middle) / after))
 
-    edge = brentq(lambda read: chance(read) - 0.8, 0.0, 1.0)
+    edge = brentq(lambda read: chance(read) - 0.8, 0.0, 3.0)
     exact = norm.cdf((edge - gap) / error) - norm.cdf((-edge - gap) / error)
-    found = equivalence_power(np.array([gap]), np.array([error]), 0.8)
-    assert found == pytest.approx(exact, abs=0.06)
-    assert equivalence_power(np.full(5, 0.9), np.full(5, 1e-3)) == 1.0
-    assert equivalence_power(np.full(5, 1.1), np.full(5, 1e-3)) == 0.0
-    assert equivalence_power(np.zeros(5), np.full(5, 3.0)) == 0.0
+    one, none = np.ones(1), np.zeros(1)
+    found = equivalence_power(gap * one, error * one, none, prior, one)
+    assert found == pytest.approx(exact, abs=0.07)
+    sharp = 1e-3 * one
+    assert equivalence_power(0.9 * one, sharp, none, prior, one) == 1.0
+    assert equivalence_power(1.1 * one, sharp, none, prior, one) == 0.0
+    wide = Discrepancy((np.array([[5.0]]),), np.ones(1), np.ones((1, 1)))
+    assert equivalence_power(none, 3.0 * one, none, wide, one) == 0.0
+    # Who reckons with an error of the simulation as well is less sure, unless the prior is.
+    assert equivalence_power(none, 0.1 * one, none, wide, one) == 1.0
+    assert equivalence_power(none, 0.1 * one, 3.0 * one, wide, one) == 0.0

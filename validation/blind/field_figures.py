@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CLEAR, SEEN = 38.0, 9.0  #: noncentralities from which bands begin
-SHOWN = 0.9  #: power of a plain test from which data show that there is no gap
+SHOWN = 0.9  #: how often data of a size can show that no gap is there, from which they do
 #: Files that score, beside this one.
 SCORING = (
     "field_figures.py",
@@ -67,7 +67,7 @@ HEADLINES = (
     Headline("false_alarms", "no effect: one is named", None, 0.02),
     Headline("none_said", "no effect: none within the margin said", 0.90, None),
     Headline("none_said_within", "the same, of engines within the margin themselves", None, None),
-    Headline("none_said_shown", "no effect, and a plain test shows it: none said", 0.90, None),
+    Headline("none_said_shown", "no effect, and data can show it: none said", 0.90, None),
     Headline("coverage_90", "90 % set holds the truth", 0.85, 0.95),
     Headline("coverage_90_seen", "90 % set holds the truth, but for such causes", 0.85, 0.95),
     Headline("coverage_90_evidence", "90 % set by evidence holds the truth", 0.85, 0.95),

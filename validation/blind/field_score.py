@@ -50,7 +50,7 @@ class FieldMark:
     ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
     drift over the series is said: where there is one, no effect beside it is a right answer.
     ``off`` is by how many margins the engine without any effect is off the simulation, ``power``
-    how often a plain test would show that this is within the margin; 0 with an effect.
+    how often data of that size can show that this is within the margin; 0 with an effect.
     ``evidence`` are the probabilities before effects that cannot be seen count as none.
     """
 

@@ -57,7 +57,7 @@ from dogshape.validation.blind.yardstick import (
     Series,
     Yardstick,
     asked_of,
-    equivalence_power,
+    power_of,
     rivals_of,
     seen_as,
 )
@@ -248,9 +248,9 @@ def yardstick_of(
 ) -> Record:
     """Compute the yardstick of a case from what its engine expects.
 
-    Without any effect it has by how many margins the engine is off the simulation, and how often a
-    plain test would show that this is within the margin. Else the noncentrality that is left by the
-    best rival, and what the data can show of the truth.
+    Without any effect it has by how many margins the engine is off the simulation, and how often
+    data of that size can show that this is within the margin. Else the noncentrality that is left
+    by the best rival, and what the data can show of the truth.
     ``made`` has times and expectation of the case, ``reference`` those of its engine without any
     effect at all operating points of its clutch.
     """
@@ -262,13 +262,9 @@ def yardstick_of(
     counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
     simulated = stick.baseline[places]
     off = {"engine_off_in_margins": margins(plain.mean, simulated)}
-    if case.case.kind == "none":
-        known = (counts > 0) & np.isfinite(plain.mean) & np.isfinite(nominal)
-        error = np.sqrt((plain.sd**2 / np.maximum(counts, 1.0) + nominal)[known])
-        margin = margin_of(simulated)[known]
-        gaps = (plain.mean - simulated)[known]
-        return {**off, "power": equivalence_power(gaps / margin, error / margin)}
     series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
+    if case.case.kind == "none":
+        return {**off, "power": power_of(stick, series, plain, margin_of(simulated))}
     truth = _expected_of(dict(made["expected"]))
     asked = asked_of(stick, series, truth, plain)
     rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)

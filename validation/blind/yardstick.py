@@ -19,8 +19,8 @@ Half of it is the expected logarithm of the likelihood ratio of the truth over t
 shifts, shares engaged and traces, which may tell more, are left out.
 
 A part of a truth that leaves less than what can be told apart is what the data can show of it
-(``seen_as``). Of data without any effect the yardstick is how often a plain test would show that
-the gap is within its margin (``equivalence_power``).
+(``seen_as``). Of data without any effect the yardstick is how often one who knows that there is
+none could show that the gap is within its margin (``equivalence_power``).
 """
 
 from __future__ import annotations
@@ -35,7 +35,12 @@ from scipy.stats import qmc
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, sample_spread
-from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
+from dogshape.diagnosis.likelihood.discrepancy import (
+    Discrepancy,
+    Slopes,
+    discrepancy_prior,
+    posterior_draws,
+)
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -48,7 +53,7 @@ AROUND = 64  #: values of each round of that
 WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the priors, about the best so far
 ENGAGED = 0.5  #: share below which a rival has no times where the truth has
 MOST_ERROR = 0.1  #: of the mean time, what an emulated mean errs by at most
-SERIES, DRAWN = 400, 400  #: test series that a plain test of a gap is tried with, and its draws
+SERIES, DRAWN = 200, 200  #: test series that an observer is tried with, and draws for each
 
 
 @dataclass(frozen=True)
@@ -271,14 +276,8 @@ class Series:
 
 def asked_of(stick: Yardstick, series: Series, truth: Expected, plain: Expected) -> Asked:
     """Compute the change by a truth, by its engine, with the errors of the data but emulation."""
-    places, seen = list(series.places), stick.seen
-    settings = [seen.settings[k] for k in places]
-    prior = discrepancy_prior(
-        np.array([s.point.mismatch for s in settings]),
-        np.array([s.point.profile.force for s in settings]),
-        stick.baseline[places],
-        seen.rules,
-    )
+    places = list(series.places)
+    prior = _discrepancy(stick, places)
     with np.errstate(divide="ignore", invalid="ignore"):
         own = truth.sd**2 / series.counts + series.nominal
         log_sd = np.log(truth.sd / plain.sd)
@@ -314,20 +313,54 @@ def seen_as(
     return [mine]
 
 
-def equivalence_power(gaps: Array, errors: Array, named: float = USUAL.decision.named) -> float:
-    """Compute how often a plain test shows that a gap is within its margin.
+def power_of(stick: Yardstick, series: Series, plain: Expected, margin: Array) -> float:
+    """Compute how often data without any effect can show that the gap is within its margin.
+
+    ``plain`` is what the engine of the case expects; ``margin`` is in s, (k,).
+    """
+    places, rules = list(series.places), stick.seen.rules
+    simulated = stick.baseline[places]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.sqrt(plain.sd**2 / series.counts + series.nominal)
+    known = np.isfinite(error) & np.isfinite(plain.mean)
+    model = np.hypot(rules.model_error * simulated, rules.least_error)
+    prior = _discrepancy(stick, places).of(np.flatnonzero(known))
+    gaps = plain.mean - simulated
+    return equivalence_power(gaps[known], error[known], model[known], prior, margin[known])
+
+
+def _discrepancy(stick: Yardstick, places: Sequence[int]) -> Discrepancy:
+    """Build the prior of the discrepancy at some operating points."""
+    points = [stick.seen.settings[k].point for k in places]
+    return discrepancy_prior(
+        np.array([point.mismatch for point in points]),
+        np.array([point.profile.force for point in points]),
+        stick.baseline[list(places)],
+        stick.seen.rules,
+    )
+
+
+def equivalence_power(
+    gaps: Array, errors: Array, model: Array, prior: Discrepancy, margin: Array
+) -> float:
+    """Compute how often an observer who knows that no effect acts shows a gap within its margin.
 
     Parameters
     ----------
-    gaps, errors : true gap of each operating point over its margin, and the standard error of its
-        mean over the same, (k,).
-    named : probability from which it is shown.
+    gaps, errors : true gap of each operating point, and the standard error of its mean, s, (k,).
+    model : error of any simulation, with which the observer reckons as well, s, (k,).
+    prior : of the gap, which is what the simulation is off by.
+    margin : s, (k,).
 
-    The test knows the errors and nothing else: a flat prior over the gap of each operating point.
-    The gap is within its margin where its root mean square over the points is below one.
+    The gap is within its margin where its root mean square over the points is below one; that is
+    shown where its probability after the data is that from which the diagnosis says *none*.
     """
     generator = np.random.default_rng(1)
     read = gaps + errors * generator.standard_normal((SERIES, gaps.size))
-    after = read[:, None] + errors * generator.standard_normal((1, DRAWN, gaps.size))
-    chances = ((after**2).mean(axis=2) < 1.0).mean(axis=1)
-    return float((chances >= named).mean())
+    bent = np.broadcast_to(1.0 / (errors**2 + model**2), read.shape)
+    slopes, nothing = Slopes(read * bent, bent), np.zeros(read.shape)
+    within = np.zeros(SERIES)
+    for _ in range(DRAWN):
+        drawn, _ = posterior_draws(slopes, prior, nothing, generator)
+        within += ((drawn / margin) ** 2).mean(axis=1) < 1.0
+    return float((within / DRAWN >= USUAL.decision.named).mean())
