@@ -26,7 +26,13 @@ from dogshape.validation.blind.case_marks import Mark
 from dogshape.validation.blind.cases import BEYOND, Case
 from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
 from dogshape.validation.blind.field_data import acting, series_draws, series_places, true_points
-from dogshape.validation.blind.field_score import FieldMark, by_chance, headline, score_field
+from dogshape.validation.blind.field_score import (
+    FieldMark,
+    between,
+    by_chance,
+    headline,
+    score_field,
+)
 from dogshape.validation.blind.field_set import FieldWanted, base, make_field, margins
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import Truth, read_points, read_stand
@@ -287,6 +293,14 @@ def test_what_data_cannot_show_counts_apart() -> None:
     assert found["calibration_seen"] == (pytest.approx(abs(0.9 - 1 / 3)), 3)
     assert found["calibration_evidence"] == (pytest.approx(0.6), 3)
     assert found["none_said_shown"] == (0.0, 1)
+
+
+def test_of_a_truth_everything_counts_that_has_what_is_seen_of_it() -> None:
+    whole = ("a", "b", "c")
+    assert between([("a",)], whole) == (("a",), ("a", "b"), ("a", "c"))
+    assert between([()], ("a",)) == ((),)
+    assert between([whole], whole) == ()
+    assert between([("a", "b"), ("a", "c")], whole) == (("a", "b"), ("a", "c"))
 
 
 def test_the_advised_test_is_made_by_the_engine_of_the_case() -> None:

@@ -83,5 +83,16 @@ def test_friction_of_the_dogs_goes_by_the_slip() -> None:
 def test_what_it_cannot_make_is_refused() -> None:
     with pytest.raises(InputError, match="no ripple, no high dog"):
         DiscreteEngine(STAND, truth_of({}, {"two_stages": 0.5}))
-    with pytest.raises(InputError, match="makes no traces"):
-        DiscreteEngine(STAND).shift(POINTS[0], Draw(0.1), keep=True)
+
+
+def test_its_motion_is_its_flight_until_the_ring_touches() -> None:
+    """The same mass under the same force as in the compiled engine, within a step of 0.1 ms."""
+    point, draw = POINTS[0], Draw(0.1)
+    found = [one(STAND).shift(point, draw, keep=True) for one in (DiscreteEngine, PlanarEngine)]
+    passed = []
+    for shift in found:
+        assert shift.motion is not None
+        times, _, ring, *_ = shift.motion.T
+        flying = ring < STAND.gap
+        passed.append(float(np.interp(0.5 * STAND.gap, ring[flying], times[flying])))
+    assert passed[0] == pytest.approx(passed[1], abs=3e-4)

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.integrate import cumulative_simpson
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank import Level, settings_of
@@ -14,6 +15,7 @@ from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.validation.blind import planar_shift
 from dogshape.validation.blind.cases import BEYOND, WIDE, WIDE_OUTSIDE, cases_of
 from dogshape.validation.blind.equivalence import equivalence_figures, true_means
@@ -94,8 +96,26 @@ def test_its_own_contact_makes_a_model_error_of_some_percent() -> None:
 def test_what_it_cannot_make_is_refused() -> None:
     with pytest.raises(InputError, match="no ripple, no high dog"):
         PlanarEngine(STAND, truth_of({}, {"high_dog": 0.5}))
-    with pytest.raises(InputError, match="makes no traces"):
-        PlanarEngine(STAND).shift(POINT, Draw(0.1), keep=True)
+
+
+def test_motion_begins_with_the_flight_of_a_free_mass() -> None:
+    """Until the first touch the ring has gone twice the integral of F / m, after the dead time."""
+    late = {"delay": 0.03, "draw": 0.01}
+    engine, draw = PlanarEngine(STAND, Truth(delay=late["delay"])), Draw(0.1, late=late["draw"])
+    shift, plain = engine.shift(POINT, draw, keep=True), engine.shift(POINT, draw)
+    assert plain.motion is None
+    assert shift.motion is not None
+    assert shift.time == plain.time
+    times, sensor, ring, sliding, output = shift.motion.T
+    flying = (ring < STAND.gap) & (times < 0.2)
+    profile, fine = ForceProfile(POINT.force, POINT.rise), np.linspace(0.0, 0.1, 20001)
+    speed = cumulative_simpson([profile.at(t) / STAND.mass for t in fine], x=fine, initial=0.0)
+    flown = cumulative_simpson(speed, x=fine, initial=0.0)
+    for way in (0.2 * STAND.gap, 0.8 * STAND.gap):
+        exact = np.interp(way, flown, fine) + sum(late.values())
+        assert np.interp(way, ring[flying], times[flying]) == pytest.approx(exact, abs=2e-4)
+    assert np.array_equal(sensor, ring)
+    assert output[0] - sliding[0] == pytest.approx(POINT.mismatch)
 
 
 def test_a_wide_set_has_what_the_others_lack() -> None:

@@ -6,8 +6,7 @@ step to step (``STEPS``), and regularises a single coefficient over the stiction
 :math:`\mu v/\sqrt{v^2 + v_s^2}`. It knows no fall from the static to the dynamic coefficient. So
 the coefficient is the published law's at the slip with which the dogs meet, for the whole shift.
 ``tests/verification/test_blind_discrete.py`` has how far its mean times are from those of the
-continuous engine without any effect. It makes no traces, no ripple, no high dog and no force in
-stages.
+continuous engine without any effect. It makes no ripple, no high dog and no force in stages.
 """
 
 from __future__ import annotations
@@ -38,12 +37,10 @@ class DiscreteEngine:
         self._plants: dict[float, ClutchPlant] = {}
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
-        """Simulate one shift; InputError where its motion is to be kept."""
-        if keep:
-            raise InputError("Drake's discrete engine makes no traces; give --engine mujoco")
+        """Simulate one shift; ``keep`` keeps its motion."""
         asked = asked_of(self.truth, point, draw)
         found = engage(self._plant(asked.mismatch), asked, draw.angle)
-        return read_of(self.stand, self.truth, draw, found)
+        return read_of(self.stand, self.truth, draw, found, keep)
 
     def _plant(self, mismatch: float) -> ClutchPlant:
         """Build the plant with the coefficient of a mismatch in rad/s, once for each."""

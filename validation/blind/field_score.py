@@ -13,6 +13,7 @@ is made by the engine of the case (``validation.blind.advised_test``).
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -145,8 +146,7 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
     found = result.get("diagnosis", {})
     advised = bool(found.get("next_test", {}).get("name"))
     mark = mark_of(name, truth, reference, result)
-    seen = tuple(names_of(part) for part in yard.get("seen_as", ()))
-    mark = replace(mark, also=tuple(part for part in seen if part != mark.truth))
+    mark = replace(mark, also=between([names_of(p) for p in yard.get("seen_as", ())], mark.truth))
     evidence = {
         names_of(h["effects"]): float(h["evidence_probability"])
         for h in found.get("hypotheses", [])
@@ -166,6 +166,15 @@ def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMa
         float(yard.get("power", 0.0)),
         evidence,
     )
+
+
+def between(seen: Sequence[Names], truth: Names) -> tuple[Names, ...]:
+    """List what says no less than data can show of a truth, and no more than the truth.
+
+    ``seen`` has the fewest causes that leave nothing visible; the truth itself is not listed.
+    """
+    parts = [p for size in range(len(truth)) for p in itertools.combinations(truth, size)]
+    return tuple(part for part in parts if any(set(one) <= set(part) for one in seen))
 
 
 def scored_field(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> Record:
@@ -326,7 +335,7 @@ def _row(one: FieldMark, test: Advised | None) -> Record:
         "open_with_test": one.open_with_test,
         "drift_said": one.drift,
         "engine_off_in_margins": one.off,
-        "seen_as": [list(part) for part in mark.also] or [list(mark.truth)],
+        "no_less_than_seen": [list(part) for part in (mark.truth, *mark.also)],
         "power": one.power,
         "advised_test": None if test is None else test.as_dict(),
         "time_s": mark.time,

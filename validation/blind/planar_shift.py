@@ -4,14 +4,16 @@ A second engine of truths: it shares mechanism and geometry with the simulation 
 in the contact by as much as two honest engines do: softer contact, less damping and a smaller
 stiction velocity (``LAW``) change mean times by some percent. So it asks what a
 diagnosis does with a model error, and nothing of how effects are modelled; MuJoCo
-(``validation.blind.mujoco_shift``) asks both. It makes no traces, no ripple, no high dog and no
-force in stages.
+(``validation.blind.mujoco_shift``) asks both. It makes no ripple, no high dog and no force in
+stages.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage
@@ -51,11 +53,9 @@ class PlanarEngine:
         self._plant = planar_clutch(clutch_of(stand, self.truth, LAW).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
-        """Simulate one shift; InputError where its motion is to be kept."""
-        if keep:
-            raise InputError("the compiled engine makes no traces; give --engine mujoco")
+        """Simulate one shift; ``keep`` keeps its motion."""
         found = engage(self._plant, asked_of(self.truth, point, draw), draw.angle)
-        return read_of(self.stand, self.truth, draw, found)
+        return read_of(self.stand, self.truth, draw, found, keep)
 
 
 def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
@@ -71,11 +71,16 @@ def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
     return OperatingPoint(-mismatch if truth.reversed else mismatch, profile)
 
 
-def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement) -> Shift:
-    """Read a simulated shift as the stand does."""
-    time = found.actuator_time if truth.linkage else found.shift_time
-    ended = None if time is None else float(time) + truth.delay + draw.late
-    return Shift(None if ended is None or ended > stand.timeout else ended)
+def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement, keep: bool = False) -> Shift:
+    """Read a simulated shift as the stand does; ``keep`` keeps its motion."""
+    time, late = found.actuator_time if truth.linkage else found.shift_time, truth.delay + draw.late
+    ended = None if time is None else float(time) + late
+    motion = None
+    if keep:
+        seen = found.trace
+        ways = seen.actuator_displacement, seen.displacement
+        motion = np.column_stack([seen.time + late, *ways, seen.sliding_speed, seen.output_speed])
+    return Shift(None if ended is None or ended > stand.timeout else ended, motion)
 
 
 def clutch_of(stand: Stand, truth: Truth, law: Law) -> Clutch:
