@@ -360,16 +360,12 @@ def diagnose_wider(
     effects: Mapping[str, Effect],
     limits: Decision = USUAL.decision,
 ) -> Diagnosis:
-    """Diagnose by ``once``, again with a wider range where the leading sizes lie at its end.
+    """Diagnose by ``once``, again with wider ranges where sizes lie at the end of theirs.
 
     ``once`` takes effects with the ranges of their priors; ``limits`` say how often and how far
     those are widened (``diagnosis.inference.range_ends``).
     """
-
-    def leading(found: Diagnosis) -> Scored | None:
-        return None if found.leading == NONE else found.scored[found.leading]
-
-    found, ends = diagnosed_wider(once, leading, effects, limits)
+    found, ends = diagnosed_wider(once, lambda one: (one.leading, one.scored), effects, limits)
     return replace(found, range_ends=ends)
 
 

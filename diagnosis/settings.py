@@ -345,6 +345,14 @@ class Decision:
         "twice makes it a little more than twice as wide",
     )
     widenings: int = constant(2, "times", "that ranges are widened, at most", "judged", "cost")
+    simpler: int = constant(
+        3,
+        "effects",
+        "that explain most of the single ones at an end of their range, which is widened beside "
+        "those of several effects that lead",
+        "judged",
+        "cost",
+    )
     blind: float = constant(
         0.999,
         "of a prior",

@@ -14,7 +14,9 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 
 from dogshape.diagnosis.likelihood.scores import Scored
+from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.settings import Decision
+from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
@@ -38,6 +40,7 @@ class RangeEnd:
     probability : that the size lies there.
     remedy : see ``Remedy``.
     moved : the end after widening; where it was not widened, the same.
+    alone : whether they do so where the effect acts alone, and others lead.
     """
 
     effect: str
@@ -46,6 +49,7 @@ class RangeEnd:
     probability: float
     remedy: Remedy = "left"
     moved: float = float("nan")
+    alone: bool = False
 
     @property
     def end(self) -> float:
@@ -62,6 +66,7 @@ class RangeEnd:
             "probability": self.probability,
             "remedy": self.remedy,
             "moved": self.moved if self.remedy == "widened" else self.end,
+            "alone": self.alone,
         }
 
 
@@ -118,29 +123,51 @@ def _wider(effect: Effect, one: RangeEnd, setting: Setting, share: float) -> Par
 
 def diagnosed_wider(
     once: Callable[[Effects], Found],
-    leading: Callable[[Found], Scored | None],
+    scored: Callable[[Found], tuple[Hypothesis, Mapping[Hypothesis, Scored]]],
     effects: Effects,
     limits: Decision,
 ) -> tuple[Found, tuple[RangeEnd, ...]]:
-    """Diagnose, and again with wider ranges while the leading sizes lie at an end of theirs.
+    """Diagnose, and again with wider ranges while sizes lie at an end of theirs.
 
     Parameters
     ----------
     once : diagnoses with some effects.
-    leading : gives the leading hypothesis of that, None where no effect leads.
+    scored : gives the leading hypothesis of that, and all with their evidence.
     effects : with the ranges to begin with.
-    limits : ``end_share``, ``end_mass``, ``wider`` and ``widenings`` count.
+    limits : ``end_share``, ``end_mass``, ``wider``, ``widenings``, ``shown`` and ``simpler`` count.
     """
-    found, told = once(effects), list[RangeEnd]()
+    found, told, held = once(effects), list[RangeEnd](), set[str]()
     for _ in range(limits.widenings):
-        best = leading(found)
-        ends = range_ends(best, limits) if best else ()
-        if not best or not ends:
+        ends = [one for one in _asking(*scored(found), limits) if one.effect not in held]
+        if not ends:
             return found, tuple(told)
-        effects, done = widened(effects, ends, best.space.setting, limits.wider)
+        setting = scored(found)[1][NONE].space.setting
+        effects, done = widened(effects, tuple(ends), setting, limits.wider)
         told += done
+        held |= {one.effect for one in done if one.remedy == "bound"}
         if all(one.remedy == "bound" for one in done):
             return found, tuple(told)
         found = once(effects)
-    best = leading(found)
-    return found, (*told, *(range_ends(best, limits) if best else ()))
+    leading, every = scored(found)
+    return found, (*told, *(range_ends(every[leading], limits) if leading else ()))
+
+
+def _asking(
+    leading: Hypothesis, scored: Mapping[Hypothesis, Scored], limits: Decision
+) -> list[RangeEnd]:
+    """List the ends of ranges that are to be widened, those of the leading hypothesis first.
+
+    Of simpler rivals those single effects with such an end count that explain most, if they are
+    shown beside none.
+    """
+    if leading == NONE:
+        return []
+    ends = list(range_ends(scored[leading], limits))
+    if len(leading) > 1:
+        least = scored[NONE].log_evidence + limits.shown
+        shown = [h for h in scored if len(h) == 1 and scored[h].log_evidence > least]
+        best = sorted(shown, key=lambda h: -scored[h].log_evidence)
+        beyond = [found for h in best if (found := range_ends(scored[h], limits))]
+        ends += [replace(one, alone=True) for found in beyond[: limits.simpler] for one in found]
+    unique = {(one.effect, one.parameter.name, one.upper): one for one in reversed(ends)}
+    return list(reversed(unique.values()))

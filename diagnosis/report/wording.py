@@ -146,7 +146,7 @@ def parts_in_words(found: Found) -> dict[str, str]:
         "beside": _beside(found),
         "sense": _senses(found),
         "left": _far(found),
-        "ranges": " ".join(range_sentence(one, found.effects) for one in found.range_ends),
+        "ranges": ranges_in_words(found.range_ends, found.effects),
         "inputs": found.inputs.sentence if found.inputs else "",
         "drift": found.drift.sentence if found.drift and found.drift.worth_saying else "",
         "next": f"Next: {why(found.test, found.posterior, found.effects)}",
@@ -251,7 +251,10 @@ def _open(found: Found) -> str:
 
 def _listed(causes: Hypothesis, found: Found) -> str:
     """Return effects as a list in words."""
-    names = [found.effects[name].plain for name in causes]
+    return _joined([found.effects[name].plain for name in causes])
+
+
+def _joined(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
@@ -278,20 +281,38 @@ def _given(found: Found, one: SenseAnswer) -> str:
     )
 
 
+def ranges_in_words(ends: Sequence[RangeEnd], effects: Effects) -> str:
+    """Write sentences on the sizes at an end of their range, those of lone effects in one."""
+    said = [range_sentence(one, effects) for one in ends if not one.alone]
+    wider = [
+        f"{effects[one.effect].plain} ({quantity(one.parameter.name)} "
+        f"to {_size_of(one, one.moved)})"
+        for one in ends
+        if one.alone and one.remedy == "widened"
+    ]
+    if wider:
+        said.append(
+            "Alone, some effects would explain more beyond their range, which was widened, and the "
+            f"data diagnosed again: {_joined(wider)}."
+        )
+    return " ".join(said)
+
+
+def _size_of(one: RangeEnd, value: float) -> str:
+    number, unit = shown(one.parameter.name, value)
+    return f"{number:.4g} {unit}".rstrip()
+
+
 def range_sentence(one: RangeEnd, effects: Effects) -> str:
     """Name sizes that lie at the end of their range, and what was done about it."""
-    name = one.parameter.name
-
-    def said(value: float) -> str:
-        number, unit = shown(name, value)
-        return f"{number:.4g} {unit}".rstrip()
-
     first = (
-        f"With {effects[one.effect].plain}, {quantity(name)} lies at the end of the range held "
-        f"possible, {said(one.end)}, with a probability of {chance(one.probability)}"
+        f"With {effects[one.effect].plain}, {quantity(one.parameter.name)} lies at the end of the "
+        f"range held possible, {_size_of(one, one.end)}, with a probability of "
+        f"{chance(one.probability)}"
     )
     if one.remedy == "widened":
-        return f"{first}: the range was widened to {said(one.moved)}, and the data diagnosed again."
+        wider = _size_of(one, one.moved)
+        return f"{first}: the range was widened to {wider}, and the data diagnosed again."
     if one.remedy == "bound":
         return f"{first}; nothing physical lies beyond it, so the range was not widened."
     return f"{first}; it was not widened once more, so the size may lie beyond."

@@ -272,6 +272,9 @@ class RangeEndRow(Section):
         "widened as often as allowed"
     )
     moved: float = key("that end afterwards")
+    alone: bool | None = key(
+        "whether it lies there where the effect acts alone, while others lead", default=None
+    )
 
 
 class InferenceRecord(Section):

@@ -307,9 +307,14 @@ def test_the_advised_test_is_made_by_the_engine_of_the_case() -> None:
     right = Advised("a test", "shifts", (0.1,), ("a",), frozenset({("a",)}), {("a",): 0.9})
     wrong = replace(right, chances={("b",): 0.9})
     marks = [_mark(name="one"), _mark(name="two"), _mark(name="three")]
-    found = headline(marks, {"one": right, "two": wrong})
-    assert (found["advice_settled"]["value"], found["advice_settled"]["n"]) == (0.5, 2)
-    assert found["advice_wrong"]["value"] == 0.5
+    part = replace(right, truth=("a", "c"), group=frozenset({("a", "c")}))
+    found = headline(marks, {"one": right, "two": wrong, "three": part})
+    assert (found["advice_settled"]["value"], found["advice_settled"]["n"]) == (1 / 3, 3)
+    assert found["advice_wrong"]["value"] == found["advice_part"]["value"] == 1 / 3
+    left = replace(marks[0], open_with_test=True)
+    assert not left.cause_open  # 0.9 is settled already
+    chances = {("a",): 0.6, ("b",): 0.4}
+    assert replace(left, mark=replace(left.mark, chances=chances)).cause_open
     grid = base("half")
     stages = [Stage(read_stand(grid), HALF, engine) for engine in ("planar", "drake")]
     mine = [more_shifts(Truth(), stage, HALF[0], 2, 5)[0] for stage in stages]

@@ -65,6 +65,31 @@ def test_a_truth_far_beyond_is_said_to_lie_beyond() -> None:
     assert "the size may lie beyond" in found.as_dict()["summary"]
 
 
+def test_a_single_effect_beyond_its_range_beats_two_within_theirs() -> None:
+    """A mass far beyond its range: friction with a delay imitates it within theirs."""
+    names = ("actuation_delay", "moving_mass", "sleeve_friction")
+    effects = _few(*names)
+    (mass,) = effects["moving_mass"].parameters
+    small = replace(mass, high=0.4 * mass.high)
+    effects["moving_mass"] = replace(effects["moving_mass"], parameters=(small,))
+    bench = _bench({mass.name: 0.8 * mass.high})
+    pair = [("actuation_delay", "sleeve_friction")]
+
+    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
+        return diagnose(bench, Toy(points_of()), ranged, pairs=pair)
+
+    before, found = once(effects), diagnose_wider(once, effects)
+    assert before.leading == pair[0]
+    assert found.leading == ("moving_mass",)
+    assert ("moving_mass", "widened") in [(one.effect, one.remedy) for one in found.range_ends]
+    assert all(one.alone for one in found.range_ends)
+    said = found.as_dict()["summary"]
+    assert "Alone, some effects would explain more beyond their range, which was widened" in said
+    assert "added mass" in said
+    without = replace(LIMITS, simpler=0)
+    assert diagnose_wider(once, effects, without).leading == pair[0]
+
+
 def test_a_truth_within_the_range_widens_nothing() -> None:
     found = _found(_bench({"delay_s": 0.1}), _few("actuation_delay", "moving_mass"))
     assert found.range_ends == ()

@@ -35,6 +35,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.case_marks import Names, class_of, names_of
 from dogshape.validation.blind.data import draws, trace_rows
+from dogshape.validation.blind.field_data import measured_rows
 from dogshape.validation.blind.intervals import share
 from dogshape.validation.blind.mujoco_shift import Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
@@ -51,13 +52,16 @@ _RANGES = {one.name: one for ranges in RANGES.values() for one in ranges}
 
 @dataclass(frozen=True)
 class Stage:
-    """Place of a test: the stand of the case, its operating points with their true rises, and its
-    engine.
+    """Place of a test: the stand of the case, its operating points with their true rises.
+
+    ``engine`` is that of the case. ``measured`` tells whether traces have the force that acts, as a
+    sensor at the actuator measures it, or that of the signal.
     """
 
     stand: Stand
     points: tuple[Point, ...]
     engine: str = "mujoco"
+    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -105,6 +109,11 @@ class Advised:
     def wrong(self) -> bool:
         """Test that something else is settled on."""
         return self.top is not None and not self.settled
+
+    @property
+    def part(self) -> bool:
+        """Test that a part of the truth is settled on, which is less than is asked for."""
+        return bool(self.top) and self.wrong and set(self.top or ()) < set(self.truth)
 
     def as_dict(self) -> Record:
         """Return a row of the score."""
@@ -253,7 +262,13 @@ def more_traces(
     """
     generator = np.random.default_rng(seed)
     shifts = _new_shifts(truth, stage, point, count, seed, keep=True)
-    tables = [trace_rows(point, shift, generator) for shift in shifts]
+    fade = 1.0 - truth.drift
+    tables = [
+        measured_rows(truth, point, shift, fade, generator)
+        if stage.measured
+        else trace_rows(point, shift, generator)
+        for shift in shifts
+    ]
     units = (1.0, MM, 1.0, RPM, RPM)
     traces = [
         BenchTrace(Path("trace"), *(table * units).T) for table in tables if table is not None

@@ -147,14 +147,27 @@ def _write_trace(
     number, fade = which
     path.parent.mkdir(exist_ok=True)
     generator = np.random.default_rng((case.case.seed, number))
-    rows = trace_rows(point, shift, generator)
-    if rows is None or shift.motion is None:
+    rows = measured_rows(case.case.truth, point, shift, fade, generator)
+    if rows is None:
         return
-    begin = float(shift.motion[0, 0])  # the motion begins with the force
-    force = fade * acting(case.case.truth, point, rows[:, 0] - begin)
-    rows[:, 2] = force + FORCE_NOISE * point.force * generator.normal(size=len(force))
     head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
     np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
+
+
+def measured_rows(
+    truth: Truth, point: Point, shift: Shift, fade: float, generator: np.random.Generator
+) -> Array | None:
+    """Return a sampled trace with the force that a sensor at the actuator measures, (n, 5).
+
+    ``fade`` is what a drift has left of the force. Columns and None are those of ``trace_rows``.
+    """
+    rows = trace_rows(point, shift, generator)
+    if rows is None or shift.motion is None:
+        return None
+    begin = float(shift.motion[0, 0])  # the motion begins with the force
+    force = fade * acting(truth, point, rows[:, 0] - begin)
+    rows[:, 2] = force + FORCE_NOISE * point.force * generator.normal(size=len(force))
+    return rows
 
 
 def acting(truth: Truth, point: Point, times: Array) -> Array:

@@ -76,8 +76,9 @@ HEADLINES = (
     Headline("calibration_evidence", "calibration error by evidence", None, 0.05),
     Headline("named_wrongly_between", "between: named wrongly", None, 0.05),
     Headline("left_open", "hidden: left open with a test that would tell", None, None),
-    Headline("advice_settled", "left open: the advised test settles it", 0.75, None),
-    Headline("advice_wrong", "left open: the advised test settles it wrongly", None, 0.05),
+    Headline("advice_settled", "cause left open: the advised test settles it", 0.75, None),
+    Headline("advice_part", "cause left open: it settles on a part of the truth", None, None),
+    Headline("advice_wrong", "cause left open: it settles on what is not true", None, 0.05),
 )
 
 

@@ -38,7 +38,7 @@ Record = dict[str, Any]  #: key, results and score of a set, as they are kept in
 
 BINS = 10  #: of the calibration
 CHANCES = 500  #: draws of its level by chance
-SURE = 0.8  #: weight from which AICc counts as naming
+SURE = 0.8  #: probability above which a hypothesis is settled on, and AICc counts as naming
 NONE: Names = ()
 LISTED = ("single", "pair", "three", "beyond", "other")
 
@@ -88,6 +88,11 @@ class FieldMark:
         return "drift" in self.mark.outside and self.drift and not self.mark.named
 
     @property
+    def cause_open(self) -> bool:
+        """Test that a test is advised to tell causes apart, and not the size of a gap alone."""
+        return self.open_with_test and max(self.mark.chances.values()) <= SURE
+
+    @property
     def in_credible(self) -> bool:
         """Test that the 90 % set holds the truth, or all of it that the data can show."""
         return any(one in self.mark.credible for one in (self.mark.truth, *self.mark.also))
@@ -115,9 +120,18 @@ def score_field(folder: Path) -> Record:
     tests = {
         one.mark.name: advised_test(folder, one, key["cases"][one.mark.name], mine)
         for one in marks
-        if one.open_with_test and "kind" in (mine := answers[one.mark.name])["next_test"]
+        if one.cause_open and "kind" in (mine := answers[one.mark.name])["next_test"]
     }
-    return {"set": key["set"], "code": code_of(manifest), **scored_field(marks, tests)}
+    foreseen = {name: chance_to_settle(answers[name]) for name in tests}
+    found = scored_field(marks, tests, foreseen)
+    return {"set": key["set"], "code": code_of(manifest), **found}
+
+
+def chance_to_settle(diagnosis: Record) -> float | None:
+    """Return what a diagnosis foresees of the test that it advises; None for nothing."""
+    advised = diagnosis["next_test"]["name"]
+    mine = [one["chance_to_settle"] for one in diagnosis["tests"] if one["name"] == advised]
+    return mine[0] if mine else None
 
 
 def advised_test(folder: Path, one: FieldMark, truth: Record, diagnosis: Record) -> Advised:
@@ -125,7 +139,7 @@ def advised_test(folder: Path, one: FieldMark, truth: Record, diagnosis: Record)
     name, grid = one.mark.name, folder / "stands" / one.stand
 
     def stage() -> Stage:
-        return Stage(read_stand(folder / "cases" / name), read_points(grid), one.engine)
+        return Stage(read_stand(folder / "cases" / name), read_points(grid), one.engine, True)
 
     return judged_by_test(name, truth, diagnosis, stage, one.mark.also)
 
@@ -177,8 +191,15 @@ def between(seen: Sequence[Names], truth: Names) -> tuple[Names, ...]:
     return tuple(part for part in parts if any(set(one) <= set(part) for one in seen))
 
 
-def scored_field(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> Record:
-    """Compute all figures from the marks of the cases, and the advised tests of some of them."""
+def scored_field(
+    marks: Sequence[FieldMark],
+    tests: Mapping[str, Advised],
+    foreseen: Mapping[str, float | None],
+) -> Record:
+    """Compute all figures from the marks of the cases, and the advised tests of some of them.
+
+    ``foreseen`` has the chance to settle that the diagnosis gives each of these tests.
+    """
     head = headline(marks, tests)
     return {
         "cases": len(marks),
@@ -200,6 +221,7 @@ def scored_field(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> Re
         ),
         "plain": _plain(marks),
         "advised_test": settled_figures(len(tests), list(tests.values())),
+        "advice_foreseen": mean(foreseen.values()),
         "time_s": mean(m.mark.time for m in marks),
         "marks": [_row(m, tests.get(m.mark.name)) for m in marks],
     }  # fmt: skip
@@ -238,7 +260,8 @@ def headline(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> dict[s
         "named_wrongly_between": share(m.named_wrongly for m in marks if m.band == "between"),
         "left_open": share(m.open_with_test for m in marks if m.band == "hidden"),
         "advice_settled": share(one.settled for one in made),
-        "advice_wrong": share(one.wrong for one in made),
+        "advice_part": share(one.part for one in made),
+        "advice_wrong": share(one.wrong and not one.part for one in made),
     }
 
 
@@ -247,6 +270,10 @@ def figures(marks: Sequence[FieldMark]) -> Record:
     mine = [m.mark for m in marks]
     return {
         "n": len(mine),
+        "said": mean(one.leading_by_evidence[1] for one in marks if one.evidence),
+        "so": share(one.leading_by_evidence[0] == one.mark.truth for one in marks if one.evidence),
+        "said_seen": mean(m.chances[m.top] for m in mine if not m.refused),
+        "so_seen": share(m.top in (m.truth, *m.also) for m in mine if not m.refused),
         "top_1": share(m.right for m in mine),
         "top_class": share(m.right_class for m in mine),
         "named": share(m.named for m in mine),

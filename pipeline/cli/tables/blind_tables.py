@@ -190,8 +190,20 @@ def _field_rows(found: Record) -> list[tuple[str, Any]]:
             for group, mine in found[part].items()
             for name, said in some.items()
         ]
+    for kind, mine in found["by_kind"].items():
+        rows += [
+            (f"{kind}: probability of the leading one by evidence", mine["said"]),
+            (f"{kind}: it is the truth", mine["so"]),
+            (f"{kind}: probability of the leading one", mine["said_seen"]),
+            (f"{kind}: it is the truth, but for causes that data cannot show", mine["so_seen"]),
+        ]
     plain = found["plain"]
     rows += [
+        ("cause left open: foreseen chance to settle it", found["advice_foreseen"]),
+        *(
+            (f"cause left open: settled by {kind}", figure)
+            for kind, figure in found["advised_test"]["by_kind"].items()
+        ),
         ("clear single effects: the diagnosis", plain["diagnosis"]),
         ("the same: smallest RMSE", plain["smallest_rmse"]),
         ("the same: AICc", plain["aicc"]),
