@@ -66,7 +66,7 @@ def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Val
 
 
 def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:
-    """Return by how much intervals differ from the slopes of the one below and above, (n,), s."""
+    """Compute the distance of intervals from the slopes of their neighbours, (n,), s."""
     differences = np.diff(values)
     slopes = differences / widths
     below = np.abs(differences - widths * np.roll(slopes, 1))

@@ -128,7 +128,7 @@ def score_field(folder: Path) -> Record:
 
 
 def chance_to_settle(diagnosis: Record) -> float | None:
-    """Return what a diagnosis foresees of the test that it advises; None for nothing."""
+    """Read the chance to settle of the test that a diagnosis advises; None where it has none."""
     advised = diagnosis["next_test"]["name"]
     mine = [one["chance_to_settle"] for one in diagnosis["tests"] if one["name"] == advised]
     return mine[0] if mine else None
