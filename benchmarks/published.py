@@ -523,13 +523,12 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         README,
-        "where {:.2f} is said that nothing is seen, it is so in {:.2f},",
-        lambda: _said_and_so("none"),
-    ),
-    Entry(
-        README,
-        "of a single effect {:.2f} in {:.2f} |",
-        lambda: _said_and_so("single"),
+        "leads has {:.2f} and {:.2f} on average, and is right in {:.2f} and {:.2f} of the cases |",
+        lambda: [
+            one
+            for both in zip(_said_and_so("none"), _said_and_so("single"), strict=True)
+            for one in both
+        ],
     ),
     Entry(
         README,
