@@ -200,7 +200,8 @@ def require_levels(study: Setup) -> None:
     if study.clutch.solver.engine != "drake" or search.confirm_engine not in (None, "drake"):
         raise InputError(
             f"{named} has shifts of Drake correct the compiled engine's, but the study names the "
-            "compiled engine; take solver.engine and search.confirm_engine out, or levels"
+            "compiled engine; take solver.engine and search.confirm_engine out, or give "
+            "--set search.levels=1"
         )
     if search.screen_angles is None:
         raise InputError(
