@@ -2,8 +2,7 @@
 
 ``headline`` has the figures of ``validation.blind.field_figures`` over all cases, and the same by
 engine, clutch, kind and form. Shares have Wilson's 95 % interval. The diagnosis is told nothing of
-what engines differ by. There is no column of one that is, since only a stand without any effect
-could tell that.
+what engines differ by, since only a stand without any effect could tell that.
 
 A diagnosis counts effects that are too weak to be seen as none, so what it says is held against the
 truth and, beside that, against what the data can show of it, which the key has. Its probabilities
