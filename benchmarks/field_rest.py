@@ -1,4 +1,4 @@
-"""What the emulator misses at the true values of a field set whose key is open.
+"""Measure the error of the emulator at the true values of a field set whose key is open.
 
     python -m benchmarks.field_rest DIR
 

@@ -29,6 +29,7 @@ from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
+from dogshape.pipeline.cli.tables.blind_tables import figure_text
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
@@ -37,9 +38,8 @@ from dogshape.validation.blind.engine_gap import RULES, Moved
 from dogshape.validation.blind.field_figures import HEADLINES
 from dogshape.validation.blind.field_score import field_mark, headline
 from dogshape.validation.blind.field_set import STANDS
-from dogshape.validation.blind.intervals import Interval
 from dogshape.validation.blind.pair_refit import Seen
-from dogshape.validation.blind.sealed import opened, results_of
+from dogshape.validation.blind.sealed import opened, results_of, write
 from dogshape.validation.blind.stand import Point, read_points
 
 Record = dict[str, Any]  #: key and results of a set, as they are kept in JSON
@@ -56,9 +56,7 @@ def told(folder: Path, name: str) -> None:
     except DataError as error:
         result["refused"] = str(error)
     result["time_s"] = time.monotonic() - begun
-    new = path.with_suffix(".new")
-    new.write_text(json.dumps(result), encoding="utf-8")
-    new.replace(path)
+    write(path, json.dumps(result))
 
 
 def _diagnosed(folder: Path, name: str) -> Diagnosis:
@@ -112,13 +110,9 @@ def main() -> None:
     for one in HEADLINES:
         bare, with_it = (column[one.name] for column in columns)
         if bare["n"]:
-            print(f"{one.words:62s}{_said(bare):>22s}{_said(with_it):>22s}{bare['n']:>7d}")
-
-
-def _said(figure: Interval) -> str:
-    if figure["value"] is None:
-        return "-"
-    return f"{figure['value']:.2f} ({figure['low']:.2f} to {figure['high']:.2f})"
+            print(
+                f"{one.words:62s}{figure_text(bare):>22s}{figure_text(with_it):>22s}{bare['n']:>7d}"
+            )
 
 
 if __name__ == "__main__":

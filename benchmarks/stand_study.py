@@ -1,4 +1,4 @@
-"""What the stand's causes in every shift change about the choice of dogs, over the posterior.
+"""Compare designs with the stand's causes in every shift, over their posterior.
 
     dogshape gap mq200_stand --write stand.toml --base mq200
     dogshape study stand.toml --engine planar --set search.levels=1 --out results/stand

@@ -43,7 +43,7 @@ def score_table(found: Record) -> RenderableType:
         return _alone(found)
     table = columns("figure", "not told (a user's)", "n", "told the engine's baseline", "n")
     for (words, figure), (_, beside) in zip(_rows(found), _rows(found["told"]), strict=True):
-        both = (cell for one in (figure, beside) for cell in (_figure(one), str(one["n"])))
+        both = (cell for one in (figure, beside) for cell in (figure_text(one), str(one["n"])))
         table.add_row(words, *both)
     test, others = found["advised_test"], columns("advised test, not told", "value (95 %)", "n")
     for words, figure in (
@@ -54,7 +54,7 @@ def score_table(found: Record) -> RenderableType:
         ("visible and ambiguous: settled wrongly", test["visible"]["wrongly_settled"]),
         ("seconds a case, both ways", found["time_s"]["mean"]),
     ):
-        others.add_row(words, _figure(figure), str(figure["n"]))
+        others.add_row(words, figure_text(figure), str(figure["n"]))
     return Group(table, "", others)
 
 
@@ -76,7 +76,7 @@ def _alone(found: Record) -> RenderableType:
             ("true gap within the margin: none said", same["said_none_of_within"]),
         ]
     for words, figure in rows:
-        table.add_row(words, _figure(figure), str(figure["n"]))
+        table.add_row(words, figure_text(figure), str(figure["n"]))
     if same is None or same["largest_ratio_of_said_none"] is None:
         return table
     largest = same["largest_ratio_of_said_none"]
@@ -142,11 +142,11 @@ def field_table(found: Record) -> RenderableType:
     for one in found["headline"]:
         figure = one["figure"]
         table.add_row(
-            one["words"], _figure(figure), str(figure["n"]), one["aim"] or "-", met[one["met"]]
+            one["words"], figure_text(figure), str(figure["n"]), one["aim"] or "-", met[one["met"]]
         )
     others = columns("figure, not told", "value (95 %)", "n")
     for words, figure in _field_rows(found):
-        others.add_row(words, _figure(figure), str(figure["n"]))
+        others.add_row(words, figure_text(figure), str(figure["n"]))
     return Group(_code_line(found["code"]), "", table, "", others, "", _chance_line(found))
 
 
@@ -216,7 +216,8 @@ def _field_rows(found: Record) -> list[tuple[str, Any]]:
     return [row for row in rows if row[1]["n"]]
 
 
-def _figure(figure: Record) -> str:
+def figure_text(figure: Record) -> str:
+    """Write a figure with its interval; a dash without a value."""
     if figure["value"] is None:
         return "-"
     return f"{figure['value']:.2f} ({figure['low']:.2f} to {figure['high']:.2f})"
