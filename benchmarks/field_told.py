@@ -38,7 +38,7 @@ from dogshape.validation.blind.engine_gap import RULES, Moved
 from dogshape.validation.blind.field_figures import HEADLINES
 from dogshape.validation.blind.field_score import field_mark, headline
 from dogshape.validation.blind.field_set import STANDS
-from dogshape.validation.blind.pair_refit import Seen
+from dogshape.validation.blind.pair_refit import Seen, nearest
 from dogshape.validation.blind.sealed import opened, results_of, write
 from dogshape.validation.blind.stand import Point, read_points
 
@@ -82,10 +82,9 @@ def _diagnosed(folder: Path, name: str) -> Diagnosis:
 
 def _in_order(bench: Bench, points: Sequence[Point], mean: Array) -> Array:
     """Return means at some operating points, s, in the order of a data set's cells."""
-    cells = np.array([(c.point.mismatch, c.point.profile.force) for c in bench.cells])
-    there = np.array([(point.mismatch, point.force) for point in points])
-    apart = abs(cells[:, None] / there[None] - 1.0).max(axis=2)
-    return mean[apart.argmin(axis=1)]
+    cells = [(c.point.mismatch, c.point.profile.force) for c in bench.cells]
+    found: Array = mean[nearest(cells, [(point.mismatch, point.force) for point in points])]
+    return found
 
 
 def main() -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from dogshape.diagnosis.bench.nominal_errors import (
@@ -15,6 +16,7 @@ from dogshape.diagnosis.bench.nominal_errors import (
     nominal_errors,
 )
 from dogshape.diagnosis.bench.sense import Sense
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.clutch_tables import (
     DogSection,
     OutputSection,
@@ -137,6 +139,11 @@ class Margin:
 
     share: float = 0.05
     least: float = 2e-3
+
+    def of(self, simulated: Array) -> Array:
+        """Compute the gaps below which nothing needs doing, s, from mean times in s, (points,)."""
+        limit: Array = np.maximum(self.share * simulated, self.least)
+        return limit
 
 
 USUAL_MARGIN = Margin()

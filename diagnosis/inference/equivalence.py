@@ -94,7 +94,7 @@ def equivalence(
     whole = sum(known.values())
     if not having.any() or whole <= 0.0:
         return None
-    limit = np.maximum(margin.share * base.core[0], margin.least)[having]
+    limit = margin.of(base.core[0])[having]
     generator = np.random.default_rng(1)
     parts: list[tuple[Array, Array, Array, Array]] = []
     for hypothesis, probability in known.items():

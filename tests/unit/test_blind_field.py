@@ -24,6 +24,7 @@ from dogshape.validation.blind import expected_means, field_cases, field_figures
 from dogshape.validation.blind.advised_test import Advised, Stage, more_shifts
 from dogshape.validation.blind.case_marks import Mark
 from dogshape.validation.blind.cases import BEYOND, Case
+from dogshape.validation.blind.equivalence import in_margins
 from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
 from dogshape.validation.blind.field_data import acting, series_draws, series_places, true_points
 from dogshape.validation.blind.field_score import (
@@ -33,7 +34,7 @@ from dogshape.validation.blind.field_score import (
     headline,
     score_field,
 )
-from dogshape.validation.blind.field_set import FieldWanted, base, make_field, margins
+from dogshape.validation.blind.field_set import FieldWanted, base, make_field
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
@@ -324,8 +325,9 @@ def test_the_advised_test_is_made_by_the_engine_of_the_case() -> None:
 
 def test_a_gap_in_margins_is_five_percent_and_two_milliseconds_at_least() -> None:
     simulated = np.array([0.1, 0.1, 0.02])
-    assert margins(simulated + np.array([0.005, 0.005, 0.002]), simulated) == pytest.approx(1.0)
-    assert margins(simulated + np.array([0.01, np.nan, 0.0]), simulated) == pytest.approx(2.0**0.5)
+    assert in_margins(simulated + np.array([0.005, 0.005, 0.002]), simulated) == pytest.approx(1.0)
+    twice = simulated + np.array([0.01, np.nan, 0.0])
+    assert in_margins(twice, simulated) == pytest.approx(2.0**0.5)
 
 
 def test_right_probabilities_have_a_calibration_error_by_chance() -> None:

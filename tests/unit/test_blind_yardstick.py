@@ -179,6 +179,19 @@ def test_of_two_causes_only_those_are_seen_that_leave_something_without_them() -
     assert seen_as(stick, _asked(0.3 * other), ("unknown",)) == [("unknown",)]
 
 
+def test_parts_that_were_refitted_as_rivals_are_not_refitted_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    stick, both = _stick(), ("actuation_delay", "force_scale")
+    for change in (0.0 * ALONG["force_scale"], 0.3 * ALONG["force_scale"]):
+        asked = _asked(change)
+        plain = seen_as(stick, asked, both)
+        refitted = stick.left(asked, [NONE, DELAY, SCALE]).refitted
+        with monkeypatch.context() as patch:
+            patch.setattr(Yardstick, "left", lambda *_: pytest.fail("refitted again"))
+            assert seen_as(stick, asked, both, known=refitted) == plain
+
+
 def test_power_to_show_no_gap_at_one_point_is_that_of_a_normal_posterior() -> None:
     """One amplitude, one shape: with k = a^2/(a^2 + e^2) the gap is N(k y, k e^2) after y."""
     size, error, gap = 0.6, 0.4, 0.2

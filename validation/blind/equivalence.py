@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.prediction.outliers import Array
+from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN, Margin
+from dogshape.diagnosis.terms import Array
 from dogshape.validation.blind.even_means import even_means
 from dogshape.validation.blind.intervals import share
 from dogshape.validation.blind.stand import Point, Stand
@@ -36,6 +37,14 @@ def true_means(
     }
 
 
+def in_margins(means: Array, simulated: Array, margin: Margin = USUAL_MARGIN) -> float:
+    """Compute a gap in margins below which nothing needs doing, root mean square over points.
+
+    Both are mean times in s, (points,).
+    """
+    return float(np.sqrt(np.nanmean(((means - simulated) / margin.of(simulated)) ** 2)))
+
+
 def equivalence_figures(
     true: Mapping[str, Array], simulated: Array, results: Mapping[str, Record]
 ) -> Record:
@@ -53,8 +62,8 @@ def equivalence_figures(
         if not found.get("discrepancy"):
             continue
         margin = found["discrepancy"]
-        limit = np.maximum(margin["margin_share"] * simulated, margin["margin_least_s"])
-        ratio = float(np.sqrt(np.nanmean(((means - simulated) / limit) ** 2)))
+        limit = Margin(margin["margin_share"], margin["margin_least_s"])
+        ratio = in_margins(means, simulated, limit)
         rows.append((ratio, found["verdict"] == "none"))
     said = [ratio for ratio, none in rows if none]
     return {

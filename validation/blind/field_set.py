@@ -26,11 +26,11 @@ import numpy as np
 
 from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
 from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind.case_marks import timely
 from dogshape.validation.blind.data import bench_text, swapped
+from dogshape.validation.blind.equivalence import in_margins
 from dogshape.validation.blind.expected_means import (
     ANGLES,
     Expected,
@@ -261,35 +261,22 @@ def yardstick_of(
     nominal += (slopes["mismatch"] * case.speed_error) ** 2
     counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
     simulated = stick.baseline[places]
-    off = {"engine_off_in_margins": margins(plain.mean, simulated)}
+    off = {"engine_off_in_margins": in_margins(plain.mean, simulated)}
     series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
     if case.case.kind == "none":
-        return {**off, "power": power_of(stick, series, plain, margin_of(simulated))}
+        return {**off, "power": power_of(stick, series, plain, USUAL_MARGIN.of(simulated))}
     truth = _expected_of(dict(made["expected"]))
     asked = asked_of(stick, series, truth, plain)
     rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)
     own = None if case.case.outside else stick.at_truth(case.case.parameters)
     left = stick.left(asked, rivals, own)
+    found = seen_as(stick, asked, case.case.causes, own, known=left.refitted)
     return {
         **off,
         "noncentrality": left.noncentrality,
         "rival": list(left.rival),
-        "seen_as": [list(part) for part in seen_as(stick, asked, case.case.causes, own)],
+        "seen_as": [list(part) for part in found],
     }
-
-
-def margin_of(simulated: Array) -> Array:
-    """Compute the gap below which nothing needs doing, s, from mean times in s, (points,)."""
-    limit: Array = np.maximum(USUAL_MARGIN.share * simulated, USUAL_MARGIN.least)
-    return limit
-
-
-def margins(means: Array, simulated: Array) -> float:
-    """Compute a gap in margins below which nothing needs doing, root mean square over points.
-
-    Both are mean times in s, (points,).
-    """
-    return float(np.sqrt(np.nanmean(((means - simulated) / margin_of(simulated)) ** 2)))
 
 
 def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[str]:

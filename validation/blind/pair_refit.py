@@ -65,9 +65,8 @@ class Seen:
 
     def places(self, points: Sequence[Sequence[float]]) -> list[int]:
         """List the cells of operating points (mismatch in rad/s, force in N, rise in s)."""
-        mine = np.array([(s.point.mismatch, s.point.profile.force) for s in self.settings])
-        apart = abs(mine[None] - np.array([p[:2] for p in points])[:, None]) / abs(mine).max(axis=0)
-        return [int(place) for place in apart.sum(axis=2).argmin(axis=1)]
+        mine = [(s.point.mismatch, s.point.profile.force) for s in self.settings]
+        return nearest([p[:2] for p in points], mine)
 
     def predictions(
         self, hypothesis: Hypothesis, values: Array, places: Sequence[int]
@@ -85,6 +84,13 @@ class Seen:
         """List parameters by effect as the emulator takes them, (1, p)."""
         names = names_of(given)
         return np.array([[given[n][p.name] for n in names for p in self.effects[n].parameters]])
+
+
+def nearest(points: Sequence[Sequence[float]], among: Sequence[Sequence[float]]) -> list[int]:
+    """List the places of points (mismatch in rad/s, force in N) among others, rounding aside."""
+    there = np.array(among)
+    apart = abs(there[None] - np.array(points)[:, None]) / abs(there).max(axis=0)
+    return [int(place) for place in apart.sum(axis=2).argmin(axis=1)]
 
 
 @dataclass(frozen=True)

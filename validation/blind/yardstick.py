@@ -95,10 +95,14 @@ class Changes:
 
 @dataclass(frozen=True)
 class Left:
-    """Noncentrality that the best rival leaves, and which that is."""
+    """Noncentrality that the best rival leaves, and which that is.
+
+    ``refitted`` is what each rival leaves that was refitted further.
+    """
 
     noncentrality: float
     rival: Hypothesis
+    refitted: Mapping[Hypothesis, float]
 
 
 @dataclass
@@ -132,7 +136,7 @@ class Yardstick:
         best = sorted(found, key=lambda h: found[h][0])[:REFINED]
         whole = {h: self._refined(asked, own, h, found[h][1]) for h in best}
         rival = min(whole, key=lambda h: whole[h])
-        return Left(whole[rival], rival)
+        return Left(whole[rival], rival, whole)
 
     def tried(self, hypothesis: Hypothesis) -> Changes:
         """Predict the changes by a hypothesis at values that fill its prior."""
@@ -295,19 +299,25 @@ def seen_as(
     asked: Asked,
     causes: Sequence[str],
     truth: Changes | None = None,
+    *,
     visible: float = USUAL.decision.visible,
+    known: Mapping[Hypothesis, float] | None = None,
 ) -> list[Hypothesis]:
     """List what the data can show of a truth: the fewest of its causes that leave nothing visible.
 
     A part of the causes is all that can be seen where its best refit leaves less than ``visible``,
     the limit of the diagnosis from which two predictions can be told apart. Several of one size
-    may do. Parts are of causes that the diagnosis knows.
+    may do. Parts are of causes that the diagnosis knows. ``known`` is what some of them leave of
+    the same data and truth (``Left.refitted``), which are not refitted again.
     """
+    left = dict(known or {})
     mine = tuple(sorted(causes))
-    known = [name for name in mine if name in stick.seen.effects]
+    listed = [name for name in mine if name in stick.seen.effects]
     for size in range(len(mine)):
-        parts = [tuple(part) for part in itertools.combinations(known, size)]
-        found = [p for p in parts if stick.left(asked, [p], truth).noncentrality < visible]
+        parts = [tuple(part) for part in itertools.combinations(listed, size)]
+        new = [part for part in parts if part not in left]
+        left |= {part: stick.left(asked, [part], truth).noncentrality for part in new}
+        found = [part for part in parts if left[part] < visible]
         if found:
             return found
     return [mine]
