@@ -3,7 +3,7 @@
 The package brings the bank of the published clutch at the operating points of its tables
 (``studies/bench``). What it lacks is simulated once and kept in a folder:
 
-``shifts.jsonl``  every finished shift; an interrupted bank goes on from it
+``shifts.jsonl``  finished shifts of unfinished banks, from which these go on, and all baselines
 ``bank.json``     the times of finished banks, of any clutch
 ``flights.npz``   the ring's flight up to the first touch, for data sets with traces
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from dogshape.diagnosis.prediction.sense_bank import (
     reversed_bench,
     reversed_plan,
 )
+from dogshape.pipeline.diagnose.held_shifts import held_shifts
 from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
@@ -49,7 +51,7 @@ BANK = Path("results") / "bank"  #: folder of banks where none is named
 PLANAR = 0.003  #: s of processor time that a shift of the compiled engine takes, about
 SAME_TIME = 1e-6  #: relative difference below which neutral values change no shift time
 HELD = 0.5  #: share of a bank that may be lacking before another engine simulates all of it
-TIMES, FLIGHTS = "bank.json", "flights.npz"
+TIMES, FLIGHTS, SHIFTS = "bank.json", "flights.npz", "shifts.jsonl"
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,7 @@ def with_bank_engine(bench: Bench, effects: Mapping[str, Effect], means: Means) 
     """
     if means.engine is not None:
         return replace(bench, clutch=bench.clutch.with_engine(means.engine))
-    store = BankStore((brought(TIMES), means.bank / TIMES))
+    store = _store(means)
     every = blocks_by_key(plans_of(bench, effects)).values()
     lacking = sum(len(block.angles) for block in store.missing(every))
     if lacking <= HELD * sum(len(block.angles) for block in every):
@@ -194,39 +196,54 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
 
     They are what files have of them, and the rest simulated.
     """
-    plain, turned = plans_of(bench, effects)
-    store = BankStore((brought(TIMES), means.bank / TIMES))
-
-    def made(run: Runner) -> tuple[Bank, Bank]:
-        first = store.bank(*plain, run)
-        return first, store.bank(*turned, run, first.numerics)
-
-    try:
-        return made(_none)
-    except _Lacking:
+    plans = plans_of(bench, effects)
+    with suppress(_Lacking):
+        return _made(_store(means), plans, _none)
+    with writing(means.bank):
+        store = _store(means)  # another run may have written since
+        lacking = store.missing(blocks_by_key(plans).values())
+        if not lacking:
+            with suppress(_Lacking):
+                return _made(store, plans, _none)
+        journal = ShiftJournal(means.bank / SHIFTS)
         # What both banks lack is counted first, so that the time is told once.
-        lacking = store.missing(blocks_by_key((plain, turned)).values())
-    kept = means.bank / "shifts.jsonl"
-    left = sum(len(block.angles) for block in lacking)
-    extra = sum((dearness(block) - 1.0) * len(block.angles) for block in lacking)
-    why = _why(bench, effects, means)
-    lasts = about(
-        (left - (there := _finished(lacking, kept))) * cost_of(bench) / workers_of(means.jobs)
-    )
-    means.progress.say(_announced((left, there), lasts, means, why))
-    how = "the same command goes on from there"
-    with (
-        writing(means.bank),
-        WorkCounter(means.progress, left, extra=extra) as progress,
-        progress.kept_in(means.bank, how),
-    ):
-        journal = ShiftJournal(kept)
-        executor = Executor(
-            journal, means.jobs, progress.advance, known=progress.known, weigh=progress.weigh
-        )
-        banks = made(executor.run)
+        left = sum(len(block.angles) for block in lacking)
+        there = sum(key in journal.rows for block in lacking for key in block.keys)
+        lasts = about((left - there) * cost_of(bench) / workers_of(means.jobs))
+        why = _why(bench, effects, means)
+        means.progress.say(_announced((left, there), lasts, means, why))
+        extra = sum((dearness(block) - 1.0) * len(block.angles) for block in lacking)
+        with (
+            WorkCounter(means.progress, left, extra=extra) as progress,
+            progress.kept_in(means.bank, "the same command goes on from there"),
+        ):
+            executor = Executor(
+                journal, means.jobs, progress.advance, known=progress.known, weigh=progress.weigh
+            )
+            banks = _made(store, plans, executor.run)
         journal.say_unfinished(means.progress.say)
+        _shorten(journal, means)
         return banks
+
+
+def _store(means: Means) -> BankStore:
+    return BankStore((brought(TIMES), means.bank / TIMES))
+
+
+def _made(
+    store: BankStore, plans: tuple[tuple[Plan, Bench], tuple[Plan, Bench]], run: Runner
+) -> tuple[Bank, Bank]:
+    plain, turned = plans
+    first = store.bank(*plain, run)
+    return first, store.bank(*turned, run, first.numerics)
+
+
+def _shorten(journal: ShiftJournal, means: Means) -> None:
+    """Drop from a journal what the file of banks has, as it now is on the disk."""
+    held = held_shifts(journal.rows.values(), _store(means).series)
+    with suppress(OSError):  # nothing rests on it, and the next run drops them
+        if held:
+            journal.drop(held)
 
 
 def _why(bench: Bench, effects: Mapping[str, Effect], means: Means) -> str:
@@ -234,14 +251,6 @@ def _why(bench: Bench, effects: Mapping[str, Effect], means: Means) -> str:
     own, known = own_files(means.effects) if means.effects else (), load(means.effects)
     wider = [n for n, e in effects.items() if n in known and e.parameters != known[n].parameters]
     return reason(bench, [name for name in own if name in effects], wider)
-
-
-def _finished(blocks: Sequence[Block], journal: Path) -> int:
-    """Count the shifts of blocks that a stopped run has left in a journal."""
-    if not journal.exists():
-        return 0
-    rows = ShiftJournal(journal, only_read=True).rows
-    return sum(key in rows for block in blocks for key in block.keys)
 
 
 def _announced(counts: tuple[int, int], lasts: str, means: Means, why: str) -> str:

@@ -2,7 +2,8 @@
 
 Workers append one at a time, under a lock of the operating system's, so lines do not mix. What
 a kill or a full disk left of a line is cut off before the next one is written, and on opening.
-The parent forces lines to the disk before it counts their shifts as finished.
+The parent forces lines to the disk before it counts their shifts as finished. Lines go only where
+their shifts are kept elsewhere by then (``ShiftJournal.drop``).
 
 A shift that the clock ended, on a machine that was too busy, is a result of this run alone: it
 is in memory, not in the file, and the next run simulates it again.
@@ -13,14 +14,14 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pandas as pd
 
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import sync_folder
+from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 
 
@@ -83,6 +84,17 @@ class ShiftJournal:
                     self._named = True
         self.rows.update((row["key"], row) for row in rows)
 
+    def drop(self, keys: Collection[str]) -> None:
+        """Remove shifts that are kept elsewhere; a kill leaves the file before or after, whole.
+
+        What another process appends meanwhile stays. Raises OSError where the disk refuses.
+        """
+        with _alone_in(self.path):
+            with self.path.open("rb") as file:
+                left = [line for line in file if _key_of(line) not in keys]
+            write_whole(self.path, b"".join(left))
+        self.rows = {key: row for key, row in self.rows.items() if key not in keys}
+
     @property
     def finished(self) -> list[str]:
         """Keys of the shifts that are finished, without those that the clock ended."""
@@ -140,13 +152,35 @@ def _writing(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _alone_in(path: Path) -> Iterator[int]:
-    """Open a file for appending and hold its lock, which ends with the process."""
-    descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+    """Open a file for appending and hold its lock, which ends with the process.
+
+    Who waited while the file was exchanged (``ShiftJournal.drop``) takes the new one.
+    """
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            if _is_still(path, descriptor):
+                yield descriptor
+                return
+        finally:
+            os.close(descriptor)
+
+
+def _is_still(path: Path, descriptor: int) -> bool:
+    """Test that a name stands for an open file, and for no later one."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX)
-        yield descriptor
-    finally:
-        os.close(descriptor)
+        return os.path.samestat(os.stat(path), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _key_of(line: bytes) -> str:
+    """Read the key of a line; none of one that a kill has torn."""
+    try:
+        return str(json.loads(line)["key"])
+    except ValueError:
+        return ""
 
 
 def _drop_torn_line(descriptor: int) -> int:

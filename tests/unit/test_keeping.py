@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,11 +19,8 @@ from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
 from dogshape.pipeline.store.journal import append
 from dogshape.sim.effects import load
-from dogshape.sim.shift.loads import Landing
-from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
 from tests.conftest import Listener, Said
-from tests.made_up import few_cells, made_up
+from tests.made_up import Quick, few_cells
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
 Call = Callable[..., Said]
@@ -41,26 +38,6 @@ EXPECT = (
 )
 PRECISE = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
-
-
-class Quick:
-    """Made-up shifts in place of simulated ones, stopped by Ctrl-C after some of them."""
-
-    def __init__(self) -> None:
-        self.done = 0
-        self.stop: int | None = None
-
-    def __call__(self, block: Block) -> Iterator[Record]:
-        for given, row in zip(block.inputs, made_up([block])[0], strict=True):
-            if self.done == self.stop:
-                raise KeyboardInterrupt
-            self.done += 1
-            yield _whole(given, row)
-
-
-def _whole(given: Record, row: Record) -> Record:
-    landing = landing_record(Landing())
-    return {"key": content_key(given), **given, "actuator_time_s": None, **row, **landing}
 
 
 @pytest.fixture
@@ -193,7 +170,7 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     blocks = list(blocks_of(plan, bench))
     whole = sum(len(block.angles) for block in blocks)
     done = blocks[0]
-    rows = [_whole(g, r) for g, r in zip(done.inputs, made_up([done])[0], strict=True)]
+    rows = list(Quick()(done))
     append(tmp_path / "shifts.jsonl", *rows)
     said: list[str] = []
     bank_of(bench, {"actuation_delay": effect}, Means(tmp_path, jobs=1, progress=Listener(said)))
