@@ -70,7 +70,6 @@ CHOSEN = {
         PRIOR | shifts | judged |""",
     "likelihood.observations": "LEAST | s | judged | resolution of a shift time",
     "likelihood.drift": "ALIKE | degrees of freedom | judged | few repeats scatter by chance",
-    "inference.range_ends": "NEAR | nat | judged | as what is plausible",
     "inference.parameter_intervals": "INSIDE | probability | judged | usual level",
     "inference.static_readings": """
         LEAST | readings | judged | two lie on any line

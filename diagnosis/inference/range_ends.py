@@ -7,6 +7,7 @@ again. An end below which an effect only grows too weak to be seen is none.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
@@ -24,7 +25,6 @@ from dogshape.sim.setting import Setting
 #: A range was widened, has nothing physical beyond its end, or was widened as often as is allowed.
 Remedy = Literal["widened", "bound", "left"]
 TRIED = (1.0, 0.8, 0.6, 0.4, 0.2)  #: shares of a widening, until one gives a bench
-NEAR = 4.6  #: nat below the leading hypothesis from which a single effect is taken in, 1 : 100
 
 Effects = Mapping[str, Effect]
 Found = TypeVar("Found")  #: a diagnosis
@@ -136,7 +136,8 @@ def diagnosed_wider(
     once : diagnoses with some effects.
     scored : gives the leading hypothesis of that, and all with their evidence.
     effects : with the ranges to begin with.
-    limits : ``end_share``, ``end_mass``, ``wider``, ``widenings``, ``shown`` and ``simpler`` count.
+    limits : ``end_share``, ``end_mass``, ``wider``, ``widenings``, ``shown``, ``simpler`` and
+        ``plausible`` count.
     """
     found, told, held = once(effects), list[RangeEnd](), set[str]()
     for _ in range(limits.widenings):
@@ -150,7 +151,7 @@ def diagnosed_wider(
                 continue
             tried, those = widened(wider, one, setting, limits.wider)
             held.add(name)
-            if _matches(once, scored, (name, tried), every[leading]):
+            if _matches(once, scored, (name, tried), every[leading], limits):
                 wider, done = tried, (*done, *those)
         told += done
         if all(one.remedy == "bound" for one in done):
@@ -181,12 +182,13 @@ def _matches(
     scored: Callable[[Found], tuple[Hypothesis, Mapping[Hypothesis, Scored]]],
     tried: tuple[str, Effects],
     leading: Scored,
+    limits: Decision,
 ) -> bool:
-    """Test that a single effect with its wider range may be as probable as the leading hypothesis.
+    """Test that a single effect with its wider range is plausible beside the leading hypothesis.
 
     It is diagnosed alone, which takes a small part of the simulations of all effects together.
     """
     name, effects = tried
     every = scored(once({n: effects[n] for n in (name, REVERSED) if n in effects}))[1]
     best = max(one.log_evidence + log_odds(h) for h, one in every.items() if name in h)
-    return best > leading.log_evidence + log_odds(leading.space.hypothesis) - NEAR
+    return best > leading.log_evidence + log_odds(leading.space.hypothesis) + math.log(limits.plausible)

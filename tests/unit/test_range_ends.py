@@ -89,6 +89,8 @@ def test_a_single_effect_beyond_its_range_beats_two_within_theirs() -> None:
     assert "added mass" in said
     without = replace(LIMITS, simpler=0)
     assert diagnose_wider(once, effects, without).leading == pair[0]
+    certain = replace(LIMITS, plausible=1e9)  # no single effect is so much more probable
+    assert diagnose_wider(once, effects, certain).leading == pair[0]
 
 
 def test_a_truth_within_the_range_widens_nothing() -> None:
