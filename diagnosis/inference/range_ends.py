@@ -191,4 +191,5 @@ def _matches(
     name, effects = tried
     every = scored(once({n: effects[n] for n in (name, REVERSED) if n in effects}))[1]
     best = max(one.log_evidence + log_odds(h) for h, one in every.items() if name in h)
-    return best > leading.log_evidence + log_odds(leading.space.hypothesis) + math.log(limits.plausible)
+    mark = leading.log_evidence + log_odds(leading.space.hypothesis)
+    return best > mark + math.log(limits.plausible)
