@@ -1,0 +1,65 @@
+"""List the published figures of docs/proof.md."""
+
+from __future__ import annotations
+
+from benchmarks.entries import Entry
+from benchmarks.kept import numbers
+
+PAGE = "docs/proof.md"
+
+ENTRIES: list[Entry] = [
+    Entry(
+        PAGE,
+        "means is {:.2f} %, the median error",
+        lambda: numbers("convergence", "largest error of a mean, %")[3:4],
+    ),
+    Entry(
+        PAGE,
+        "of a single shift {:.4f} %",
+        lambda: numbers("convergence", "median error of a shift, %")[3:4],
+    ),
+    Entry(
+        PAGE,
+        "in the accuracy is {:.1f};",
+        lambda: numbers(
+            "convergence", "observed order of the median error in the accuracy, 3e-3 to 1e-4:"
+        ),
+    ),
+    Entry(
+        PAGE,
+        "at 1e-2 a design loses {:.0f} %.",
+        lambda: numbers("convergence", "largest error of a mean, %")[:1],
+    ),
+    Entry(
+        PAGE,
+        "Adams table is {:.1f} %.",
+        lambda: numbers("adams", "as published")[:1],
+    ),
+    Entry(
+        PAGE,
+        "the median is {:.3f} % and the worst of these shifts {:.2f} % off; "
+        "1e-2 costs {:.2f} as much with {:.2f} % and {:.0f} %",
+        lambda: [
+            *numbers("work_precision", "Drake rk3                     3e-04")[3:5],
+            *(
+                numbers("work_precision", "Drake rk3                     1e-02")[k]
+                for k in (1, 3, 4)
+            ),
+        ],
+    ),
+    Entry(
+        PAGE,
+        "All dogs cost {:.1f} times one dog",
+        lambda: numbers("work_precision", "Drake rk3, all dogs           3e-04")[1:2],
+    ),
+    Entry(
+        PAGE,
+        "({:.2f} of the default's cost)",
+        lambda: numbers("work_precision", "MuJoCo                        20 us")[1:2],
+    ),
+    Entry(
+        PAGE,
+        "At 0.1 % it costs {:.2f},",
+        lambda: numbers("work_precision", "MuJoCo                         5 us")[1:2],
+    ),
+]

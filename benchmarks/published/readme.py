@@ -1,0 +1,195 @@
+"""List the published figures of README.md."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from benchmarks.entries import Entry
+from benchmarks.field_table import FIGURE, headline_of
+from benchmarks.field_table import SCORE as FIELD_SCORE
+from benchmarks.kept import gap, numbers, result, surrogate
+from benchmarks.published.sources import (
+    CLUTCHES,
+    MS,
+    PERCENT,
+    SPAN,
+    STAND_TOP,
+    best_design,
+    clutch_row,
+    confirmed,
+    gain,
+    gearbox,
+    on_stand,
+    prototype,
+    raced,
+    replication,
+    slower,
+)
+
+PAGE = "README.md"
+
+
+def _field(words: str) -> Callable[[], Sequence[float]]:
+    """Give a headline share of the field set with its interval, in percent."""
+
+    def values() -> Sequence[float]:
+        (row,) = (one for one in headline_of(FIELD_SCORE) if one[0] == words)
+        found = FIGURE.fullmatch(row[1])
+        assert found is not None, words
+        return [PERCENT * float(one) for one in found.groups()]
+
+    return values
+
+
+def _said_and_so(kind: str) -> list[float]:
+    """Give what the leading hypothesis has on average in a kind of case, and how often it is so."""
+    # Two spaces: the row by evidence goes on with other words.
+    rows = ("probability of the leading one  ", "it is the truth, but for causes")
+    return [numbers("blind_field", f"{kind}: {row}")[0] for row in rows]
+
+
+ENTRIES: list[Entry] = [
+    Entry(
+        PAGE,
+        "| {:.1f} ± {:.1f} ms instead of {:.1f} ± {:.1f} ms, {:.1f} mm instead of {:.1f} mm long "
+        "| smallest margin {:.1f} %; of the front {:d} designs stay unclear |",
+        lambda: [
+            *gearbox(),
+            *(row["axial_length_mm"] for row in (result("mq200")["best"], prototype("mq200"))),
+            PERCENT * result("mq200")["best"]["smallest_margin"],
+            replication("mq200")[3],
+        ],
+    ),
+    Entry(
+        PAGE,
+        "| {:.1f} ± {:.1f} ms instead of {:.1f} ± {:.1f} ms, another design, {:.1f} mm long |",
+        lambda: [
+            *(
+                MS * confirmed("mq200_paper")[who][key]
+                for who in ("best", "prototype")
+                for key in ("expected_shift_time_s", "standard_error_s")
+            ),
+            best_design()["axial_length_mm"],
+        ],
+    ),
+    Entry(
+        PAGE,
+        "would need {:.0f} N to be pulled out",
+        lambda: numbers("gearbox_loads", "toothing 0.1:", "chosen (19)", "pulled out with"),
+    ),
+    Entry(PAGE, "| slower by {:.0f} and {:.0f} ms at two points", slower),
+    Entry(
+        PAGE,
+        "smallest margin {:.1f} %, with worst tolerances {:.0f} %; it",
+        lambda: [PERCENT * best_design()[key] for key in ("smallest_margin", "margin_worst_case")],
+    ),
+    Entry(
+        PAGE,
+        "| gain {:.1f} ± {:.1f} ms ({:.0f} %) at other angles | {:.1f} ± {:.1f} ms ({:.0f} %) with",
+        lambda: [*gain("lubricated_steel"), *gain("friction 0.080")],
+    ),
+    Entry(
+        PAGE,
+        "{:.1f} ± {:.1f} ms ({:.0f} %) with friction in the ring's toothing",
+        lambda: gain("toothing;"),
+    ),
+    Entry(
+        PAGE,
+        "{:.1f} ± {:.1f} ms ({:.0f} %) if faces throw back as dry steel",
+        lambda: gain("dissipation 1 s/m"),
+    ),
+    Entry(
+        PAGE,
+        "above a friction of {:.3f} its flank",
+        lambda: numbers("contact_sets", "friction above", "chosen (19)"),
+    ),
+    Entry(
+        PAGE,
+        "| {:.2f} of the best hypervolume known with {:d} shifts of Drake, the best of four "
+        "samplers of Optuna {:.2f} | with {:d} GPSampler, given the closed forms, has {:.2f}, "
+        "ahead at three seeds of five;",
+        raced,
+    ),
+    Entry(
+        PAGE,
+        "of {:d} designs with an unclear place on the front {:d} stay unclear",
+        lambda: replication("mq200_paper")[2:4],
+    ),
+    Entry(
+        PAGE,
+        "| Q² {:.3f}, error {:.1f} ms of a mean over the points | Q² {:.3f}, error {:.1f} ms at",
+        lambda: [
+            surrogate()["validation"]["q2"],
+            MS * surrogate()["validation"]["rmse_s"],
+            surrogate()["validation"]["q2_points"],
+            MS * surrogate()["validation"]["rmse_points_s"],
+        ],
+    ),
+    Entry(
+        PAGE,
+        "| Q² {:.3f}, {:.3f} and {:.3f} on three clutches, at a single point {:.3f}, {:.3f} and "
+        "{:.3f} | rank correlation in the best tenth {:.2f}, {:.2f} and {:.2f}; "
+        "intervals hold {:.0f}, {:.0f} and {:.0f} % |",
+        lambda: [clutch_row(clutch)[place] for place in (0, 4, 6, 3) for clutch in CLUTCHES],
+    ),
+    Entry(
+        PAGE,
+        "root-mean-square deviation {:.1f} %",
+        lambda: numbers("adams", "as published")[:1],
+    ),
+    Entry(
+        PAGE,
+        "dead time of the actuation {:.0f} ms ({:.0f} to {:.0f})",
+        on_stand(STAND_TOP, "delay_s", MS),
+    ),
+    Entry(PAGE, "and drag {:.1f} N m ({:.1f} to {:.1f});", on_stand(STAND_TOP, "drag_Nm")),
+    Entry(
+        PAGE,
+        "{:.0f} ms shrink to {:.0f} ms where nothing was fitted",
+        lambda: [MS * gap("stand")["gap"][k] for k in ("baseline_rmse_s", "heldout_rmse_s")],
+    ),
+    *(
+        Entry(PAGE, words, _field(figure))
+        for words, figure in (
+            (
+                f"what is named is the whole truth in {SPAN};",
+                "named exactly, of all that is named, outside included",
+            ),
+            (
+                f"an effect is named in {SPAN} of 108 cases without any;",
+                "no effect: one is named",
+            ),
+            (
+                f"a cause that rivals leave clear leads, or its class does, in {SPAN}:",
+                "clear: cause or its class leads",
+            ),
+            (f"the 90 % set holds the truth in {SPAN};", "90 % set holds the truth"),
+            (
+                f"*none* is said in {SPAN} of the cases without any;",
+                "no effect: none within the margin said",
+            ),
+            (
+                f"the advised test settles {SPAN} of what is open,",
+                "cause left open: the advised test settles it",
+            ),
+            (
+                f"and {SPAN} wrongly |",
+                "cause left open: it settles on what is not true",
+            ),
+        )
+    ),
+    Entry(
+        PAGE,
+        "leads has {:.2f} and {:.2f} on average, and is right in {:.2f} and {:.2f} of the cases |",
+        lambda: [
+            one
+            for both in zip(_said_and_so("none"), _said_and_so("single"), strict=True)
+            for one in both
+        ],
+    ),
+    Entry(
+        PAGE,
+        "all {:.0f} single effects, no pair and no three;",
+        lambda: [numbers("blind_field", "clear, single: cause or class right")[-1]],
+    ),
+]

@@ -1,0 +1,126 @@
+"""Give what several pages publish: numbers of kept results and of docs/evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from benchmarks.kept import gap, numbers, result
+
+MS = 1e3
+PERCENT = 100.0
+
+
+def confirmed(name: str) -> Any:
+    """Give the confirmation in the kept result of a study."""
+    return result(name)["confirmation"]
+
+
+#: Samplers of Optuna's, alone with Drake, in benchmarks/samplers.py, and this project's there.
+OPTUNAS, OWN_LEVELS = ("TPE", "NSGA-II", "GPSampler", "quasi-random"), "own, two levels"
+
+
+def shares(name: str) -> list[float]:
+    """Give a sampler's shares of the hypervolume, three for each column, and its seeds."""
+    return numbers("samplers", "share of the reference front", name)
+
+
+def _found(name: str, place: int) -> float:
+    return shares(name)[place]
+
+
+def raced() -> list[float]:
+    """Give what the search in two levels has at few shifts, and the others at few and at all."""
+    few = max(_found(name, 0) for name in OPTUNAS)
+    return [_found(OWN_LEVELS, 0), 230, few, 1152, _found("GPSampler", 3)]
+
+
+#: Clutches of ``benchmarks/two_fidelities.py`` as docs/surrogate.md names them.
+CLUTCHES = {"prototype": "prototype", "small": "small, 40 mm", "large": "large, 92 mm"}
+
+
+def study_name(clutch: str) -> str:
+    """Give the name of a clutch's study in two_fidelities.txt."""
+    return f"two_fidelities-{clutch}"
+
+
+def fitted(clutch: str, row: str) -> list[float]:
+    """Give what references say of a fit in two levels: rmse, bias, Q2 and so on."""
+    return numbers("two_fidelities", study_name(clutch), row)
+
+
+def most_designs(clutch: str) -> str:
+    """Give the row of all designs of a clutch at its own operating points."""
+    return f"all points{334 if clutch == 'prototype' else 800:>11}"
+
+
+def clutch_row(clutch: str) -> list[float]:
+    """Give the row of docs/surrogate.md on a clutch."""
+    rmse, bias, q2, inside, points, inside_points, rank, _ = fitted(clutch, most_designs(clutch))
+    return [q2, rmse, bias, inside, points, inside_points, rank]
+
+
+def prototype(name: str) -> Any:
+    """Give the prototype, with which the search of a study begins."""
+    return result(name)["trials"][0]
+
+
+def slower() -> list[float]:
+    """Give by how much the chosen design is slower where it is, in ms, least first."""
+    both = confirmed("mq200_paper")
+    pairs = zip(both["prototype"]["points"], both["best"]["points"], strict=True)
+    return sorted(MS * (b["mean_s"] - a["mean_s"]) for a, b in pairs if b["mean_s"] > a["mean_s"])
+
+
+def search_shifts(name: str) -> float:
+    """Give the shifts of a search without those of its replication."""
+    kept = result(name)
+    return sum(row["shifts"] for row in kept["trials"]) - kept["replication"]["shifts"]
+
+
+def replication(name: str) -> list[float]:
+    """Give shifts of search and replication, unclear designs, and those on the wrong side."""
+    told = result(name)["replication"]
+    unclear = [len(told["unclear_before"]), len(told["unclear"])]
+    sides = [told["misplaced_before"], told["misplaced"]]
+    return [search_shifts(name), told["shifts"], *unclear, *sides]
+
+
+def gain(name: str) -> list[float]:
+    """Give gain, error and percent of the chosen design under one of the contact sets."""
+    return numbers("contact_sets", name, "chosen (19)")[-3:]
+
+
+SPAN = "{:.0f} % ({:.0f} to {:.0f})"
+STAND_TOP = ("actuation_delay", "actuation_lag", "drag_torque")
+
+
+def hypothesis(bench: str, effects: Sequence[str]) -> Any:
+    """Give what a diagnosis says of a set of effects."""
+    return next(h for h in gap(bench)["hypotheses"] if h["effects"] == list(effects))
+
+
+def interval(found: Any, name: str, scale: float = 1.0) -> list[float]:
+    """Give a parameter's mean and the ends of its interval under a hypothesis."""
+    return [scale * found["parameters"][name][end] for end in ("mean", "low", "high")]
+
+
+def on_stand(
+    effects: Sequence[str], name: str, scale: float = 1.0
+) -> Callable[[], Sequence[float]]:
+    """Give a source of a parameter's mean and interval on the stand."""
+    return lambda: interval(hypothesis("stand", effects), name, scale)
+
+
+def gearbox() -> list[float]:
+    """Give the time of the gearbox study's choice and of the prototype with their errors, ms."""
+    return [
+        MS * confirmed("mq200")[who][key]
+        for who in ("best", "prototype")
+        for key in ("expected_shift_time_s", "standard_error_s")
+    ]
+
+
+def best_design() -> Any:
+    """Give the design that was chosen as the paper asks."""
+    return result("mq200_paper")["best"]
