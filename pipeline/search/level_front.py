@@ -29,7 +29,8 @@ import numpy as np
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.level_times import LevelTimes, common_squares, nested
+from dogshape.pipeline.simulate.level_times import LevelTimes, common_squares
+from dogshape.sim.statistics.expectation import nested
 from dogshape.surrogate.covariance import Array
 
 LEVELS = "levels"  #: attribute of a trial: its shifts in two levels

@@ -29,7 +29,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import SIMULATED, objectives_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.expectation import even_phases, variance_of_mean
+from dogshape.sim.statistics.expectation import nested, variance_of_mean
 from dogshape.sim.statistics.two_levels import ALIKE
 from dogshape.surrogate.covariance import Array
 
@@ -155,13 +155,6 @@ def level_times(
         even.append(engaged == 1.0)
         apart.append(scores[1] - scores[0][places])
     return LevelTimes(_weights(study), np.array(times), tuple(even), np.array(apart))
-
-
-def nested(few: int, many: int, seed: int, index: int, base: int) -> list[int]:
-    """Find the places of few even angles among the many that hold them."""
-    own, all_of_them = (even_phases(count, seed, index, base) for count in (few, many))
-    apart = np.abs(np.subtract.outer(own, all_of_them))
-    return [int(place) for place in np.minimum(apart, 1.0 - apart).argmin(axis=1)]
 
 
 def common_squares(study: Setup, squares: Array) -> Array:

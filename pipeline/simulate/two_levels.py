@@ -39,6 +39,7 @@ from dogshape.sim.statistics.expectation import (
     PointExpectation,
     expect,
     expect_point,
+    nested,
 )
 from dogshape.sim.statistics.numerical_error import repeated
 from dogshape.sim.statistics.shift_records import Record, result_of
@@ -280,7 +281,7 @@ def _simulated(
         alone = expect_point(block.point, dear, study.clutch.timeout, study.retraction)
         if angles.many:
             beside = [result_of(row) for row in cheap[k]]
-            places = _places(block.angles, many[k].angles)
+            places = nested(angles.few, angles.many, study.file.expectation.seed, k, FEW)
             levels = two_level_point(alone, beside, dear, places, lost)
         else:
             levels = before[k].levels
@@ -291,12 +292,6 @@ def _simulated(
 def _block(study: Setup, clutch: Clutch, index: int, point: OperatingPoint, count: int) -> Block:
     draw = (study.file.expectation.seed, index)
     return even_block(clutch, point, count, draw, FEW, uncertainty=study.uncertainty)
-
-
-def _places(few: Sequence[float], many: Sequence[float]) -> list[int]:
-    """Find the angles that both engines have among those of the compiled one."""
-    apart = np.abs(np.subtract.outer(np.array(few), np.array(many)))
-    return [int(place) for place in apart.argmin(axis=1)]
 
 
 def _pooled(parts: Sequence[Part]) -> list[Part]:

@@ -141,6 +141,16 @@ def even_phases(count: int, seed: int, index: int, base: int | None = None) -> P
     return (np.arange(count) + start % 1.0) / count
 
 
+def nested(few: int, many: int, seed: int, index: int, base: int) -> list[int]:
+    """Find the places of few even angles among the many that hold them.
+
+    Both are of the same draw, as for ``even_phases``.
+    """
+    own, all_of_them = (even_phases(count, seed, index, base) for count in (few, many))
+    apart = np.abs(np.subtract.outer(own, all_of_them))
+    return [int(place) for place in np.minimum(apart, 1.0 - apart).argmin(axis=1)]
+
+
 def expect_point(
     point: OperatingPoint,
     shifts: Sequence[ShiftResult],
