@@ -3,7 +3,7 @@
     dogshape blind make DIR --which tuning --seed 4242
     python -m benchmarks.blind_rest DIR
 
-The key is opened, so the set is one to tune on. The emulator foretells each case with effects of
+The key is opened, so the set is one to tune on. The emulator predicts each case with effects of
 the list at their true values; what both engines differ by without any effect is taken off as
 ``dogshape blind run`` does. For each truth: the root mean square of the gaps that are left over
 their errors (sampling, emulator, ``Rules.model_error``; without the tenth that is largest, as in

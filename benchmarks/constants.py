@@ -124,7 +124,7 @@ NUMERICAL = {
     "inference.influence": "DEEP nat, NEAR nat, UNEVEN 1, MOVED of the weight, "
     "WEIGHTY probability, DOUBTFUL of the limit, RISEN probability, WITHIN probability, "
     "LIKELY probability",
-    "inference.foretold_means": "DRAWN values, SHARES of the distribution",
+    "inference.predicted_means": "DRAWN values, SHARES of the distribution",
     "inference.joint_posterior": "DRAWN values, CELLS points, ROOM standard deviations, "
     "WIDEST probability",
     "inference.pareto_tail": "LEAST weights, PRIOR weights, CENTRE 1",

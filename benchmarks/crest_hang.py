@@ -82,7 +82,7 @@ class Crests:
         return places, _running(along, places), _running(across, places)
 
     def _pressed(self, overlap: float) -> tuple[float, float]:
-        """Return what the rigid face and flank press with at an overlap, both over depth."""
+        """Return the forces of the rigid face and flank at an overlap, both over depth."""
         (ca, sa), (cb, sb) = _turn(self.chamfer), _turn(self.traction)
 
         def below_face(y: float, z: float) -> float:

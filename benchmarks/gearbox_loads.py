@@ -61,7 +61,7 @@ def told(found: Strength) -> str:
 
 
 def loads(found: Strength) -> list[str]:
-    """Return what the further loads of a design come to, in words."""
+    """Write in words the sizes of the further loads of a design."""
     pull = [c.value for c in found.design.checks if c.name == "pull_out_force"]
     return [*found.said, *(f"pulled out with {value:.0f} N" for value in pull)]
 

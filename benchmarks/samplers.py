@@ -117,7 +117,7 @@ def all_runs(
 
 
 def front_at(run: Run, key: str, most: float) -> list[Values]:
-    """Return what a search declares once it has spent so many ``shifts``, or s of ``cpu``."""
+    """Return the front of a search once it has spent so many ``shifts``, or s of ``cpu``."""
     spent = [step for step in run["steps"] if step[key] <= most]
     return list(spent[-1]["front"]) if spent else []
 

@@ -19,7 +19,6 @@ from dogshape.diagnosis.inference.classes import (
     structured,
 )
 from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
-from dogshape.diagnosis.inference.foretold_means import ForetoldMeans, foretold_means
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.influence import Influence, influence
 from dogshape.diagnosis.inference.next_test import (
@@ -32,6 +31,7 @@ from dogshape.diagnosis.inference.next_test import (
 )
 from dogshape.diagnosis.inference.parameter_intervals import Bound, Interval, bounds, intervals
 from dogshape.diagnosis.inference.posterior import Probabilities, inclusion, noise
+from dogshape.diagnosis.inference.predicted_means import PredictedMeans, predicted_means
 from dogshape.diagnosis.inference.prior_sensitivity import readings
 from dogshape.diagnosis.inference.range_ends import RangeEnd, diagnosed_wider
 from dogshape.diagnosis.inference.ranking import Ranking, rank
@@ -108,7 +108,7 @@ class Diagnosis:
     drift: SeriesDrift | None = None
     influence: Influence | None = None
     inputs: Propagated | None = None
-    foretold: tuple[ForetoldMeans, ...] = ()
+    foretold: tuple[PredictedMeans, ...] = ()
     settings: Settings = USUAL
     range_ends: tuple[RangeEnd, ...] = ()
 
@@ -349,7 +349,7 @@ def diagnose(
         inputs=seen.inputs.propagated(problem.baseline) if seen.inputs else None,
         influence=swayed,
         foretold=tuple(
-            foretold_means(problem, scored[h]) for h in dict.fromkeys(compared) if h in scored
+            predicted_means(problem, scored[h]) for h in dict.fromkeys(compared) if h in scored
         ),
         settings=settings,
     )

@@ -143,7 +143,7 @@ class NominalErrorsRow(Section):
     sentence: str = key("the errors in words, with what the data set cannot propagate")
 
 
-class ForetoldCellRow(Section):
+class PredictedMeansCellRow(Section):
     """Mean time that a hypothesis predicts of an operating point from all others."""
 
     mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
@@ -152,13 +152,13 @@ class ForetoldCellRow(Section):
     below: float = key("share of the distribution below the measured mean", SHARE)
 
 
-class ForetoldRow(Section):
+class PredictedMeansRow(Section):
     """Means that a hypothesis predicts, discrepancy included."""
 
     effects: list[str] = key("effects by name; empty for none")
     within_90: int = key("measured means that lie within 5 to 95 %")
     of: int = key("measured means that are compared")
-    cells: list[ForetoldCellRow] = key("operating points that have a time")
+    cells: list[PredictedMeansCellRow] = key("operating points that have a time")
 
 
 class PredictedRow(Section):
@@ -315,8 +315,8 @@ class InferenceRecord(Section):
         "",
         None,
     )
-    foretold: list[ForetoldRow] | None = key(
-        "means that the leading hypothesis, its best rival and none foretell of each operating "
+    foretold: list[PredictedMeansRow] | None = key(
+        "means that the leading hypothesis, its best rival and none predict of each operating "
         "point; absent in earlier versions",
         "",
         None,

@@ -26,9 +26,9 @@ from dogshape.pipeline.diagnose.extras import Extras, Optimum, Remark, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
 from dogshape.pipeline.reports.gap import (
     charts,
-    foretold_figure,
     influence_figure,
     joint_figure,
+    predicted_figure,
     reasons,
 )
 from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
@@ -379,13 +379,13 @@ def test_corner_has_marginals_pairs_and_the_neutral_value(full: Diagnosis) -> No
     assert figure.layout.xaxis3.title.text == "discrepancy, % of time"
 
 
-def test_foretold_means_stand_beside_the_bench(full: Diagnosis) -> None:
-    figure = foretold_figure.foretold_figure(full)
+def test_predicted_means_stand_beside_the_bench(full: Diagnosis) -> None:
+    figure = predicted_figure.predicted_figure(full)
     names = {trace.name for trace in figure.data}
     assert {"leading hypothesis", "best rival", "no effect"} <= names
     boxes = [trace for trace in figure.data if trace.type == "box"]
     assert len(boxes) == 3 * 4
-    said = dict(foretold_figure.in_words(full))
+    said = dict(predicted_figure.in_words(full))
     words = said["Leading hypothesis, dead time of the actuation"]
     assert re.match(r"holds (all|2\d of) 26", words)
     assert said["No effect"].startswith("holds ")

@@ -18,7 +18,7 @@ from dogshape.diagnosis.report.influence_words import influence_in_words, verdic
 from dogshape.diagnosis.report.wording import chance, headline, ms, parts_in_words, quantity
 from dogshape.pipeline.diagnose.extras import Extras, SoWhat
 from dogshape.pipeline.reports.gap import before_after as before
-from dogshape.pipeline.reports.gap import charts, foretold_figure, joint_figure, reasons
+from dogshape.pipeline.reports.gap import charts, joint_figure, predicted_figure, reasons
 from dogshape.pipeline.reports.gap import gap_map_figure as gapmap
 from dogshape.pipeline.reports.gap import hypothesis_cards as answers
 from dogshape.pipeline.reports.gap import influence_figure as swayed
@@ -106,7 +106,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "part_engaged": any(point.failed and point.engaged for point in points),
         "unknown_shifts": sum(point.unknown for point in points),
         "corners": _corners(found),
-        "foretold": foretold_figure.in_words(found),
+        "foretold": predicted_figure.in_words(found),
         **_influence(found),
         **_figures(found, points, extras),
     }
@@ -125,7 +125,7 @@ def _figures(found: Diagnosis, points: list[cells.CellRow], extras: Extras) -> R
         "alike": alike.alike_figure(found) if len(found.confusion.hypotheses) > 1 else None,
         "bounds": charts.bounds_figure(found) if found.bounds else None,
         "phases": charts.phases_figure(extras.phases) if extras.phases else None,
-        "foretold": foretold_figure.foretold_figure(found) if found.foretold and timed else None,
+        "foretold": predicted_figure.predicted_figure(found) if found.foretold and timed else None,
         "influence": swayed.influence_figure(found, found.influence) if found.influence else None,
     }
     return {

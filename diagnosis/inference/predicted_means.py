@@ -26,7 +26,7 @@ SHARES = (0.05, 0.25, 0.5, 0.75, 0.95)  #: of the distribution
 
 
 @dataclass(frozen=True)
-class ForetoldMeans:
+class PredictedMeans:
     """Distribution of the mean time of each operating point by a hypothesis.
 
     Parameters
@@ -68,7 +68,7 @@ class ForetoldMeans:
         }
 
 
-def foretold_means(problem: Problem, one: Scored) -> ForetoldMeans:
+def predicted_means(problem: Problem, one: Scored) -> PredictedMeans:
     """Draw the mean time of each cell that has one, given the data of all others."""
     seen, one = problem.seen, heavy_rows(one)
     rows = one.rows
@@ -94,7 +94,7 @@ def foretold_means(problem: Problem, one: Scored) -> ForetoldMeans:
         drawn = drawn + _scatter(predicted, (cell, row), float(seen.shifts[cell]), late, generator)
         quantiles[cell] = np.quantile(drawn, SHARES)
         below[cell] = (drawn < times[cell]).mean()
-    return ForetoldMeans(one.hypothesis, quantiles, below)
+    return PredictedMeans(one.hypothesis, quantiles, below)
 
 
 def _drawn(

@@ -1,4 +1,4 @@
-"""Means foretold from all other points, and densities of a joint posterior, by closed forms."""
+"""Means predicted from all other points, and densities of a joint posterior, by closed forms."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from scipy.stats import binom, chi2, norm
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.reading import gather
 from dogshape.diagnosis.inference.evidence import evidence
-from dogshape.diagnosis.inference.foretold_means import SHARES, foretold_means
 from dogshape.diagnosis.inference.joint_posterior import (
     density,
     held,
     joint_posterior,
     window_of,
 )
+from dogshape.diagnosis.inference.predicted_means import SHARES, predicted_means
 from dogshape.diagnosis.likelihood.cell_likelihood import outlier_delay
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -46,7 +46,7 @@ def _bench(seed: int, values: dict[str, float], shifts: int = 30) -> Bench:
 def test_without_parameters_and_discrepancy_it_is_the_density_of_a_mean() -> None:
     """Normal parts by the number of late shifts, whose distribution function is known."""
     problem, one = _fitted(_bench(1, {}), NONE, SURE)
-    found = foretold_means(problem, one)
+    found = predicted_means(problem, one)
     predicted = problem.predictions(NONE, np.zeros((1, 0)))
     late, wide = outlier_delay(problem.seen, predicted)
     for cell in (0, 5, 13):
@@ -68,12 +68,12 @@ def test_intervals_hold_as_many_as_they_say() -> None:
     inside = []
     for seed in range(4):
         problem, one = _fitted(_bench(seed, {"delay_s": 0.08}), ("actuation_delay",), USUAL)
-        inside.append(foretold_means(problem, one).inside)
+        inside.append(predicted_means(problem, one).inside)
     # Declared errors are larger than the toy's, which has none: more than 90 % may be inside.
     assert np.mean(inside) > 0.85
 
 
-def test_a_point_does_not_foretell_itself() -> None:
+def test_a_point_does_not_predict_itself() -> None:
     """A mean that is moved lies outside, and moves its own interval not at all."""
     bench = _bench(3, {"delay_s": 0.08})
     moved = [
@@ -81,7 +81,7 @@ def test_a_point_does_not_foretell_itself() -> None:
         for r in bench.readings
     ]
     found, other = (
-        foretold_means(*_fitted(one, ("actuation_delay",), SURE))
+        predicted_means(*_fitted(one, ("actuation_delay",), SURE))
         for one in (bench, replace(bench, cells=gather(moved)))
     )
     assert found.inside[4]
@@ -91,7 +91,7 @@ def test_a_point_does_not_foretell_itself() -> None:
 
 def test_record_has_the_points_with_a_time() -> None:
     problem, one = _fitted(_bench(1, {"delay_s": 0.08}), ("actuation_delay",), USUAL)
-    found = foretold_means(problem, one)
+    found = predicted_means(problem, one)
     record = found.as_dict([(1.0, 2.0)] * len(POINTS))
     assert record["of"] == len(record["cells"]) == len(POINTS)
     assert record["within_90"] == int(found.inside.sum())

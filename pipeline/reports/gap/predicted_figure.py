@@ -10,7 +10,7 @@ from plotly.subplots import make_subplots
 
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.inference.foretold_means import ForetoldMeans
+from dogshape.diagnosis.inference.predicted_means import PredictedMeans
 from dogshape.diagnosis.prediction.hypotheses import NONE, plain
 from dogshape.pipeline.reports.kit.look import BLUE, GREEN, INK, ORANGE, RED, Row, styled
 from dogshape.pipeline.reports.kit.text import minus, place_name
@@ -35,7 +35,7 @@ def roles(found: Diagnosis) -> list[str]:
     return names
 
 
-def foretold_figure(found: Diagnosis) -> go.Figure:
+def predicted_figure(found: Diagnosis) -> go.Figure:
     """Draw bench and predicted means over the mismatch, a panel for each force.
 
     Where forces are many, or points are no grid, each point has its own place in one panel.
@@ -153,7 +153,7 @@ def in_words(found: Diagnosis) -> list[tuple[str, str]]:
     return said
 
 
-def _counted(found: Diagnosis, one: ForetoldMeans) -> str:
+def _counted(found: Diagnosis, one: PredictedMeans) -> str:
     outside = np.flatnonzero(one.known & ~one.inside)
     whole = int(one.known.sum())
     if not outside.size:
