@@ -32,6 +32,8 @@ from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.hypervolume import added, directions, not_dominated
 
 PLAN = "dogshape:plan"  #: system attribute of a trial: what to simulate of it
+OUTLYING = 1.5  #: ranges of the quartiles above the upper one where outliers begin (Tukey 1977)
+BEYOND = 1.1  #: the hypervolume's reference point, of the range of values: their worst still count
 
 
 @dataclass(frozen=True)
@@ -198,7 +200,7 @@ class SurrogateSampler(BaseSampler):
         low, high = _ends(values, candidates.mean(axis=0))
         ways = directions(rng, self._breadth.ways, len(signs))
         gained = added((candidates - low) / (high - low), (front - low) / (high - low),
-                       np.full(len(signs), 1.1), ways)  # fmt: skip
+                       np.full(len(signs), BEYOND), ways)  # fmt: skip
         likely = gained * prediction.chances(untaken)
         if likely.max() > 0.0:
             return untaken[int(np.argmax(likely))]
@@ -225,12 +227,23 @@ class SurrogateSampler(BaseSampler):
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
     """Return the range that the hypervolume is scaled by, each (k,).
 
-    That of the front among ``values`` (n, k). A front of one design, or of one value, says nothing
-    of the scale: then that of all values, or else of the candidates' means (m, k).
+    From the best of ``values`` (n, k) to the worst that is usual. The front's own range would not
+    do: a design beyond a front that is narrow so far would gain nothing. Values that are all alike,
+    or none, say nothing of the scale: then the candidates' means (m, k) do.
     """
     known = values if len(values) else candidates
-    best = known[not_dominated(known)]
-    low, high = best.min(axis=0), best.max(axis=0)
+    low, high = known.min(axis=0), _usual_worst(known)
     span = np.where(high > low, high - low, np.ptp(known, axis=0))
     span = np.where(span > 0.0, span, np.ptp(candidates, axis=0))
     return low, low + np.where(span > 0.0, span, 1.0)
+
+
+def _usual_worst(values: Array) -> Array:
+    """Return the worst of values (n, k) but for outliers that are not of the front, (k,).
+
+    Beside an outlier all others would count as equally good in its objective.
+    """
+    lower, upper = np.quantile(values, [0.25, 0.75], axis=0)
+    usual = np.where(values <= upper + OUTLYING * (upper - lower), values, -np.inf)
+    worst: Array = np.maximum(usual, np.where(not_dominated(values)[:, None], values, -np.inf))
+    return worst.max(axis=0)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import combinations
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import optuna
@@ -16,9 +17,10 @@ from optuna.testing.pytest_samplers import (
     MultiObjectiveSamplerTestCase,
     RelativeSamplerTestCase,
 )
+from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
-from dogshape.pipeline.search.guide import FreeGuide, Response
+from dogshape.pipeline.search.guide import FreeGuide, Params, Prediction, Response
 from dogshape.pipeline.search.pool import WIDE, Pool
 from dogshape.pipeline.search.sampler import Breadth, SurrogateSampler
 from dogshape.pipeline.search.unit_cube import STEP, Space
@@ -214,3 +216,76 @@ def test_a_pool_that_was_taken_is_drawn_anew() -> None:
     assert len(taken) == len(more) == WIDE
     assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
     assert pool.untaken(space, taken) == more
+
+
+class Told:
+    """A guide and prediction that know a line of designs exactly: quick ones are long.
+
+    ``b`` puts a design behind the front, in both objectives.
+    """
+
+    distributions = MappingProxyType(
+        {"a": FloatDistribution(0.0, 1.0), "b": FloatDistribution(0.0, 1.0, step=0.2)}
+    )
+
+    def allows(self, params: Params) -> bool:
+        return True
+
+    def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Told:
+        return self
+
+    def plan(self, prediction: Prediction | None, params: Params, number: int) -> None:
+        return None
+
+    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
+        values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)
+        return np.repeat(values, count, axis=0)
+
+    def chances(self, params: Sequence[Params]) -> Array:
+        return np.ones(len(params))
+
+    def of(self, params: Params) -> tuple[float, float]:
+        return params["a"] + params["b"], 1.0 - params["a"] + params["b"]
+
+
+def narrow_then_proposed(more: list[tuple[float, float]], proposals: int) -> Array:
+    """Return what is proposed after a narrow front and others behind it, (n, 2)."""
+    guide = Told()
+    study = optuna.create_study(
+        directions=["minimize"] * 2, sampler=SurrogateSampler(guide, 1, 3, FEW)
+    )
+    front = [{"a": a, "b": 0.0} for a in (0.48, 0.5, 0.52)]
+    behind = [{"a": 0.1, "b": 0.6}, {"a": 0.9, "b": 0.6}, {"a": 0.5, "b": 0.4}]
+    for params in front + behind:
+        study.add_trial(
+            optuna.trial.create_trial(
+                params=params, distributions=dict(guide.distributions), values=guide.of(params)
+            )
+        )
+    for values in more:
+        study.add_trial(
+            optuna.trial.create_trial(
+                params={"a": 0.5, "b": 1.0},
+                distributions=dict(guide.distributions),
+                values=values,
+            )
+        )
+    first = len(study.trials)
+    for _ in range(proposals):
+        trial = study.ask(dict(guide.distributions))
+        study.tell(trial, guide.of(trial.params))
+    return np.array([trial.values for trial in study.trials[first:]])
+
+
+def test_a_front_that_is_narrow_does_not_stay_so() -> None:
+    """Designs beyond either end of the front are proposed, slower or longer than all of it."""
+    proposed = narrow_then_proposed([], 4)
+    assert proposed[:, 0].min() < 0.25
+    assert proposed[:, 1].min() < 0.25
+
+
+def test_an_outlier_does_not_decide_what_is_proposed() -> None:
+    """Beside a design a thousand times as slow, slow ones would gain all and quick ones nothing."""
+    proposed = narrow_then_proposed([(1e3, 1.5)], 3)
+    assert proposed[:, 0].min() < 0.25
+    assert proposed[:, 1].min() < 0.25
