@@ -54,7 +54,15 @@ CHOSEN = {
         STEPS | of the variance | judged | all are tried
         SIZES | of ln time | judged | all are summed over
         USUAL | of ln time | judged |""",
-    "prediction.emulator": "SUDDEN | of the prior | judged | shares engaged may fall at once",
+    "prediction.level_fit": "SUDDEN | of the prior | judged | shares engaged may fall at once",
+    "prediction.together": """
+        STATED | of ln time | judged | levels have about so much from their angles
+        CLOSE | of the prior | judged |""",
+    "prediction.joint_levels": """
+        FACTORS | of a length | judged | all are tried
+        SCALES | of the error | judged | all are tried
+        USUAL | of ln of the scale | judged |
+        LONGEST | of the prior | judged |""",
     "prediction.angle_means": "OWN | of the variance | judged |",
     "prediction.flight_table": """
         HALF | of what is missed | judged | every other node left out
@@ -104,7 +112,10 @@ NUMERICAL = {
     "prediction.combination": "LEAST_SUM of a ratio, LEAST of ln time",
     "prediction.level_curves": "FLOOR of a mean",
     "prediction.hypotheses": "TRIED values",
-    "prediction.emulator": "SHARES shares, LEAST of a mean, NONE of a mean, PROBES values",
+    "prediction.emulator": "PROBES values",
+    "prediction.level_fit": "SHARES shares, LEAST of a mean, NONE of a mean",
+    "prediction.touch_phases": "NODES nodes, MANY nodes",
+    "inference.joint_refinement": "DRAWS draws",
     "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
     "prediction.flight": "TIGHT m/s, CLOSE m, FIRST s, STEP s, ROOM steps, ASIDE m",

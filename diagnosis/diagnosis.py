@@ -43,6 +43,7 @@ from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
+from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.report.influence_words import influence_in_words
 from dogshape.diagnosis.report.wording import Found, headline, in_words
@@ -81,6 +82,7 @@ class Diagnosis:
     ``foretold`` : means that the leading hypothesis, its best rival and none predict of each
         operating point from the others; none for a single one.
     settings : with which all this was decided.
+    together : levels at which effects were simulated together for this diagnosis.
     range_ends : where sizes lay at an end of their range, and what was done about it.
     """
 
@@ -110,6 +112,7 @@ class Diagnosis:
     inputs: Propagated | None = None
     foretold: tuple[PredictedMeans, ...] = ()
     settings: Settings = USUAL
+    together: tuple[Level, ...] = ()
     range_ends: tuple[RangeEnd, ...] = ()
 
     def as_dict(self) -> Record:
@@ -194,6 +197,10 @@ class Diagnosis:
                 ]
                 for key, posterior in self.other.items()
             },
+            "together": [
+                {"effects": list(h), "levels": sum(k.hypothesis == h for k in self.together)}
+                for h in dict.fromkeys(level.hypothesis for level in self.together)
+            ],
             "range_ends": [one.as_dict() for one in self.range_ends],
             "settings": self.settings.as_dict(),
         }
@@ -293,6 +300,7 @@ def diagnose(
     seen = observe(bench, settings.likelihood)
     problem = Problem(seen, emulator, settings, bench.mismatch_sense, bench)
     ranking = rank(problem, bench, effects, pairs)
+    problem = ranking.problem
     posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
     plain = scored[NONE].rows.predicted
@@ -348,6 +356,7 @@ def diagnose(
         drift=series_drift(problem, ranking),
         inputs=seen.inputs.propagated(problem.baseline) if seen.inputs else None,
         influence=swayed,
+        together=ranking.together,
         foretold=tuple(
             predicted_means(problem, scored[h]) for h in dict.fromkeys(compared) if h in scored
         ),

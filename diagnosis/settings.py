@@ -345,6 +345,36 @@ class Decision:
         "twice makes it a little more than twice as wide",
     )
     widenings: int = constant(2, "times", "that ranges are widened, at most", "judged", "cost")
+    within: float = constant(
+        12.0,
+        "nat",
+        "below the best, in which hypotheses of several effects are simulated together",
+        "judged",
+        "before that their means may be off by a third",
+    )
+    more: float = constant(
+        1.0,
+        "nat",
+        "by which several effects explain more than fewer of them, to be simulated together",
+        "judged",
+        "else one of them hardly acts",
+    )
+    doubt: float = constant(
+        1.5,
+        "of the error of fewer",
+        "error of a prediction of several effects, from which they are simulated together though "
+        "they explain as much as fewer",
+        "judged",
+        "their combination errs more than each of them",
+    )
+    near_pairs: int = constant(
+        6, "hypotheses", "that are simulated together in a round, at most", "judged", "cost"
+    )
+    together: int = constant(
+        6, "levels", "at which effects are simulated together in a round", "judged", "cost"
+    )
+    rounds: int = constant(4, "rounds", "of simulating effects together, at most", "judged", "cost")
+    rounds_each: int = constant(2, "rounds", "the same of one set of effects", "judged", "cost")
     simpler: int = constant(
         3,
         "effects",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,21 +11,33 @@ from typing import IO
 
 from dogshape.sim.errors import StorageError
 
+PAUSE = 0.2  #: s between two tries to hold a folder
+
 
 @contextmanager
-def writing(root: Path) -> Iterator[None]:
+def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
     """Hold a folder for writing, made where it is missing; another writer raises StorageError.
 
-    The lock is the operating system's and ends with the process, killed or not.
+    That it does after ``patience`` s of waiting. The lock is the operating system's and ends with
+    the process, killed or not.
     """
+    until = time.monotonic() + patience
     with _handle(root, ".lock") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise StorageError(
-                f"{root} is in use by another run; wait for it or choose another folder"
-            ) from error
+        while not _locked(handle):
+            if time.monotonic() >= until:
+                raise StorageError(
+                    f"{root} is in use by another run; wait for it or choose another folder"
+                )
+            time.sleep(PAUSE)
         yield
+
+
+def _locked(handle: IO[str]) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

@@ -136,7 +136,7 @@ def noise(
     variance = 0.0
     for hypothesis, one in scored.items():
         error = one.error if np.isfinite(one.error) else 0.0
-        share = parts.get(hypothesis, 0.0)
+        share = min(1.0, parts.get(hypothesis, 0.0))  # a sum of weights may be a digit above
         probability = raw.get(hypothesis, 0.0)
         variance += (probability * (share - whole) * error) ** 2
         several = len(hypothesis) > 1

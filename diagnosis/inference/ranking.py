@@ -15,6 +15,7 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.sense import REVERSED, forward
 from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.inference.joint_refinement import refined
 from dogshape.diagnosis.inference.posterior import (
     Folding,
     Probabilities,
@@ -36,6 +37,7 @@ from dogshape.diagnosis.prediction.hypotheses import (
     spaces_of,
     with_third,
 )
+from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.settings import Decision, Priors
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
@@ -47,6 +49,7 @@ class Ranking:
 
     Parameters
     ----------
+    problem : with the emulator by which hypotheses were scored.
     scored : every hypothesis but unknown with its evidence.
     free : the hypothesis unknown.
     raw : probabilities by evidence.
@@ -54,8 +57,10 @@ class Ranking:
     folded : probabilities with weak effects counted as none, the largest first.
     fits : predictive p-values of plausible hypotheses.
     limits : from which a hypothesis fails, and others.
+    together : levels at which effects were simulated together meanwhile.
     """
 
+    problem: Problem
     scored: Mapping[Hypothesis, Scored]
     free: Unknown
     metric: Metric
@@ -64,6 +69,7 @@ class Ranking:
     folded: Probabilities
     fits: Mapping[Hypothesis, float]
     limits: Decision
+    together: tuple[Level, ...] = ()
 
     @property
     def posterior(self) -> Probabilities:
@@ -91,14 +97,19 @@ def rank(
     setting, free = setting_of(bench), unknown(problem, bench)
     priors = problem.settings.priors
     scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
-    first = _ranked(problem, scored, free)
+    found = refined(problem, scored)
+    problem, scored = found.problem, found.scored
+    first = replace(_ranked(problem, scored, free), together=found.levels)
     near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
     # The flight with three effects at once is not tabulated.
     if not near or problem.flights:
         return first
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
     best = max(one.log_evidence + log_odds(h, priors) for h, one in scored.items())
-    return _ranked(problem, {**scored, **_scored(problem, threes, best)}, free, first)
+    every = {**scored, **_scored(problem, threes, best)}
+    more = refined(problem, every, [space.hypothesis for space in threes])
+    whole = _ranked(more.problem, more.scored, free, first)
+    return replace(whole, together=(*found.levels, *more.levels))
 
 
 def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
@@ -218,4 +229,4 @@ def _ranked(
     fold = folding(problem, list(scored.values()), metric, raw, before.fold if before else None)
     folded = fold.fold(raw)
     fits = plausible_fits(problem, scored, folded, before)
-    return Ranking(scored, free, metric, raw, fold, folded, fits, settings.decision)
+    return Ranking(problem, scored, free, metric, raw, fold, folded, fits, settings.decision)

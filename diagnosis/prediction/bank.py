@@ -166,6 +166,15 @@ def blocks_of(plan: Plan, bench: Bench) -> Iterable[Block]:
     yield from _blocks(plan, settings, _changed(plan, plan.levels_for(bench), settings))
 
 
+def blocks_at(plan: Plan, settings: Sequence[Setting], level: Level) -> list[Block]:
+    """Return the shifts of a further level at all operating points, whose baselines are given."""
+    (changed,) = _changed(plan, [level], settings)
+    return [
+        _block(setting, plan, _draw(start), 1)
+        for setting, start in zip(changed, settings, strict=True)
+    ]
+
+
 def _changed(
     plan: Plan, levels: Iterable[Level], settings: Sequence[Setting]
 ) -> Iterator[list[Setting]]:

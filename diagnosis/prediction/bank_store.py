@@ -76,6 +76,14 @@ class BankStore:
             self._write()
         return bank
 
+    def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
+        """Return the shifts of blocks; what no file has is simulated by ``run`` and written."""
+        rows = self._answered(blocks, run)
+        if self._fresh:
+            self._write()
+            self._fresh.clear()
+        return rows
+
     def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; a series that the clock cut short is simulated again."""
         keys = [series_key(block) for block in blocks]

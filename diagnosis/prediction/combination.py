@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from scipy.special import expit
@@ -103,7 +102,7 @@ class Blend:
 
 @dataclass(frozen=True)
 class Missed:
-    """Correction of the logarithm of the mean of combined effects, (m,), with standard errors.
+    """Correction of the logarithm of the mean of two effects, (C, m), with standard errors.
 
     ``common`` is that of *w*, of one sign at operating points whose *d* is, ``own`` the rest.
     """
@@ -124,7 +123,8 @@ class Interactions:
     def of(cls, bank: Bank) -> Interactions:
         """Fit the laws to the pairs of a bank."""
         those = dict.fromkeys(k.hypothesis for k in bank.levels if len(k.hypothesis) == 2)
-        shown = {pair: _shown(bank, pair) for pair in those}
+        checked = {pair: _checked(bank, pair) for pair in those}
+        shown = {pair: _shown(bank, checks) for pair, checks in checked.items() if checks}
         if not shown:
             return cls({}, Blend(np.array([BLEND[0]]), BLEND[1], OWN, FEW))
         means = np.array([one.mean(*BLEND) for one in shown.values()])
@@ -135,25 +135,18 @@ class Interactions:
         own = float(np.sqrt(np.mean([one.own**2 for one in pairs.values()])))
         return cls(pairs, Blend(np.array([centre]), spread, own, FEW))
 
-    def missed(
-        self, base: Emulated, emulated_alone: Mapping[str, Emulated], cell: int | None = None
-    ) -> Missed:
-        """Compute the correction of the product of effects, each alone by name.
+    def missed(self, pair: Hypothesis, changes: Mapping[str, Array], left: float = 0.0) -> Missed:
+        """Compute the correction of the product of two effects at all operating points.
 
-        That is at one operating point, or at all where ``cell`` is None.
+        ``changes`` are those of the logarithm of the mean by each effect alone, (C, m) by name;
+        ``left`` is what the pair misses at least, over the smaller of them.
         """
-        start = log_mean(base)
-        changes = {name: log_mean(one) - start for name, one in emulated_alone.items()}
-        moved, common, own = np.zeros((3, 1))
-        for one, two in combinations(sorted(changes), 2):
-            blend = self.pairs.get((one, two), self.any)
-            d = basis(changes[one], changes[two])
-            least = np.minimum(abs(changes[one]), abs(changes[two]))
-            share = blend.share[:, None]
-            moved = moved + (share if cell is None else share[min(cell, len(share) - 1)]) * d
-            common = common + blend.error * d
-            own = own + (blend.own * d) ** 2 + (blend.left * least) ** 2
-        return Missed(moved, common, np.sqrt(own))
+        one, two = (changes[name] for name in pair)
+        blend = self.pairs.get(pair, self.any)
+        d = basis(one, two)
+        least = np.minimum(abs(one), abs(two))
+        own = (blend.own * d) ** 2 + (max(left, blend.left) * least) ** 2
+        return Missed(blend.share[:, None] * d, blend.error * d, np.sqrt(own))
 
 
 @dataclass(frozen=True)
@@ -198,11 +191,16 @@ class _Shown:
         return Blend(np.clip(each, *BEYOND), float(np.hypot(error, UNSEEN)), own)
 
 
-def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
+def _checked(bank: Bank, pair: Hypothesis) -> list[tuple[int, list[int]]]:
+    """List the levels of a pair of which each effect alone is a level too, with these two."""
+    found = ((k, [_same(bank, bank.levels[k], place) for place in range(2)]) for k in bank.of(pair))
+    return [(k, [j for j in alone if j is not None]) for k, alone in found if None not in alone]
+
+
+def _shown(bank: Bank, checks: list[tuple[int, list[int]]]) -> _Shown:
     """Compare the levels of a pair with the product."""
     rows = []
-    for k in bank.of(pair):
-        alone = [_same(bank, bank.levels[k], place) for place in range(2)]
+    for k, alone in checks:
         four = bulk(np.array([bank.base, bank.times[k], *(bank.times[j] for j in alone)]))
         mean, series = np.log(engaged_mean(four)), residuals(four)
         changes = mean[2:] - mean[0]
@@ -212,9 +210,10 @@ def _shown(bank: Bank, pair: Hypothesis) -> _Shown:
     return _Shown(*np.array(rows).transpose(1, 0, 2))
 
 
-def _same(bank: Bank, level: Level, place: int) -> int:
-    """Return the place of the level that has one effect of a pair alone."""
+def _same(bank: Bank, level: Level, place: int) -> int | None:
+    """Return the place of the level that has one effect of a pair alone, None without one."""
     counts = [len(e.parameters) for n in level.hypothesis for e in bank.effects if e.name == n]
     start = sum(counts[:place])
     values = level.values[start : start + counts[place]]
-    return bank.levels.index(Level((level.hypothesis[place],), values))
+    alone = Level((level.hypothesis[place],), values)
+    return bank.levels.index(alone) if alone in bank.levels else None

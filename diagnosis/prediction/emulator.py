@@ -17,7 +17,9 @@ combination.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,169 +27,35 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.prediction.angle_means import (
     binned,
-    engaged_count,
-    engaged_mean,
     even_variance,
-    mean_covariance,
-    residuals,
-    with_dense,
+)
+from dogshape.diagnosis.prediction.angle_profiles import (
+    AngleProfiles,
+    Preferred,
+    weighted,
 )
 from dogshape.diagnosis.prediction.bank import Bank
-from dogshape.diagnosis.prediction.combination import Emulated, Interactions, together
+from dogshape.diagnosis.prediction.combination import Emulated
 from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.diagnosis.prediction.flight_table import FlightTables
-from dogshape.diagnosis.prediction.level_curves import Curves, fit_curves
-from dogshape.diagnosis.prediction.levels import Axes, Level
+from dogshape.diagnosis.prediction.level_fit import NONE, SHARES, Alone, fit_effect
+from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.prediction.outliers import (
     PRIOR,
-    Outliers,
     bulk,
-    outlier_shares,
     outlier_statistics,
 )
 from dogshape.diagnosis.prediction.prediction import Marks, Prediction
+from dogshape.diagnosis.prediction.together import Combination, Combined
+from dogshape.diagnosis.prediction.touch_phases import TouchPhases
 from dogshape.diagnosis.terms import Hypothesis
-from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.actuation import ForceProfile
 
 Array = NDArray[np.float64]
 
-SHARES = 24  #: at which times are given
-LEAST = 0.02  #: relative to its mean, the least time of a shape
-SUDDEN = 0.3  #: length at most of curves of the share engaged
-ANGLES = "angles"  #: stands for effects that only weight the baseline's angles
-NONE = 10.0  #: relative error of a mean without a single shift
 PROBES = 4  #: values at which it is seen whether operating points read alike
-
-
-@dataclass(frozen=True)
-class Fit:
-    """One effect at C operating points through N levels, the first of which is the baseline.
-
-    ``means`` (C, N) are logarithms, ``shapes`` (C, N, q) times over their mean. ``shares``
-    engaged (C, N) have errors of their own, ``share_curves``, whose variance is at least
-    ``least`` (C,): equal angles at all levels count less than as many different angles.
-    ``outlier_shares`` are (C, N); means and shapes leave outliers out.
-    """
-
-    effect: Effect
-    axes: tuple[Axes, ...]
-    curves: Curves
-    share_curves: Curves
-    means: Array
-    shapes: Array
-    shares: Array
-    least: Array
-    outlier_shares: Array
-
-    def at(self, values: Array) -> tuple[Emulated, Array]:
-        """Emulate this effect alone at values (m, p), with the variance of the change.
-
-        The latter is the variance of the change of the mean's logarithm from the baseline, (C, m).
-        """
-        places, neutral = self._places(values)
-        known = self.curves.covariance(places)
-        weights, variance = self.curves.from_first(known)
-        mean = np.exp(_weighed(weights, self.means))
-        shape = np.sort(np.maximum(weights @ self.shapes, LEAST), axis=-1)
-        shape *= (mean / shape.mean(axis=-1))[..., None]
-        part, uncertain = self.share_curves.from_first(self.share_curves.covariance(places))
-        engaged = np.clip(_weighed(part, self.shares), 0.0, 1.0)
-        uncertain = np.maximum(uncertain, self.least[:, None]) + self._step(part, engaged)
-        outlying = np.clip(_weighed(part, self.outlier_shares), 1e-3, 1.0 - 1e-3)
-        change = self.curves.change_variance(known, places, neutral)
-        return Emulated(shape, engaged, variance, uncertain, outlying), change
-
-    def _places(self, values: Array) -> tuple[Array, Array]:
-        """Return coordinates of values (m, p) and of the neutral ones, (C, m, d) and (C, d).
-
-        They have the first axis 1 where all operating points have the same.
-        """
-        axes = self.axes[:1] if self._alike else self.axes
-        return np.array([a.at(values) for a in axes]), np.array([a.neutral for a in axes])
-
-    @cached_property
-    def _alike(self) -> bool:
-        """Test that all operating points have the same coordinates."""
-        return all(axes.same(self.axes[0]) for axes in self.axes)
-
-    def _step(self, weights: Array, engaged: Array) -> Array:
-        """Return the variance of a share that may fall anywhere between levels that differ."""
-        part = abs(weights)
-        part /= part.sum(axis=-1, keepdims=True)
-        return (part * (self.shares[:, None] - engaged[..., None]) ** 2).sum(axis=-1)
-
-
-def fit_effect(bank: Bank, effect: Effect, dense: Array, outliers: Outliers) -> Fit:
-    """Fit what an effect alone does at all operating points; ``dense`` is the baseline's bulk."""
-    places = bank.of((effect.name,))
-    axes = tuple(Axes.of(effect, setting) for setting in bank.settings)
-    values = np.array([bank.levels[k].values for k in places])
-    times = np.concatenate([bank.base[None], bank.times[places]]).transpose(1, 0, 2)
-    sites = np.array([[a.neutral, a.neutral, *a.at(values)] for a in axes])
-    soon = bulk(times)
-    means, errors = _means(bank, dense, soon, _speeds(bank, places))
-    curves = fit_curves(sites, means, errors, slice(2, None))
-    shapes = np.array([[_shape(t) for t in mine] for mine in _with_first(dense, soon)])
-    shares, doubts = _shares(_with_first(bank.baseline, times))
-    likely = _share_curves(curves, shares, doubts)
-    first = outlier_shares(bank.baseline[:, None], dense[:, None], outliers.share)
-    rare = np.concatenate([first, outlier_shares(times, soon, outliers.share)], axis=1)
-    least = doubts.min(axis=1)
-    return Fit(effect, axes, curves, likely, means, shapes, shares, least, rare)
-
-
-def _with_first(first: Array, times: Array) -> list[list[Array]]:
-    """Return times of levels (C, N, n) after those of the baseline at more angles, (C, dense n)."""
-    return [[dense, *levels] for dense, levels in zip(first, times, strict=True)]
-
-
-def _speeds(bank: Bank, places: list[int]) -> Array:
-    """Return at which speeds the rings pass at the baseline and at levels, pitches a second."""
-    named = {effect.name: effect for effect in bank.effects}
-    rows = []
-    for setting in bank.settings:
-        settings = [setting, *(bank.levels[k].setting(named, setting) for k in places)]
-        rows.append([abs(s.point.mismatch) / s.clutch.dog.pitch_angle for s in settings])
-    return np.array(rows)
-
-
-def _means(bank: Bank, dense: Array, times: Array, speeds: Array) -> tuple[Array, Array]:
-    """Return logarithms of means (C, N) and their covariance, baseline at all angles first."""
-    share = bank.common.shape[1] / bank.baseline.shape[1]
-    errors = with_dense(mean_covariance(times, speeds), even_variance(residuals(dense)), share)
-    found = np.concatenate([engaged_mean(dense)[:, None], engaged_mean(times)], axis=1)
-    timeout = np.array([[setting.clutch.timeout] for setting in bank.settings])
-    unknown = np.isnan(found)
-    errors += np.eye(found.shape[1]) * np.where(unknown, NONE**2, 0.0)[:, None, :]
-    return np.log(np.where(unknown, timeout, found)), errors
-
-
-def _shape(times: Array) -> Array:
-    """Return the times that engaged over their mean at ``SHARES`` shares; 1 where none did."""
-    shape = binned(times, SHARES)[0]
-    return np.ones(SHARES) if np.isnan(shape).any() else shape / shape.mean()
-
-
-def _shares(every: list[list[Array]]) -> tuple[Array, Array]:
-    """Return shares engaged (C, N) and their variances by Jeffreys' rule."""
-    counted = np.array([[engaged_count(one) for one in mine] for mine in every])
-    engaged, asked = counted[..., 0], counted[..., 1]
-    likely = (engaged + 0.5) / (asked + 1.0)
-    return engaged / np.maximum(asked, 1.0), likely * (1.0 - likely) / (asked + 2.0)
-
-
-def _share_curves(curves: Curves, shares: Array, doubts: Array) -> Curves:
-    """Return curves of the share engaged, which may fall from level to level at once.
-
-    The baseline's second row is part of its first and hardly counts.
-    """
-    once = np.where(np.arange(shares.shape[1]) == 1, 100.0, 1.0)
-    noise = np.eye(shares.shape[1]) * (once * doubts)[:, None, :]
-    size = np.maximum(shares.std(axis=1), np.sqrt(doubts.min(axis=1)))
-    return curves.like(size, noise, SUDDEN)
 
 
 class BankEmulator:
@@ -205,7 +73,23 @@ class BankEmulator:
             for name in sorted(simulated)
         }
         self._asked: tuple[object, Prediction] | None = None
+        self._phases = TouchPhases(self.effects, bank.settings)
         self.flights = FlightTables(self.effects, bank.settings, flights)
+
+    def with_levels(self, levels: Sequence[Level], times: Array) -> BankEmulator:
+        """Return an emulator that has joint levels too; ``times`` are (L, C, n), s.
+
+        Curves of each effect alone, and the statistics of outliers, stay.
+        """
+        bank = self.bank
+        if bank.levels:
+            times = np.concatenate([bank.times, times])
+        changed = copy(self)
+        changed.bank = replace(bank, levels=(*bank.levels, *levels), times=times)
+        changed._asked = None
+        for name in ("combination", "profiles"):
+            vars(changed).pop(name, None)
+        return changed
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Predict an operating point at ``values`` (m, p) of a hypothesis.
@@ -224,24 +108,48 @@ class BankEmulator:
         parts = self._parts(hypothesis, values)
         alone = {n: self.fits[n].at(mine) for n, mine in parts.items() if n in self.fits}
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
-        weighted, delay = self._read(read, len(values))
-        if weighted:
-            alone[ANGLES] = weighted, weighted.variance
-        common = np.zeros((1, 1))
+        delay, preferred = self._read(read, len(values))
+        if not alone and not preferred.uniform:
+            return self._spread(self._weighted_baseline(preferred), delay, np.zeros((1, 1)))
+        combined = self._combined(alone)
+        whole = combined.emulated
+        if not preferred.uniform:
+            acting = {name: mine for name, mine in parts.items() if name in self.fits}
+            whole = self._preferring(combined, alone, acting, preferred)
+        return self._spread(whole, delay, combined.common)
+
+    def _combined(self, alone: Mapping[str, Alone]) -> Combined:
+        """Combine effects."""
         if len(alone) == 1:
-            ((whole, _),) = alone.values()
-        else:
-            emulated_alone = {name: emulated for name, (emulated, _) in alone.items()}
-            variances = [change for _, change in alone.values()]
-            whole = together(self._baseline, list(emulated_alone.values()), variances)
-            missed = self.interactions.missed(self._baseline, emulated_alone)
-            common = missed.common
-            whole = replace(
-                whole,
-                times=whole.times * np.exp(missed.moved)[..., None],
-                variance=whole.variance + missed.own**2,
-            )
-        return self._spread(whole, delay, common)
+            (only,) = alone.values()
+            return Combined(only.emulated, np.zeros((1, 1)), {})
+        if not alone:
+            return Combined(self._baseline, np.zeros((1, 1)), {})
+        return self.combination.at(alone)
+
+    @cached_property
+    def combination(self) -> Combination:
+        """Combination of effects, with the bank's joint levels."""
+        return Combination(self.bank, self._baseline, self.fits)
+
+    def _preferring(
+        self,
+        combined: Combined,
+        alone: Mapping[str, Alone],
+        acting: Mapping[str, Array],
+        preferred: Preferred,
+    ) -> Emulated:
+        """Weight the angles of effects that act on the shifts (``acting``: values by name)."""
+        mixed = self.combination.profiles(alone, combined.weights, self.profiles)
+        count = len(next(iter(acting.values())))
+        turned = self.profiles.phases.at(acting, count)
+        weights = preferred.weights(self.profiles.places, turned)
+        return weighted(combined.emulated, mixed, weights, self.bank.common.shape[1])
+
+    @cached_property
+    def profiles(self) -> AngleProfiles:
+        """Times over the angle at the first touch."""
+        return AngleProfiles(self.bank, self._phases)
 
     def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Predict the marks of the flight at ``values`` (m, p) of a hypothesis."""
@@ -292,20 +200,23 @@ class BankEmulator:
         rare = (share - part) * count + PRIOR * self.outliers.share[cell]
         return Emulated(found, share, even_variance(series), doubt, rare / (share * count + PRIOR))
 
-    def _read(self, parts: dict[str, Array], count: int) -> tuple[Emulated | None, Array]:
-        """Weight the baseline's angles, None without weights, and add up delays (C or 1, m)."""
+    def _read(self, parts: dict[str, Array], count: int) -> tuple[Array, Preferred]:
+        """Add up delays, (C or 1, m), and say which angles come more often than others."""
+        wide = len(self.bank.settings), count
         if not parts:
-            return None, np.zeros((1, count))
+            return np.zeros((1, count)), Preferred(np.zeros(wide), np.zeros(wide))
         rows = np.concatenate(list(parts.values()), axis=1)
         delay, concentration, centre = self._readings(tuple(parts), rows)
-        if not concentration.any():
-            return None, delay
+        sharp, middle = np.broadcast_to(concentration, wide), np.broadcast_to(centre, wide)
+        return delay, Preferred(sharp, middle)
+
+    def _weighted_baseline(self, preferred: Preferred) -> Emulated:
+        """Weight the baseline's angles."""
         every = enumerate(zip(self.bank.settings, self.bank.angles, strict=True))
         turns = [(cell, angles / one.clutch.dog.pitch_angle) for cell, (one, angles) in every]
-        wide = len(turns), count
-        sharp, middle = np.broadcast_to(concentration, wide), np.broadcast_to(centre, wide)
+        sharp, middle = preferred.concentration, preferred.centre
         weights = [angle_weights(t, sharp[c][:, None], middle[c][:, None]) for c, t in turns]
-        return _stacked([self._weighted(cell, one) for cell, one in enumerate(weights)]), delay
+        return _stacked([self._weighted(cell, one) for cell, one in enumerate(weights)])
 
     def _readings(self, names: tuple[str, ...], rows: Array) -> tuple[Array, Array, Array]:
         """Return delay, concentration and centre of benches that only read otherwise, (C, m) each.
@@ -324,11 +235,6 @@ class BankEmulator:
         settings = (first,) if alike else (first, *others)
         delay, concentration, centre = np.stack([at(one, rows) for one in settings], axis=1)
         return delay, concentration, centre
-
-    @cached_property
-    def interactions(self) -> Interactions:
-        """Laws of combination from the simulated pairs."""
-        return Interactions.of(self.bank)
 
     def _spread(self, whole: Emulated, delay: Array, common: Array) -> Prediction:
         """Make the prediction from what acts on the shifts, and delays of the reading."""
@@ -363,11 +269,6 @@ class BankEmulator:
         mean, scatter = self.bank.numerics
         spread = float(ended.std(ddof=1)) if ended.size > 1 else 0.0
         return spread**2 * (mean**2 + scatter**2 / max(1, ended.size))
-
-
-def _weighed(weights: Array, levels: Array) -> Array:
-    """Sum levels (C, N) by weights (C, m, N), (C, m)."""
-    return np.stack([w @ level for w, level in zip(weights, levels, strict=True)])
 
 
 def _stacked(emulated_alone: list[Emulated]) -> Emulated:

@@ -74,6 +74,18 @@ def fly(setting: Setting, gap: float, force: float) -> Flight:
     )
 
 
+def touch_time(setting: Setting) -> float:
+    """Compute when the ring has closed its axial gap, s from the start of the force.
+
+    Where it never does, that is the time-out.
+    """
+    clutch = setting.clutch
+    gap = clutch.dog.axial_gap
+    time, (way, speed), _ = _motion(clutch, setting.point.profile, gap, held=True)
+    found = crossing(time, way, speed, gap)
+    return clutch.timeout if found is None else found
+
+
 def _creep(setting: Setting, levels: list[float]) -> Array:
     """Estimate the error of the marks by the law of friction near rest, s.
 

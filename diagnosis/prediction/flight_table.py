@@ -57,17 +57,19 @@ class Table:
             one = (np.tile(part, (len(values), 1)) for part in (self.logs, self.errors, self.creep))
             logs, errors, creep = one
             return Marks(np.exp(logs), np.exp(logs) * errors, creep)
-        shares = np.stack([_shares(p, values[:, k]) for k, p in enumerate(self.parameters)], axis=1)
-        smooth = [_weights(nodes, shares[:, k], 3) for k, nodes in enumerate(self.nodes)]
-        straight = [_weights(nodes, shares[:, k], 1) for k, nodes in enumerate(self.nodes)]
-        times = np.exp(_sum(smooth, self.logs))
-        error = times * _sum(straight, self.errors)
-        touched = _sum(straight, self.margin)[:, : len(WAYS)] < 0.0
+        shares = np.stack(
+            [shares_below(p, values[:, k]) for k, p in enumerate(self.parameters)], axis=1
+        )
+        smooth = [spline_weights(nodes, shares[:, k], 3) for k, nodes in enumerate(self.nodes)]
+        straight = [spline_weights(nodes, shares[:, k], 1) for k, nodes in enumerate(self.nodes)]
+        times = np.exp(summed(smooth, self.logs))
+        error = times * summed(straight, self.errors)
+        touched = summed(straight, self.margin)[:, : len(WAYS)] < 0.0
         error[:, : len(WAYS)] += TOUCHED * touched
-        return Marks(times, error, _sum(straight, self.creep))
+        return Marks(times, error, summed(straight, self.creep))
 
 
-def _shares(parameter: Parameter, values: Array) -> Array:
+def shares_below(parameter: Parameter, values: Array) -> Array:
     """Return the shares of a prior below values (m,)."""
     low, high = parameter.low, parameter.high
     inside = np.clip(values, low, high)
@@ -76,13 +78,13 @@ def _shares(parameter: Parameter, values: Array) -> Array:
     return np.log(inside / low) / np.log(high / low)
 
 
-def _weights(nodes: Array, places: Array, degree: int) -> Array:
+def spline_weights(nodes: Array, places: Array, degree: int) -> Array:
     """Compute the weights of the nodes in a spline at places (m,), (m, n)."""
     spline = make_interp_spline(nodes, np.eye(nodes.size), k=min(degree, nodes.size - 1))
     return spline(places)
 
 
-def _sum(weights: Sequence[Array], table: Array) -> Array:
+def summed(weights: Sequence[Array], table: Array) -> Array:
     """Return a table (n1, n2, ..., SIZE) at the places of weights (m, n) each, (m, SIZE)."""
     found = np.tensordot(weights[0], table, axes=1)
     for more in weights[1:]:
@@ -100,7 +102,7 @@ def table_of(effects: Sequence[Effect], setting: Setting) -> Table:
     for shares in itertools.product(*nodes):
         values = tuple(p.at(float(s)) for p, s in zip(parameters, shares, strict=True))
         rows.append(_row(named, values, setting))
-    whole = _filled(np.array(rows).reshape(*sizes, 3, SIZE))
+    whole = filled(np.array(rows).reshape(*sizes, 3, SIZE))
     logs, creep, margin = np.moveaxis(whole, -2, 0)
     return Table(parameters, nodes, logs, _missed(nodes, logs), creep, margin)
 
@@ -115,7 +117,7 @@ def _row(named: Mapping[str, Effect], values: tuple[float, ...], setting: Settin
     return np.array([np.log(flight.times), flight.creep, flight.margin])
 
 
-def _filled(whole: Array) -> Array:
+def filled(whole: Array) -> Array:
     """Return a grid (n1, n2, ..., 3, SIZE) with nodes of no bench as the nearest that is one."""
     missing = np.isnan(whole[..., 0, 0])
     if not missing.any():
@@ -136,7 +138,7 @@ def _missed(nodes: Sequence[Array], logs: Array) -> Array:
     every = [np.arange(0, n.size, 2) for n in nodes]
     found = logs[np.ix_(*every, np.arange(SIZE))]
     for axis, (n, few) in enumerate(zip(nodes, every, strict=True)):
-        part = _weights(n[few], n, 3)
+        part = spline_weights(n[few], n, 3)
         found = np.moveaxis(np.tensordot(part, found, axes=(1, axis)), 0, axis)
     near = (3,) * len(nodes)
     return HALF * maximum_filter(abs(found - logs), size=(*near, 1), mode="nearest")

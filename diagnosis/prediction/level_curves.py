@@ -172,7 +172,7 @@ def fit_curves(sites: Array, means: Array, errors: Array, judged: slice) -> Curv
 def _kernel(apart: Array, lengths: Array, step: float) -> Array:
     """Return the correlation of places ``apart`` (..., d), (...)."""
     smooth, rough = _length(apart / lengths), _length(apart) / SHORT
-    return (1.0 - step) * _matern(smooth) + step * _matern(rough)
+    return (1.0 - step) * matern(smooth) + step * matern(rough)
 
 
 def _length(apart: Array) -> Array:
@@ -183,7 +183,8 @@ def _length(apart: Array) -> Array:
     return np.sqrt(squares)
 
 
-def _matern(distance: Array) -> Array:
+def matern(distance: Array) -> Array:
+    """Compute the correlation over ``distance`` (...) in lengths, (...)."""
     r = ROOT5 * distance
     return (1.0 + r + r * r / 3.0) * np.exp(-r)
 

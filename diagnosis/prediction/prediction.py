@@ -5,11 +5,13 @@ The bank of simulations gives it (an emulator), the likelihood asks for it.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Protocol, Self, runtime_checkable
 
 import numpy as np
 
+from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.shift.actuation import ForceProfile
 
@@ -58,6 +60,26 @@ class Emulator(Protocol):
 
     def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
         """Predict an operating point at ``values`` (m, p) of a hypothesis."""
+        ...
+
+
+@runtime_checkable
+class SimulatingEmulator(Emulator, Protocol):
+    """Emulator that can have effects simulated together where it is asked to."""
+
+    def acting(self, hypothesis: Hypothesis) -> Hypothesis:
+        """List the effects of a hypothesis that are simulated, not only read.
+
+        None where the emulator cannot have them simulated together.
+        """
+        ...
+
+    def joint_levels(self, acting: Hypothesis) -> int:
+        """Count the levels at which effects were simulated together."""
+        ...
+
+    def with_levels(self, levels: Sequence[Level]) -> Self:
+        """Simulate effects together at some levels, and return an emulator that has them."""
         ...
 
 

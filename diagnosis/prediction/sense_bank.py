@@ -6,7 +6,8 @@ sense is known it has no more than the baseline, which takes a fiftieth of the s
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property
 
@@ -14,7 +15,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.sense import REVERSED, Sense, forward
 from dogshape.diagnosis.prediction.bank import COMMON, Bank, Plan, both
 from dogshape.diagnosis.prediction.emulator import BankEmulator
-from dogshape.diagnosis.prediction.levels import only_read
+from dogshape.diagnosis.prediction.levels import Level, only_read
 from dogshape.diagnosis.prediction.prediction import Marks, Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect
@@ -55,15 +56,38 @@ def reversed_bench(bench: Bench) -> Bench:
     return replace(bench, cells=cells)
 
 
+Simulate = Callable[[Sequence[Level]], Array]
+
+
 class SenseEmulator:
     """Emulator for hypotheses of either sense of rotation.
 
     ``turned`` is the bank with the reversed sense, whose curves are fitted when first asked.
+    ``simulate`` gives times of joint levels, s, (L, C, n), with the sense of the table; None where
+    none can be simulated.
     """
 
-    def __init__(self, plain: BankEmulator, turned: Bank) -> None:
+    def __init__(self, plain: BankEmulator, turned: Bank, simulate: Simulate | None = None) -> None:
         self.plain = plain
         self._turned = turned
+        self._simulate = simulate
+
+    def acting(self, hypothesis: Hypothesis) -> Hypothesis:
+        """List the effects of a hypothesis that are simulated, none of the reversed sense."""
+        if REVERSED in hypothesis or self._simulate is None:
+            return ()
+        return tuple(name for name in hypothesis if name in self.plain.fits)
+
+    def joint_levels(self, acting: Hypothesis) -> int:
+        """Count the levels at which effects were simulated together."""
+        return len(self.plain.bank.of(acting))
+
+    def with_levels(self, levels: Sequence[Level]) -> SenseEmulator:
+        """Simulate effects together at some levels, and return an emulator that has them."""
+        assert self._simulate is not None
+        changed = copy(self)
+        changed.plain = self.plain.with_levels(levels, self._simulate(levels))
+        return changed
 
     @cached_property
     def reversed(self) -> BankEmulator:

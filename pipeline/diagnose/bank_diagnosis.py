@@ -11,7 +11,7 @@ The package brings the bank of the published clutch at the operating points of i
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,6 +23,7 @@ from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.flight_store import FlightStore
+from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.prediction.sense_bank import (
     SenseEmulator,
     forward_plan,
@@ -30,6 +31,7 @@ from dogshape.diagnosis.prediction.sense_bank import (
     reversed_plan,
 )
 from dogshape.pipeline.diagnose.held_shifts import held_shifts
+from dogshape.pipeline.diagnose.joint_simulation import JointSimulation
 from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
@@ -52,6 +54,7 @@ PLANAR = 0.003  #: s of processor time that a shift of the compiled engine takes
 SAME_TIME = 1e-6  #: relative difference below which neutral values change no shift time
 HELD = 0.5  #: share of a bank that may be lacking before another engine simulates all of it
 TIMES, FLIGHTS, SHIFTS = "bank.json", "flights.npz", "shifts.jsonl"
+TOGETHER = "together.json"  #: of the package, with times of effects together
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class Means:
     jobs : worker processes, 0 for one a core.
     progress : is told how far the simulations are.
     engine : of the bank; None for the one whose lacking shifts take less time.
+    patience : s to wait for another run that writes banks, before StorageError.
     """
 
     bank: Path = BANK
@@ -72,6 +76,7 @@ class Means:
     jobs: int = 0
     progress: Progress = SILENT
     engine: str | None = None
+    patience: float = 0.0
 
 
 def brought(name: str) -> Path:
@@ -91,14 +96,25 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     require_terms(bench, effects)
     _require_working(effects, bench, means)
     bench = with_bank_engine(bench, effects, means)
+    return diagnose_wider(by_banks(bench, means), effects)
+
+
+def by_banks(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
+    """Build a function that diagnoses a data set with effects of any ranges.
+
+    What effects were simulated together for one answer serves the next.
+    """
+    together: dict[Level, None] = {}
 
     def once(ranged: Mapping[str, Effect]) -> Diagnosis:
         emulator, flights = emulator_of(bench, ranged, means)
-        found = diagnose(bench, emulator, ranged)
+        known = [level for level in together if set(level.hypothesis) <= set(ranged)]
+        found = diagnose(bench, emulator.with_levels(known) if known else emulator, ranged)
+        together.update(dict.fromkeys(found.together))
         flights.save()
         return found
 
-    return diagnose_wider(once, effects)
+    return once
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:
@@ -148,7 +164,18 @@ def emulator_of(
     """Build the emulator of a data set, and the flights that are to be saved afterwards."""
     flights = FlightStore((brought(FLIGHTS), means.bank / FLIGHTS))
     plain, turned = banks_of(bench, effects, means)
-    return SenseEmulator(BankEmulator(plain, flights), turned), flights
+    simulate = _joint(bench, effects, plain, means)
+    return SenseEmulator(BankEmulator(plain, flights), turned, simulate), flights
+
+
+def _joint(
+    bench: Bench, effects: Mapping[str, Effect], bank: Bank, means: Means
+) -> JointSimulation | None:
+    """Build what simulates effects together; None for an engine that takes minutes for that."""
+    if bench.clutch.solver.engine != "planar":
+        return None
+    (plan, _), _ = plans_of(bench, effects)
+    return JointSimulation(plan, bank, brought(TOGETHER), means.bank, means.jobs, means.progress)
 
 
 def bank_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Bank:
@@ -199,7 +226,7 @@ def banks_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> tuple
     plans = plans_of(bench, effects)
     with suppress(_Lacking):
         return _made(_store(means), plans, _none)
-    with writing(means.bank):
+    with writing(means.bank, means.patience):
         store = _store(means)  # another run may have written since
         lacking = store.missing(blocks_by_key(plans).values())
         if not lacking:

@@ -259,6 +259,13 @@ class ReadingRow(Section):
     probability: float = key("posterior probability", SHARE)
 
 
+class TogetherRow(Section):
+    """Effects that were simulated together, because they may be the cause together."""
+
+    effects: list[str] = key("names")
+    levels: int = key("numbers of values at which they were")
+
+
 class RangeEndRow(Section):
     """A size at the end of the range held possible before, and what was done about it."""
 
@@ -332,6 +339,11 @@ class InferenceRecord(Section):
     bounds: dict[str, BoundRow] = key("bound of each effect on its own")
     facts: list[FactRow] = key("facts from readings at rest")
     sensitivity: dict[str, list[ReadingRow]] = key("answers under other priors and counts")
+    together: list[TogetherRow] | None = key(
+        "effects that were simulated together for this diagnosis; absent in earlier versions",
+        "",
+        None,
+    )
     range_ends: list[RangeEndRow] | None = key(
         "sizes of the leading hypothesis at the end of their range; absent in earlier versions",
         "",

@@ -29,6 +29,7 @@ from dogshape.pipeline.store import journal as journals
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
+from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.writers import writing
 from tests.made_up import Quick, few_cells
@@ -172,10 +173,10 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     @contextmanager
-    def late(folder: Path) -> Iterator[None]:
+    def late(folder: Path, patience: float) -> Iterator[None]:
         monkeypatch.setattr(bank_diagnosis, "writing", writing)
         _banks(tmp_path, _bench())
-        with writing(folder):
+        with writing(folder, patience):
             yield
 
     monkeypatch.setattr(bank_diagnosis, "writing", late)
@@ -183,6 +184,26 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     done, quick.done = quick.done, 0
     assert _same(_banks(tmp_path / "alone", _bench()), found)
     assert quick.done == done
+
+
+def test_a_patient_run_waits_for_a_folder_and_another_says_that_it_is_in_use(
+    tmp_path: Path,
+) -> None:
+    order: list[str] = []
+
+    def wait() -> None:
+        with writing(tmp_path, 30.0):
+            order.append("second")
+
+    with writing(tmp_path):
+        with pytest.raises(StorageError, match="is in use by another run"), writing(tmp_path):
+            order.append("never")
+        other = threading.Thread(target=wait)
+        other.start()
+        time.sleep(0.3)
+        order.append("first")
+    other.join(timeout=10.0)
+    assert order == ["first", "second"]
 
 
 def test_a_row_that_another_process_writes_meanwhile_stays(

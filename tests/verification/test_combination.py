@@ -50,6 +50,11 @@ def _reach(ratio: float) -> Emulated:
     return Emulated((ratio * BASE)[None], every, np.zeros(1), np.zeros(1), nothing)
 
 
+def _changes(pair: tuple[str, str], one: float, two: float) -> dict[str, np.ndarray]:
+    """Return changes of the logarithm of the mean at both operating points."""
+    return {name: np.full((2, 1), np.log(r)) for name, r in zip(pair, (one, two), strict=True)}
+
+
 @pytest.mark.parametrize(("how", "share"), [("sum", 1.0), ("product", 0.0)])
 @pytest.mark.parametrize(("one", "two"), [(1.1, 1.2), (1.5, 1.8), (1.3, 3.0)])
 def test_a_simulated_pair_tells_how_its_effects_combine(
@@ -59,26 +64,26 @@ def test_a_simulated_pair_tells_how_its_effects_combine(
     blend = found.pairs[PAIR]
     assert blend.share == pytest.approx(share, abs=0.03)
     assert blend.own < 0.16
-    base, alone = _reach(1.0), {PAIR[0]: _reach(one), PAIR[1]: _reach(two)}
-    missed = found.missed(base, alone, 1)
-    both = together(base, list(alone.values()), [np.zeros(1)] * 2)
-    mean = np.exp(log_mean(both) + missed.moved)
+    base, alone = _reach(1.0), [_reach(one), _reach(two)]
+    missed = found.missed(PAIR, _changes(PAIR, one, two))
+    both = together(base, alone, [np.zeros(1)] * 2)
+    mean = np.exp(log_mean(both) + missed.moved[1])
     assert mean == pytest.approx(_pair(one, two, how).mean(), rel=0.005)
     # Of the share nobody knows more than the error says, at strengths that were not simulated.
     d = basis(np.log([one]), np.log([two]))
-    assert abs(missed.common) == pytest.approx(blend.error * abs(d))
+    assert abs(missed.common[0]) == pytest.approx(blend.error * abs(d))
     assert blend.error >= 0.3
 
 
 def test_what_was_not_simulated_has_the_spread_of_what_was() -> None:
     found = Interactions.of(_bank("sum"))
-    base, alone = _reach(1.0), {"a": _reach(1.5), "b": _reach(1.8)}
-    missed = found.missed(base, alone, 1)
+    changes = _changes(("a", "b"), 1.5, 1.8)
+    missed = found.missed(("a", "b"), changes)
     assert found.any.share[0] == pytest.approx(1.0, abs=0.05)
-    assert missed.moved == pytest.approx(np.log(2.3 / 2.7), abs=0.02)
+    assert missed.moved[0] == pytest.approx(np.log(2.3 / 2.7), abs=0.02)
     none = Interactions.of(_without_pairs(_bank("sum")))
     assert (none.any.share[0], none.any.error) == BLEND
-    assert none.missed(base, alone, 0).own > 0.2 * np.log(1.5)
+    assert (none.missed(("a", "b"), changes).own > 0.2 * np.log(1.5)).all()
 
 
 def test_changes_that_undo_each_other_leave_some_time() -> None:

@@ -156,7 +156,7 @@ def test_angles_in_the_slots_take_the_wait_away(bench: Bench, emulator: BankEmul
 
 def test_pairs_hold_within_their_errors(bench: Bench, emulator: BankEmulator) -> None:
     pair = ("moving_mass", "sleeve_friction")
-    assert emulator.interactions.pairs[pair].own < 0.5
+    assert emulator.combination.interactions.pairs[pair].own < 0.5
     values = np.hstack([_drawn("moving_mass", 40), _drawn("sleeve_friction", 40)[::-1]])
     scores = []
     for cell in range(len(CELLS)):

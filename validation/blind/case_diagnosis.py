@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
+from dogshape.diagnosis.diagnosis import diagnose, diagnose_wider
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import FlightEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.diagnosis.settings import Rules, Settings
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, by_banks, emulator_of, with_bank_engine
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.validation.blind import sealed
@@ -22,6 +22,7 @@ from dogshape.validation.blind.engine_gap import RULES, Moved, engines_apart
 from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import read_stand
 
+PATIENCE = 600.0  #: s to wait for the bank that another case has to complete
 ENGINES = "engines.json"  #: beside blind cases
 LATER = ("later_s", "reversed_later_s")  #: its keys: with the sense of the table, and reversed
 
@@ -33,10 +34,10 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     differ by without any effect is known; it is measured with the first case of a set. Sets that
     MuJoCo did not make have no such column.
     """
-    means, effects = Means(jobs=jobs), load(None)
+    means, effects = Means(jobs=jobs, patience=PATIENCE), load(None)
     bench = with_bank_engine(load_bench(folder), effects, means)
     bare, flights = emulator_of(bench, effects, means)
-    told = diagnose_wider(_by_bank(bench, means), effects).as_dict()
+    told = diagnose_wider(by_banks(bench, means), effects).as_dict()
     found = {**told, "plain": plain(bench, bare, effects)}
     if sealed.manifest_of(folder.parent.parent).get("engine", "mujoco") == "mujoco":
         emulator = Moved(bare, *_engines_apart(folder, bare))
@@ -50,22 +51,10 @@ def seen_by(folder: Path, jobs: int = 0) -> Seen:
 
     The bank of simulations is made where there is none.
     """
-    means, effects = Means(jobs=jobs), load(None)
+    means, effects = Means(jobs=jobs, patience=PATIENCE), load(None)
     bench = with_bank_engine(load_bench(folder), effects, means)
     emulator, _ = emulator_of(bench, effects, means)
     return Seen(emulator, effects, settings_of(bench))
-
-
-def _by_bank(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
-    """Build a function that diagnoses a case with effects of any ranges."""
-
-    def once(effects: Mapping[str, Effect]) -> Diagnosis:
-        emulator, flights = emulator_of(bench, effects, means)
-        found = diagnose(bench, emulator, effects)
-        flights.save()
-        return found
-
-    return once
 
 
 def _with_plain(

@@ -1,0 +1,128 @@
+r"""Phase by which the rings turn until the first touch, as effects change it.
+
+The phase is :math:`\phi = \Omega \tau / p`, with the mismatch :math:`\Omega`, the duration
+:math:`\tau` of the flight and the pitch *p*. The flight (``diagnosis.prediction.flight``) meets
+neither contact nor relative angle, so it is simulated at a grid of an effect's values, with splines
+between. Changes by several effects add up.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dogshape.diagnosis.prediction.flight import changes_flight, touch_time
+from dogshape.diagnosis.prediction.flight_table import (
+    filled,
+    shares_below,
+    spline_weights,
+    summed,
+)
+from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
+
+NODES = {1: 17, 2: 9}  #: along each parameter of an effect, by their number
+MANY = 5  #: along each of more than two
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Changes by one effect at the nodes of its parameters, at C operating points.
+
+    ``times`` of the flight in s and ``speeds`` in rad/s, (n1, n2, ..., C) each.
+    """
+
+    effect: Effect
+    nodes: tuple[Array, ...]
+    times: Array
+    speeds: Array
+
+    def at(self, values: Array) -> tuple[Array, Array]:
+        """Return the changes at values (m, p), (C, m) each."""
+        columns = zip(self.effect.parameters, self.nodes, strict=True)
+        smooth = [
+            spline_weights(nodes, shares_below(p, values[:, k]), 3)
+            for k, (p, nodes) in enumerate(columns)
+        ]
+        if not smooth:
+            ones = np.ones((len(values), 1))
+            return (ones * self.times).T, (ones * self.speeds).T
+        return summed(smooth, self.times).T, summed(smooth, self.speeds).T
+
+
+class TouchPhases:
+    """Phases at the first touch, in pitches; a flight is simulated at the first use."""
+
+    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
+        self.effects, self.settings = effects, tuple(settings)
+        self._pitch = np.array([one.clutch.dog.pitch_angle for one in settings])
+        self._speed = np.array([one.point.mismatch for one in settings])
+        self._grids: dict[str, _Grid] = {}
+        self._flights: dict[tuple[ForceProfile, object], float] = {}
+
+    @cached_property
+    def _time(self) -> Array:
+        """Duration of the flight without any effect, s, (C,)."""
+        return np.array([self._touch(one) for one in self.settings])
+
+    def of(self, setting: Setting) -> float:
+        """Compute the phase of a bench at one operating point."""
+        turned = setting.point.mismatch * self._touch(setting)
+        return turned / setting.clutch.dog.pitch_angle
+
+    def at(self, parts: Mapping[str, Array], count: int) -> Array:
+        """Predict the phases where effects have values (m, p) by name, (C, m).
+
+        ``count`` is m.
+        """
+        time = np.tile(self._time[:, None], count)
+        speed = np.tile(self._speed[:, None], count)
+        for name, values in parts.items():
+            later, faster = self._grid(name).at(values)
+            time, speed = time + later, speed + faster
+        phases: Array = time * speed / self._pitch[:, None]
+        return phases
+
+    def _touch(self, setting: Setting) -> float:
+        key = setting.point.profile, (setting.clutch.dog.axial_gap, setting.clutch.rings.mass,
+                                      setting.clutch.mechanism)  # fmt: skip
+        if key not in self._flights:
+            self._flights[key] = touch_time(setting)
+        return self._flights[key]
+
+    def _grid(self, name: str) -> _Grid:
+        if name not in self._grids:
+            self._grids[name] = self._flown(self.effects[name])
+        return self._grids[name]
+
+    def _flown(self, effect: Effect) -> _Grid:
+        """Let the ring fly with an effect at all nodes."""
+        sizes = [NODES.get(len(effect.parameters), MANY)] * len(effect.parameters)
+        nodes = tuple(np.linspace(0.0, 1.0, size) for size in sizes)
+        rows = [
+            [self._changed(effect, shares, cell) for cell in range(len(self.settings))]
+            for shares in itertools.product(*nodes)
+        ]
+        times, speeds = np.moveaxis(filled(np.array(rows).reshape(*sizes, -1, 2)), -1, 0)
+        return _Grid(effect, nodes, times, speeds)
+
+    def _changed(self, effect: Effect, shares: Sequence[float], cell: int) -> tuple[float, float]:
+        """Compute the changes of a flight's time and of the speed; NaN where no such bench is."""
+        setting = self.settings[cell]
+        pairs = zip(effect.parameters, shares, strict=True)
+        level = Level((effect.name,), tuple(p.at(float(s)) for p, s in pairs))
+        try:
+            changed = level.setting({effect.name: effect}, setting)
+        except DogshapeError:
+            return np.nan, np.nan
+        moves = changes_flight(setting, changed)
+        time = self._touch(changed) - self._time[cell] if moves else 0.0
+        return time, changed.point.mismatch - setting.point.mismatch
