@@ -238,6 +238,7 @@ OTHERS: dict[str, dict[str, str]] = {
             "Hypotheses",
             "Likelihood (`diagnosis/likelihood/cell_likelihood.py`)",
             "Evidence (`diagnosis/inference/evidence.py`)",
+            "Effects together (`diagnosis/inference/joint_refinement.py`)",
             "Classes and bounds",
             "Sizes at the end of their range (`diagnosis/inference/range_ends.py`)",
             "Decision (`diagnosis/inference/verdict.py`)",
