@@ -6,7 +6,7 @@ What ``studies/bench/bank.json`` lacks is taken from ``bank.json`` or the journa
 simulated there by the compiled engine; then the file is written again with what the plans of the
 published data sets and their diagnoses ask for and nothing else. From nothing it takes 88 000
 shifts, some minutes. So do the flights of every effect, and of each with friction of the sleeve, in
-``flights.npz``.
+``flights.npz``. ``together.json`` has the effects that these diagnoses have simulated together.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
     FLIGHTS,
     TIMES,
+    TOGETHER,
     Means,
     banks_of,
     blocks_by_key,
@@ -37,6 +38,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
     diagnosed,
     plans_of,
 )
+from dogshape.pipeline.diagnose.joint_simulation import FOLDER
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 
@@ -81,6 +83,7 @@ def main() -> None:
     brought(FLIGHTS).write_bytes((given.bank / BUNDLED).read_bytes())
     # Where a size of a published set lies at the end of its range, its diagnosis wants more levels.
     wider = given.bank / WIDER
+    brought(TOGETHER).unlink(missing_ok=True)  # what an earlier answer asked for
     for name in SETS:
         diagnosed(load_bench(name), Means(bank=wider, jobs=given.jobs, progress=ProgressBar()))
     flights.take(wider / FLIGHTS)
@@ -88,7 +91,11 @@ def main() -> None:
     brought(FLIGHTS).write_bytes((given.bank / BUNDLED).read_bytes())
     keys += BankStore((wider / TIMES,)).series
     BankStore((brought(TIMES), wider / TIMES)).save(brought(TIMES), dict.fromkeys(keys))
+    # And what it has simulated together, in a file of its own: it goes with the answer.
+    together = BankStore(sorted((wider / FOLDER).glob("*.json")))
+    together.save(brought(TOGETHER), sorted(together.series))
     print(f"{brought(TIMES)}: {len(dict.fromkeys(keys))} series")
+    print(f"{brought(TOGETHER)}: {len(together.series)} series")
 
 
 if __name__ == "__main__":

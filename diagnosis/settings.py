@@ -373,7 +373,7 @@ class Decision:
     together: int = constant(
         6, "levels", "at which effects are simulated together in a round", "judged", "cost"
     )
-    rounds: int = constant(4, "rounds", "of simulating effects together, at most", "judged", "cost")
+    rounds: int = constant(3, "rounds", "of simulating effects together, at most", "judged", "cost")
     rounds_each: int = constant(2, "rounds", "the same of one set of effects", "judged", "cost")
     simpler: int = constant(
         3,

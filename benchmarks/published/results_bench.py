@@ -36,7 +36,7 @@ def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
     return lambda: _share(numbers(table, label), first)
 
 
-WITH_MASS = ("actuation_delay", "drag_torque", "moving_mass")
+WITH_RISE = ("actuation_delay", "actuation_lag", "drag_torque")
 
 
 def _reversed(effect: str, name: str) -> Callable[[], Sequence[float]]:
@@ -52,23 +52,25 @@ def _reversed(effect: str, name: str) -> Callable[[], Sequence[float]]:
 
 
 def _thirds() -> list[float]:
-    """Give the probabilities of lag, mass, detent and friction as the third effect, percent."""
-    names = ("actuation_lag", "moving_mass", "detent_force", "sleeve_friction")
+    """Give probabilities of mass, damping, friction, lag and detent as the third, percent."""
+    names = (
+        "moving_mass", "viscous_damping", "sleeve_friction", "actuation_lag", "detent_force"
+    )  # fmt: skip
     return [PERCENT * gap("stand")["inclusion"][name] for name in names]
 
 
 def _other_delays() -> list[float]:
     """Give the least and the largest mean dead time beside the other thirds, in ms."""
-    thirds = ("moving_mass", "detent_force", "sleeve_friction")
+    thirds = ("actuation_lag", "viscous_damping", "detent_force", "sleeve_friction")
     each = [sorted(("actuation_delay", "drag_torque", third)) for third in thirds]
     means = [MS * hypothesis("stand", one)["parameters"]["delay_s"]["mean"] for one in each]
     return [min(means), max(means)]
 
 
 def _given_compliance() -> list[float]:
-    """Give the probabilities of lag and friction with the linkage in the simulation, percent."""
+    """Give the probabilities of thirds with the linkage in the simulation, percent."""
     rows = gap("stand")["sensitivity"]["given_compliance_mm_kN"]
-    names = ("actuation_lag", "sleeve_friction")
+    names = ("sleeve_friction", "moving_mass", "actuation_lag", "viscous_damping")
     return [PERCENT * sum(r["probability"] for r in rows if n in r["effects"]) for n in names]
 
 
@@ -78,9 +80,9 @@ def _linkage() -> list[float]:
     return [found["low"], found["high"]]
 
 
-def _widened_lag() -> list[float]:
-    """Give the end of the range of the slow rise, and that after widening, s."""
-    found = next(one for one in gap("stand")["range_ends"] if one["parameter"] == "lag_s")
+def _widened_mass() -> list[float]:
+    """Give the end of the range of the mass, and that after widening, kg."""
+    found = next(one for one in gap("stand")["range_ends"] if one["parameter"] == "added_mass_kg")
     return [found["end"], found["moved"]]
 
 
@@ -126,34 +128,30 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "{:.0f} ms ({:.0f} to {:.0f}) beside a slow rise,",
+        "{:.0f} ms ({:.0f} to {:.0f}) beside a mass,",
         on_stand(STAND_TOP, "delay_s", MS),
     ),
-    Entry(PAGE, "rise, {:.0f} to {:.0f} ms beside the other thirds", _other_delays),
+    Entry(PAGE, "mass, {:.0f} to {:.0f} ms beside the other thirds", _other_delays),
     Entry(PAGE, "| {:.1f} N m ({:.1f} to {:.1f}),", on_stand(STAND_TOP, "drag_Nm")),
-    Entry(PAGE, "constant {:.2f} s ({:.2f} to {:.2f}):", on_stand(STAND_TOP, "lag_s")),
-    Entry(PAGE, "end of its range, {:.2f} s, which is widened to {:.1f} s", _widened_lag),
+    Entry(PAGE, "constant {:.2f} s ({:.2f} to {:.2f}):", on_stand(WITH_RISE, "lag_s")),
+    Entry(PAGE, "end of its range, {:.0f} kg, which is widened to {:.0f} kg", _widened_mass),
     Entry(
         PAGE,
-        "Now {:.0f} ms are left there, and {:.0f} ms with the mass",
+        "Now {:.0f} ms are left there, and {:.0f} ms with the damping",
         lambda: [
             MS * gap("stand")["gap"][name] for name in ("heldout_rmse_s", "rival_heldout_rmse_s")
         ],
     ),
-    Entry(PAGE, "linkage, {:.1f} kg ({:.1f} to {:.1f}):", on_stand(WITH_MASS, "added_mass_kg")),
+    Entry(PAGE, "linkage, {:.1f} kg ({:.1f} to {:.1f}):", on_stand(STAND_TOP, "added_mass_kg")),
     Entry(
         PAGE,
-        "): {:.0f} %; mass of actuator",
-        lambda: _thirds()[:1],
+        "): {:.0f} %; oil damping: {:.0f} %; dry friction of the ring: {:.0f} %; a force that",
+        lambda: _thirds()[:3],
     ),
+    Entry(PAGE, "): {:.0f} %; a detent: {:.0f} % |", lambda: _thirds()[3:]),
     Entry(
         PAGE,
-        "): {:.0f} %; a detent: {:.0f} %; dry friction of the ring: {:.0f} % |",
-        lambda: _thirds()[1:],
-    ),
-    Entry(
-        PAGE,
-        "never saw | {:.0f} ms, where chance alone would leave {:.0f} ms; with the mass instead "
+        "never saw | {:.0f} ms, where chance alone would leave {:.0f} ms; with damping instead "
         "{:.0f} ms |",
         lambda: [
             MS * gap("stand")["gap"][name]
@@ -171,7 +169,12 @@ ENTRIES: list[Entry] = [
         _reversed("actuation_delay", "delay_s"),
     ),
     Entry(PAGE, "(p = {:.2f}).", lambda: [hypothesis("stand", STAND_TOP)["predictive_p"]]),
-    Entry(PAGE, "slow rise ({:.0f} %), friction ({:.0f} %),", _given_compliance),
+    Entry(
+        PAGE,
+        "is then friction ({:.0f} %), mass ({:.0f} %), a slow rise ({:.0f} %) or damping "
+        "({:.0f} %)",
+        _given_compliance,
+    ),
     Entry(PAGE, "linkage of {:.1f} to {:.1f} mm/kN at the sleeve", _linkage),
     Entry(
         PAGE,

@@ -92,7 +92,7 @@ def gain(name: str) -> list[float]:
 
 
 SPAN = "{:.0f} % ({:.0f} to {:.0f})"
-STAND_TOP = ("actuation_delay", "actuation_lag", "drag_torque")
+STAND_TOP = ("actuation_delay", "drag_torque", "moving_mass")
 
 
 def hypothesis(bench: str, effects: Sequence[str]) -> Any:

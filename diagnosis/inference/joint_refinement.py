@@ -24,6 +24,7 @@ from dogshape.diagnosis.settings import Decision
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWS = 96  #: from which the levels of a round are chosen
+GRID = 128  #: steps of a prior on which they lie
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,10 @@ def refined(
         asked: dict[Hypothesis, list[Level]] = {}
         for h in near:
             acting = emulator.acting(h)
-            if counts.get(acting, 0) < limits.rounds_each and acting not in asked:
-                counts[acting] = counts.get(acting, 0) + 1
+            # What an answer before had simulated counts too, so that the next takes no longer.
+            counts.setdefault(acting, emulator.joint_levels(acting) // limits.together)
+            if counts[acting] < limits.rounds_each and acting not in asked:
+                counts[acting] += 1
                 asked[acting] = _levels(found[h], acting, limits.together)
             if len(asked) == limits.near_pairs:
                 break
@@ -118,16 +121,19 @@ def _error(one: Scored) -> float:
 def _levels(one: Scored, acting: Hypothesis, count: int) -> list[Level]:
     """Choose values of the acting effects that the data favour, far from each other.
 
-    The first is the likeliest, each next the draw of the posterior farthest from all before.
+    The first is the likeliest, each next the draw of the posterior farthest from all before. They
+    lie on a grid of the priors, so that the last digits of a posterior ask for no other shifts.
     """
+    parameters = [p for name in acting for p in one.space.parameters_of(name)]
     columns = [k for name in acting for k in _columns(one, name)]
-    weights = one.weights()
+    best = int(one.weights().argmax())
     drawn = one.draw(DRAWS, np.random.default_rng(len(one.log_prior)))
-    places = np.unique(np.concatenate([[int(weights.argmax())], drawn]))
-    shares = one.rows.shares[places][:, columns]
-    first = int(np.flatnonzero(places == int(weights.argmax()))[0])
-    values = one.space.values(one.rows.shares[places])[:, columns]
-    return [Level(acting, tuple(values[k].tolist())) for k in _far(shares, first, count)]
+    shares = np.round(GRID * one.rows.shares[[best, *drawn]]) / GRID
+    places = shares[one.space.possible(one.space.values(shares))][:, columns]
+    return [
+        Level(acting, tuple(p.at(float(s)) for p, s in zip(parameters, places[k], strict=True)))
+        for k in _far(places, 0, count)
+    ]
 
 
 def _columns(one: Scored, name: str) -> range:
@@ -137,6 +143,8 @@ def _columns(one: Scored, name: str) -> range:
 
 def _far(places: Array, first: int, count: int) -> list[int]:
     """Choose up to ``count`` places (m, d), each farthest from those before it."""
+    if not len(places):
+        return []
     chosen = [first]
     near = np.linalg.norm(places - places[first], axis=1)
     while len(chosen) < min(count, len(places)):

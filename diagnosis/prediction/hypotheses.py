@@ -64,6 +64,10 @@ class Space:
             start += len(effect.parameters)
         raise KeyError(name)
 
+    def parameters_of(self, name: str) -> tuple[Parameter, ...]:
+        """Find the parameters of an effect."""
+        return self.parameters[self.columns(name)]
+
     def possible(self, values: Array) -> np.ndarray:
         """Mark the values (m, p) that give a bench, (m,)."""
         result = np.ones(len(values), dtype=bool)

@@ -102,7 +102,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 def by_banks(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
     """Build a function that diagnoses a data set with effects of any ranges.
 
-    What effects were simulated together for one answer serves the next.
+    What effects were simulated together for one answer serves the next, which lists it too.
     """
     together: dict[Level, None] = {}
 
@@ -110,9 +110,10 @@ def by_banks(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Dia
         emulator, flights = emulator_of(bench, ranged, means)
         known = [level for level in together if set(level.hypothesis) <= set(ranged)]
         found = diagnose(bench, emulator.with_levels(known) if known else emulator, ranged)
-        together.update(dict.fromkeys(found.together))
+        every = tuple(dict.fromkeys((*known, *found.together)))
+        together.update(dict.fromkeys(every))
         flights.save()
-        return found
+        return replace(found, together=every)
 
     return once
 

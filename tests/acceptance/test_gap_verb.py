@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def test_what_is_left_of_the_stand_was_not_fitted(stand: dict[str, Any]) -> None
     assert 0.12 < gap["baseline_rmse_s"] < 0.15
     assert gap["floor_rmse_s"] < gap["heldout_rmse_s"] < 0.3 * gap["baseline_rmse_s"]
     assert gap["shrink"] > 0.8
-    assert gap["rival_heldout_rmse_s"] > gap["heldout_rmse_s"]
+    # Points that were not fitted do not tell the open thirds apart.
+    assert gap["rival_shrink"] == pytest.approx(gap["shrink"], abs=0.05)
 
 
 def test_cells_of_which_nothing_is_known_have_no_gap(stand: dict[str, Any]) -> None:
@@ -100,11 +102,19 @@ def test_the_stand_becomes_a_study_with_its_dead_time_and_its_drag(
             keys = {key: value for key, value in row.items() if key.startswith("effects.")}
             drawn = load_study(tmp_path / "stand.toml", keys)
             assert drawn.actuation.delay == pytest.approx(row["effects.actuation_delay"])
-    # The gearbox has a fork of its own: a rival that is another mass is not drawn.
+    # The gearbox has a fork of its own, whose mass gives way to the one that leads.
     gearbox = calibrated_study(found, tmp_path / "gearbox.toml", "mq200", draws=20)
-    assert gearbox.study.mechanism["added_mass_kg"] == 0.3
-    assert any("mass of actuator" in remark and "not drawn" in remark for remark in gearbox.remarks)
-    assert all("moving_mass" not in row["hypothesis"] for row in gearbox.draws)
+    mass = sizes["added_mass_kg"].mean
+    assert gearbox.study.mechanism["added_mass_kg"] == pytest.approx(mass, rel=1e-4)
+    # Led another third, that mass would be a rival, and not be drawn.
+    damped = ("actuation_delay", "drag_torque", "viscous_damping")
+    swapped = {damped: found.leading, found.leading: damped}
+    posterior = {swapped.get(h, h): p for h, p in found.posterior.items()}
+    led = replace(found, leading=damped, posterior=posterior)
+    other = calibrated_study(led, tmp_path / "gearbox.toml", "mq200", draws=20)
+    assert other.study.mechanism["added_mass_kg"] == 0.3
+    assert any("mass of actuator" in remark and "not drawn" in remark for remark in other.remarks)
+    assert all("moving_mass" not in row["hypothesis"] for row in other.draws)
 
 
 def test_a_plan_for_the_stand_says_what_no_shift_can_show(tmp_path: Path) -> None:

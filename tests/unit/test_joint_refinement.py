@@ -119,6 +119,21 @@ def test_places_are_chosen_far_from_each_other() -> None:
     line = np.array([[0.5], [0.51], [0.0], [1.0], [0.49]])
     assert joint_refinement._far(line, 0, 3) == [0, 2, 3]
     assert joint_refinement._far(line[[0, 0]], 0, 3) == [0]
+    assert joint_refinement._far(line[:0], 0, 3) == []
+
+
+def test_levels_are_the_same_for_other_last_digits(found: Diagnosis) -> None:
+    """Else another machine's last digits would ask for other shifts than the package brings."""
+    one = found.scored[PAIR]
+    other = replace(one, rows=replace(one.rows, shares=one.rows.shares * (1.0 + 1e-9)))
+    levels = [joint_refinement._levels(each, PAIR, 6) for each in (one, other)]
+    assert levels[0] == levels[1]
+    for level in levels[0]:
+        shares = [
+            p.share(v) * joint_refinement.GRID
+            for p, v in zip(one.space.parameters, level.values, strict=True)
+        ]
+        assert shares == pytest.approx(np.round(shares), abs=1e-6)
 
 
 def _odds(found: Diagnosis, hypothesis: Hypothesis) -> float:
