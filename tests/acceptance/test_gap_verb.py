@@ -12,9 +12,11 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.prediction.bank import both
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import calibrated_study
+from dogshape.pipeline.reports.gap.gap_page import write_page
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -49,6 +51,20 @@ def test_the_stand_has_a_dead_time_and_a_drag_and_something_that_is_open(
     # Its open third effects act before the first touch, which traces show.
     assert stand["next_test"]["name"].startswith("traces of 10 shifts at ")
     assert stand["next_test"]["misleads"] < 0.05
+
+
+def test_record_and_page_list_what_was_simulated_together(
+    found: Diagnosis, stand: dict[str, Any], tmp_path: Path
+) -> None:
+    """Drag with each open third, which the answer rests on."""
+    told = {tuple(one["effects"]): one["levels"] for one in stand["together"]}
+    for third in ("moving_mass", "viscous_damping", "sleeve_friction"):
+        assert told[both("drag_torque", third)] >= 6
+    write_page(found, tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    count = told["drag_torque", "moving_mass"]
+    drag, mass = (found.effects[name].plain for name in ("drag_torque", "moving_mass"))
+    assert f"{drag} with {mass} at {count} values" in page
 
 
 def test_what_is_said_of_the_stand_is_said_for_either_sense(stand: dict[str, Any]) -> None:

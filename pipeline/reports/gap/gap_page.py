@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -225,6 +226,16 @@ def _so_what(given: SoWhat) -> Row:
     return {"rows": rows, "regret": ms(given.regret_s), "sentence": given.sentence}
 
 
+def _together(found: Diagnosis) -> str:
+    """List the effects that were simulated together for this diagnosis."""
+    counts = Counter(level.hypothesis for level in found.together)
+    every = (
+        f"{' with '.join(found.effects[name].plain for name in h)} at {count} values"
+        for h, count in counts.items()
+    )
+    return ", ".join(every)
+
+
 def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
     """List the facts on data set and run."""
     bench = found.bench
@@ -245,6 +256,7 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
             f"{effect.plain} ({name})" for name, effect in found.effects.items()
         ),
         "hypotheses": f"{len(found.posterior)}: {listed}, no effect, and no known effect",
+        "simulated together": _together(found),
         **extras.provenance,
     }
     return {label(key).replace("_", " "): words for key, words in given.items() if words}
