@@ -73,7 +73,7 @@ def main() -> None:
     beyond = np.mean(np.abs(scores) > 2.0)
     print(f"root mean square {np.sqrt(np.mean(np.square(scores))):.2f}, {beyond:.0%} beyond two")
     _pairs(bank)
-    for pair, blend in emulator.interactions.pairs.items():
+    for pair, blend in emulator.combination.interactions.pairs.items():
         print(f"{' + '.join(pair):38s} w {blend.share.mean():5.2f} +- {blend.error:.2f}")
 
 
