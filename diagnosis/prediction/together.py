@@ -33,9 +33,7 @@ from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 STATED = 0.03  #: least error of a combination that joint levels correct, of ln time
-CLOSE = (
-    0.25  #: of a prior: nearer to its neutral value an effect combines with less error than that
-)
+CLOSE = 0.25  #: distance from a neutral value below which a combination errs less
 
 
 @dataclass(frozen=True)
