@@ -18,7 +18,7 @@ from typing import Any
 
 from dogshape.validation.blind.case_diagnosis import diagnose_folder
 from dogshape.validation.blind.field_score import CLEAR, LISTED, field_mark
-from dogshape.validation.blind.sealed import pool
+from dogshape.validation.blind.sealed import pool, read, write
 
 Record = dict[str, Any]
 
@@ -31,7 +31,7 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(LISTED))
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
-    key = json.loads((given.folder / "key.json").read_text(encoding="utf-8"))
+    key = read(given.folder / "key.json", "bring the key")
     kinds = given.kinds.split(",")
     every = key["cases"].items()
     names = [n for n, c in every if c["kind"] in kinds and _clear(c, given.least)]
@@ -69,8 +69,8 @@ def _clear(case: Mapping[str, Any], least: float) -> bool:
 def _diagnosed(folder: Path, name: str) -> Record:
     path = folder / "again" / f"{name}.json"
     if not path.exists():
-        path.write_text(json.dumps(diagnose_folder(folder / "cases" / name, 1)), encoding="utf-8")
-    return dict(json.loads(path.read_text(encoding="utf-8")))
+        write(path, json.dumps(diagnose_folder(folder / "cases" / name, 1)))
+    return read(path, "remove it and run again")
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.angle_profiles import AngleProfiles
-from dogshape.diagnosis.prediction.bank import Bank, blocks_at, times_of
+from dogshape.diagnosis.prediction.bank import Bank, times_at, times_of
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.prediction.outliers import bulk
@@ -36,7 +36,8 @@ from dogshape.sim.effects import load
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.shift_records import Record
 
 ANGLES = 48  #: of what is simulated directly
 ABOUT = 0.15  #: of each prior, standard deviation of joint levels about the values
@@ -88,10 +89,10 @@ def _likeness(emulator: BankEmulator) -> None:
     """Print how like times of levels are to the baseline's, angle by angle."""
     print("correlation with the baseline's times, median over levels and operating points")
     print("                         at the first touch   at the start of the force")
-    laid = emulator.profiles
+    ways = emulator.profiles, _at_start(emulator)
     for name in NAMES:
         levels = emulator.bank.of((name,))
-        touch, start = (_correlations(one, levels) for one in (laid, _at_start(emulator)))
+        touch, start = (_correlations(one, levels) for one in ways)
         if np.abs(touch - start).max() > LITTLE:
             print(f"{name:24s} {np.median(touch):18.2f} {np.median(start):27.2f}")
 
@@ -160,22 +161,15 @@ def _possible(bank: Bank, level: Level) -> bool:
 
 
 def _times(bank: Bank, levels: Sequence[Level]) -> Array:
-    plan = forward_plan(EFFECTS)
-    return np.array(
-        [
-            [
-                times_of(level.setting(EFFECTS, setting), list(run_block(block)))
-                for setting, block in zip(
-                    bank.settings, blocks_at(plan, bank.settings, level), strict=True
-                )
-            ]
-            for level in levels
-        ]
-    )
+    return times_at(forward_plan(EFFECTS), bank.settings, levels, _run)
+
+
+def _run(blocks: Sequence[Block]) -> list[list[Record]]:
+    return [list(run_block(block)) for block in blocks]
 
 
 def _missed(emulator: BankEmulator, level: Level) -> Array:
-    """Return what is missed of the mean, of the plain mean time and of the stated error."""
+    """Compare emulated means with direct shifts: misses over plain mean time and stated error."""
     hypothesis = tuple(sorted(level.hypothesis))
     values = np.array([_in_order(level, hypothesis)])
     shares, scores = [], []

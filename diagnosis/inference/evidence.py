@@ -10,7 +10,7 @@ sample size gives the error. ``validation.nested_sampling`` is a second computat
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from scipy.stats import qmc
 
 from dogshape.diagnosis.likelihood.cell_likelihood import log_sum
 from dogshape.diagnosis.likelihood.scores import IMPOSSIBLE, Problem, Rows, Scored, score
-from dogshape.diagnosis.prediction.hypotheses import Space
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.prediction.hypotheses import Space, log_odds
+from dogshape.diagnosis.terms import Array, Hypothesis
 
 FIRST = {1: 8, 2: 4}  #: boxes along a side at the start
 TOLERANCE = 0.003  #: share of the evidence that a halving may still change
@@ -79,6 +79,21 @@ def evidence(
         found = normalised(sampled(at, size, best))
     parts = found.rows, found.log_prior, found.log_evidence, found.error
     return Scored(space, *parts, ends=at(outside(size)))
+
+
+def scored_in_turn(
+    problem: Problem, spaces: Iterable[Space], best: float = -np.inf
+) -> dict[Hypothesis, Scored]:
+    """Compute evidences in turn, so that what is hopeless beside the best is left early.
+
+    ``best`` is the largest log evidence, with the prior over that of none.
+    """
+    found: dict[Hypothesis, Scored] = {}
+    for space in spaces:
+        prior = log_odds(space.hypothesis, problem.settings.priors)
+        found[space.hypothesis] = evidence(problem, space, best - prior)
+        best = max(best, found[space.hypothesis].log_evidence + prior)
+    return found
 
 
 def by_quadrature(space: Space) -> bool:

@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.inference.evidence import scored_in_turn
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.prediction.hypotheses import log_odds
 from dogshape.diagnosis.prediction.levels import Level
@@ -76,10 +76,7 @@ def refined(
         problem = replace(problem, emulator=emulator)
         changed = [h for h in found if any(set(some) <= set(emulator.acting(h)) for some in asked)]
         best = max(_value(problem, one) for h, one in found.items() if h not in changed)
-        for h in changed:
-            prior = log_odds(h, problem.settings.priors)
-            found[h] = evidence(problem, found[h].space, best - prior)
-            best = max(best, _value(problem, found[h]))
+        found |= scored_in_turn(problem, [found[h].space for h in changed], best)
     return Refined(problem, found, tuple(every))
 
 

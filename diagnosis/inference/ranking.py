@@ -14,7 +14,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.sense import REVERSED, forward
-from dogshape.diagnosis.inference.evidence import evidence
+from dogshape.diagnosis.inference.evidence import scored_in_turn
 from dogshape.diagnosis.inference.joint_refinement import refined
 from dogshape.diagnosis.inference.posterior import (
     Folding,
@@ -31,7 +31,6 @@ from dogshape.diagnosis.likelihood.signature import Metric, metric_of
 from dogshape.diagnosis.prediction.hypotheses import (
     NONE,
     UNKNOWN,
-    Space,
     log_odds,
     spaces_for,
     spaces_of,
@@ -96,7 +95,7 @@ def rank(
     """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
     setting, free = setting_of(bench), unknown(problem, bench)
     priors = problem.settings.priors
-    scored = _scored(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
+    scored = scored_in_turn(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
     found = refined(problem, scored)
     problem, scored = found.problem, found.scored
     first = replace(_ranked(problem, scored, free), together=found.levels)
@@ -106,7 +105,7 @@ def rank(
         return first
     threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
     best = max(one.log_evidence + log_odds(h, priors) for h, one in scored.items())
-    every = {**scored, **_scored(problem, threes, best)}
+    every = {**scored, **scored_in_turn(problem, threes, best)}
     more = refined(problem, every, [space.hypothesis for space in threes])
     whole = _ranked(more.problem, more.scored, free, first)
     return replace(whole, together=(*found.levels, *more.levels))
@@ -198,21 +197,6 @@ def plausible_fits(
 def _alike(one: Scored, other: Scored) -> bool:
     """Test that two scores have the same rows and weights, whatever the evidence."""
     return one.rows is other.rows and one.log_prior is other.log_prior
-
-
-def _scored(
-    problem: Problem, spaces: Sequence[Space], best: float = -np.inf
-) -> dict[Hypothesis, Scored]:
-    """Return evidences in turn, so that what is hopeless beside the best is left early.
-
-    ``best`` is the largest log evidence, with the prior over that of none.
-    """
-    found: dict[Hypothesis, Scored] = {}
-    for space in spaces:
-        prior = log_odds(space.hypothesis, problem.settings.priors)
-        found[space.hypothesis] = evidence(problem, space, best - prior)
-        best = max(best, found[space.hypothesis].log_evidence + prior)
-    return found
 
 
 def _ranked(

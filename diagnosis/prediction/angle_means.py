@@ -115,8 +115,8 @@ def binned(times: Array, count: int, weights: Array | None = None) -> Array:
     mass = given[:, ended]
     mass = mass / mass.sum(axis=1, keepdims=True)
     edges = np.linspace(0.0, 1.0, count + 1)
-    sums = _from_zero(mass * times[ended])
-    found = [np.interp(edges, *both) for both in zip(_from_zero(mass), sums, strict=True)]
+    sums = from_zero(mass * times[ended])
+    found = [np.interp(edges, *both) for both in zip(from_zero(mass), sums, strict=True)]
     return np.diff(np.array(found), axis=1) * count
 
 
@@ -125,5 +125,6 @@ def engaged_count(times: Array) -> tuple[Array, Array]:
     return np.isfinite(times).sum(axis=-1).astype(float), (~np.isnan(times)).sum(axis=-1) * 1.0
 
 
-def _from_zero(values: Array) -> Array:
+def from_zero(values: Array) -> Array:
+    """Sum rows (m, n) up from zero, (m, n + 1)."""
     return np.concatenate([np.zeros((len(values), 1)), np.cumsum(values, axis=1)], axis=1)

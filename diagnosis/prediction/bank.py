@@ -175,6 +175,16 @@ def blocks_at(plan: Plan, settings: Sequence[Setting], level: Level) -> list[Blo
     ]
 
 
+def times_at(
+    plan: Plan, settings: Sequence[Setting], levels: Sequence[Level], run: Runner
+) -> Array:
+    """Simulate further levels at all operating points by ``run``: times, s, (L, C, n)."""
+    blocks = [block for level in levels for block in blocks_at(plan, settings, level)]
+    rows = iter(run(blocks))
+    changed = _changed(plan, levels, settings)
+    return np.array([[times_of(one, next(rows)) for one in level] for level in changed])
+
+
 def _changed(
     plan: Plan, levels: Iterable[Level], settings: Sequence[Setting]
 ) -> Iterator[list[Setting]]:

@@ -15,7 +15,13 @@ from itertools import combinations
 import numpy as np
 from scipy.special import expit, logit
 
-from dogshape.diagnosis.prediction.angle_means import binned, engaged_mean, even_variance, residuals
+from dogshape.diagnosis.prediction.angle_means import (
+    binned,
+    engaged_count,
+    engaged_mean,
+    even_variance,
+    residuals,
+)
 from dogshape.diagnosis.prediction.angle_profiles import AngleProfiles, Profiles
 from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.combination import (
@@ -100,11 +106,11 @@ class Combination:
             if joint is None:
                 common, own = common + law.common, own + law.own**2
                 continue
-            stated = self._stated(alone, pair)
+            stated = self._stated(alone, changes, pair)
             weights[pair], left = joint.levels.weights(_places(alone, pair), stated)
             own = own + left
         for several in (s for s in joints if len(s) > 2):
-            stated = self._stated(alone, several)
+            stated = self._stated(alone, changes, several)
             weights[several], own = joints[several].levels.weights(_places(alone, several), stated)
             common = np.zeros_like(common)
         whole = replace(
@@ -121,12 +127,14 @@ class Combination:
         start = log_mean(self.base)
         return {name: log_mean(one.emulated) - start for name, one in alone.items()}
 
-    def _stated(self, alone: Mapping[str, Alone], some: Hypothesis) -> Array:
+    def _stated(
+        self, alone: Mapping[str, Alone], changes: Mapping[str, Array], some: Hypothesis
+    ) -> Array:
         """Compute the error that some effects' combination has before joint levels, (C, m).
 
         That of the laws of pairs, at least ``STATED``; nothing where an effect is neutral.
         """
-        changes, least = self._changes(alone), np.full((1, 1), STATED)
+        least = np.full((1, 1), STATED)
         for name in some:
             apart = np.abs(alone[name].places - alone[name].neutral[:, None]).max(axis=-1)
             least = least * np.minimum(1.0, apart / CLOSE)
@@ -156,7 +164,7 @@ class Combination:
         times = bulk(self.bank.times[list(places)]).transpose(1, 0, 2)
         levels = JointLevels(
             _places(alone, some),
-            self._stated(alone, some),
+            self._stated(alone, self._changes(alone), some),
             np.log(engaged_mean(times)) - log_mean(combined),
             np.sqrt(even_variance(residuals(times))) + LEAST,
             np.concatenate([self.fits[name].curves.lengths for name in some]),
@@ -198,8 +206,8 @@ def _places(alone: Mapping[str, Alone], some: Hypothesis) -> Array:
 
 def _rest(whole: Array, times: Array, combined: Emulated) -> tuple[Array, Array]:
     """Return residuals of odds to engage (C, L) and of logarithms of shapes (C, L, q)."""
-    known = (~np.isnan(whole)).sum(axis=-1).T
-    share = (np.isfinite(whole).sum(axis=-1).T + 0.5) / (known + 1.0)
+    engaged, known = (one.T for one in engaged_count(whole))
+    share = (engaged + 0.5) / (known + 1.0)
     expected = (combined.engaged * known + 0.5) / (known + 1.0)
     count = combined.times.shape[-1]
     shapes = np.array([[binned(t, count)[0] for t in mine] for mine in times])

@@ -8,13 +8,12 @@ seconds, so a run that is stopped loses one at most.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
-from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_at, times_of
+from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_at, times_at
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.terms import Array
@@ -46,16 +45,13 @@ class JointSimulation:
     folder: Path
     jobs: int
     progress: Progress
-    _store: BankStore | None = field(default=None, init=False, repr=False)
 
-    @property
+    @cached_property
     def store(self) -> BankStore:
         """Times of the bank's clutch at its operating points."""
-        if self._store is None:
-            first = [series_key(block) for block in blocks_at(self.plan, self.bank.settings, BARE)]
-            name = content_key({"baseline": first})
-            self._store = BankStore((self.brought, self.folder / FOLDER / f"{name}.json"))
-        return self._store
+        first = [series_key(block) for block in blocks_at(self.plan, self.bank.settings, BARE)]
+        name = content_key({"baseline": first})
+        return BankStore((self.brought, self.folder / FOLDER / f"{name}.json"))
 
     def __call__(self, levels: Sequence[Level]) -> Array:
         """Return the times of levels at all operating points, s, (L, C, n)."""
@@ -65,14 +61,8 @@ class JointSimulation:
         if left:
             names = dict.fromkeys(" with ".join(level.hypothesis) for level in levels)
             self.progress.say(f"{left} shifts of effects together: {', '.join(names)}")
-        rows = iter(self.store.times(every, self._run))
-        named = self.plan.named
-        return np.array(
-            [
-                [times_of(level.setting(named, one), next(rows)) for one in self.bank.settings]
-                for level in levels
-            ]
-        )
+        run = partial(self.store.times, run=self._run)
+        return times_at(self.plan, self.bank.settings, levels, run)
 
     def _run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         with TemporaryDirectory(prefix="dogshape-") as folder:

@@ -249,7 +249,7 @@ class Told:
 
 
 def narrow_then_proposed(more: list[tuple[float, float]], proposals: int) -> Array:
-    """Return what is proposed after a narrow front and others behind it, (n, 2)."""
+    """Propose designs after a narrow front and others behind it, (n, 2)."""
     guide = Told()
     study = optuna.create_study(
         directions=["minimize"] * 2, sampler=SurrogateSampler(guide, 1, 3, FEW)

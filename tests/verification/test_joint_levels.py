@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_at, collect, settings_of, times_of
+from dogshape.diagnosis.prediction.bank import Bank, Plan, collect, settings_of, times_at
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.joint_levels import JointLevels
 from dogshape.diagnosis.prediction.levels import Level
@@ -63,17 +63,7 @@ def _levels(some: tuple[str, ...], count: int, seed: int) -> list[Level]:
 
 
 def _times(bank: Bank, levels: list[Level]) -> Array:
-    return np.array(
-        [
-            [
-                times_of(level.setting(EFFECTS, setting), rows)
-                for setting, rows in zip(
-                    bank.settings, _bound(blocks_at(PLAN, bank.settings, level)), strict=True
-                )
-            ]
-            for level in levels
-        ]
-    )
+    return times_at(PLAN, bank.settings, levels, _bound)
 
 
 def _scores(emulator: BankEmulator, bench: Bench, levels: list[Level]) -> tuple[Array, Array]:
