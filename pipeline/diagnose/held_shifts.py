@@ -13,8 +13,8 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from dogshape.sim.statistics.shift_records import Record, content_key
-from dogshape.sim.versions import engine
+from dogshape.diagnosis.prediction.bank_store import key_from
+from dogshape.sim.statistics.shift_records import Record
 
 ANGLE = "relative_angle_deg"
 LAST = "outcome"  #: key of a row before which its inputs stand
@@ -25,7 +25,7 @@ def held_shifts(rows: Iterable[Record], series: Mapping[str, Mapping[str, Any]])
     """List the keys of shifts that ``series`` of a file of banks have, without the baselines'."""
     held: set[str] = set()
     for mine in _gathered(rows):
-        found = series.get(_series_key(mine))
+        found = series.get(key_from(mine[0]["key"], len(mine)))
         if found is not None and "numerics" not in found and _even(mine):
             held.update(row["key"] for row in mine)
     return held
@@ -48,11 +48,6 @@ def _bare(row: Record) -> list[tuple[str, Any]]:
 
 def _angle(row: Record) -> float:
     return float(row[ANGLE])
-
-
-def _series_key(rows: Sequence[Record]) -> str:
-    """Return the key that ``bank_store.series_key`` gives a block of these shifts."""
-    return content_key({"first": rows[0]["key"], "n": len(rows), **engine()})
 
 
 def _even(rows: Sequence[Record]) -> bool:
