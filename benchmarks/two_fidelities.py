@@ -56,6 +56,7 @@ from dogshape.pipeline.train.two_level_rows import (
     pair_blocks,
     pairs_of,
     row_blocks,
+    row_designs,
     times_of,
     two_level_data,
 )
@@ -82,7 +83,6 @@ HEAD = (
 )
 DRAWS = 1000  #: of the errors of references
 FEW_DESIGNS = 40  #: with which ways to correct are compared
-ROWS = 250  #: designs with operating points of their own; a fit has twice as many
 REFERENCE_ERROR = 0.003  #: relative standard error of the expected time of a reference
 SEED = 20  #: of designs, angles and references: no form or number was chosen by these
 POINTS = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0]}
@@ -233,7 +233,7 @@ def simulate(study: Setup, folder: StudyFolder) -> dict[str, float]:
 
     ``learnt`` is that of all that is learnt from, with Drake's ``pairs``.
     """
-    designs, kept = first_designs(study, study.file.surrogate.designs), folder.root / "seconds.json"
+    designs, kept = row_designs(study), folder.root / "seconds.json"
     made = [0]
 
     def count(shifts: int) -> None:
@@ -355,11 +355,10 @@ def _say_discrepancy(found: Discrepancy) -> None:
 
 
 def study_of(clutch: str, contact: str) -> Setup:
-    """Return the study of a clutch: denser references than a fit makes, and fewer rows."""
+    """Return the study of a clutch: denser references than a fit makes."""
     more: dict[str, object] = {
         "name": f"two_fidelities-{clutch}-{contact}",
         "contact.set": contact,
-        "surrogate.designs": ROWS,
         "surrogate.reference_error": REFERENCE_ERROR,
         "surrogate.seed": SEED,
     }

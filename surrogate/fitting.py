@@ -7,6 +7,8 @@ a random part of them and the data from all.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -70,6 +72,14 @@ class PointKernel(Kernel):  # type: ignore[misc]
         return False
 
 
+@contextmanager
+def bounds_unsaid() -> Iterator[None]:
+    """Leave out the warning of a length scale at its bound: its coordinate does not matter."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        yield
+
+
 def fit_process(
     terms: tuple[Term, ...],
     designs: int,
@@ -91,9 +101,7 @@ def fit_process(
     regressor = GaussianProcessRegressor(
         PointKernel(covariance, bounds), alpha=noise[few], optimizer=partial(_minimum, effort.steps)
     )
-    with warnings.catch_warnings():
-        # A length scale at its bound only says that a coordinate does not matter.
-        warnings.simplefilter("ignore", ConvergenceWarning)
+    with bounds_unsaid():
         regressor.fit(inputs[few], targets[few] - targets.mean())
     return Process(regressor.kernel_.covariance, inputs, targets, noise)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,7 @@ import numpy as np
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.fitting import Effort, fit_process
+from dogshape.surrogate.fitting import Effort, bounds_unsaid, fit_process
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.mix_times import TERMS, MixTimes
 from dogshape.surrogate.model import MIN_DESIGNS
@@ -45,7 +47,10 @@ def _noise(found: Reference, mix: Mix) -> Array:
 
 
 def fitted(times: MixTimes, effort: Effort = EFFORT, *, points: bool = True) -> MixTimes:
-    """Fit the process of the mix and, with ``points``, one for each of its points."""
+    """Fit the process of the mix and, with ``points``, one for each of its points.
+
+    Those of the points are apart from each other, and share the cores.
+    """
     inputs, targets = times.inputs, times.logarithms
     count = inputs.shape[1]
 
@@ -56,5 +61,7 @@ def fitted(times: MixTimes, effort: Effort = EFFORT, *, points: bool = True) -> 
     first = process(0, None, effort)
     others = range(1, targets.shape[1] if points else 1)
     start = first.covariance.theta
-    each = [process(place, start, POINT_EFFORT) for place in others]
+    # Filters of warnings are one for all threads, so they are set around them.
+    with bounds_unsaid(), ThreadPoolExecutor(os.cpu_count()) as threads:
+        each = list(threads.map(lambda place: process(place, start, POINT_EFFORT), others))
     return replace(times, processes=(first, *each))

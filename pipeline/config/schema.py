@@ -333,7 +333,8 @@ class SurrogateSection(Section):
     gets all of the study's with ``reference_angles``, and more where the relative standard error
     of its expected time would exceed ``reference_error``.
 
-    In two levels ``mix_shifts`` more are of designs that have all of the study's operating points.
+    In two levels ``mix_shifts`` more are of designs that have all of the study's operating points,
+    and half of ``designs`` have points of their own.
     """
 
     designs: Annotated[int, Field(ge=10)] = 500

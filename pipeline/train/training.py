@@ -43,6 +43,7 @@ from dogshape.pipeline.train.two_level_rows import (
     compiled,
     pair_blocks,
     row_blocks,
+    row_designs,
     simulate_two_level_references,
     two_level_data,
     two_level_references,
@@ -146,11 +147,10 @@ def _require_shapes_alone(study: Setup) -> None:
 def _fill_in_two_levels(
     study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, progress: Progress
 ) -> None:
-    settings = study.file.surrogate
     connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)
-        designs = first_designs(study, settings.designs)
+        designs = row_designs(study)
         cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
         every, few = (sum(len(block.angles) for block in both) for both in (cheap, dear))
         every += count_of(study) * angles_of(study) * len(study.points)

@@ -28,7 +28,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import filling_blocks
+from dogshape.pipeline.train.filling import filling_blocks, first_designs
 from dogshape.pipeline.train.mix_rows import mix_rows
 from dogshape.pipeline.train.reference_designs import APART, simulate_references
 from dogshape.pipeline.train.training_rows import dataset_of, shifts_of, study_mix
@@ -37,6 +37,7 @@ from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import DIGITS, WHERE, Dataset
 from dogshape.surrogate.discrepancy import Pair, discrepancy_of
+from dogshape.surrogate.model import MIN_DESIGNS
 from dogshape.surrogate.references import Reference, reference_of
 
 PAIRS = 80  #: rows that Drake has, too
@@ -52,6 +53,15 @@ Times = dict[Place, dict[float, float]]  #: of shifts that engage, s, by relativ
 def compiled(study: Setup) -> Setup:
     """Return the same study in the compiled engine."""
     return replace(study, clutch=study.clutch.with_engine("planar"))
+
+
+def row_designs(study: Setup) -> list[dict[str, float]]:
+    """Return the designs with operating points of their own: half of those of one level.
+
+    Designs at all of the study's points say most about its expected time; these say how times run
+    from point to point.
+    """
+    return first_designs(study, max(MIN_DESIGNS, study.file.surrogate.designs // 2))
 
 
 def row_blocks(study: Setup, designs: Sequence[dict[str, float]]) -> list[Block]:

@@ -26,7 +26,7 @@ from tests.conftest import Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
 FEW = SETTINGS | {
-    "surrogate.designs": 12,
+    "surrogate.designs": 24,
     "surrogate.points": 2,
     "surrogate.angles": 3,
     "surrogate.references": 3,
