@@ -24,7 +24,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.angle_profiles import AngleProfiles
 from dogshape.diagnosis.prediction.bank import Bank, times_at, times_of
 from dogshape.diagnosis.prediction.emulator import BankEmulator
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, columns_of
 from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.prediction.sense_bank import forward_plan
 from dogshape.diagnosis.prediction.touch_phases import TouchPhases
@@ -192,12 +192,8 @@ def _missed(emulator: BankEmulator, level: Level) -> Array:
 
 def _in_order(level: Level, hypothesis: Sequence[str]) -> tuple[float, ...]:
     """Return the values effect by effect in another order of the effects."""
-    parts, start = {}, 0
-    for name in level.hypothesis:
-        count = len(EFFECTS[name].parameters)
-        parts[name] = level.values[start : start + count]
-        start += count
-    return tuple(value for name in hypothesis for value in parts[name])
+    columns = columns_of(level.hypothesis, EFFECTS)
+    return tuple(value for name in hypothesis for value in level.values[columns[name]])
 
 
 if __name__ == "__main__":

@@ -18,10 +18,10 @@ import numpy as np
 from dogshape.diagnosis.inference.evidence import scored_in_turn
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.prediction.hypotheses import log_odds
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, farthest
 from dogshape.diagnosis.prediction.prediction import SimulatingEmulator
 from dogshape.diagnosis.settings import Decision
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Hypothesis
 
 DRAWS = 96  #: from which the levels of a round are chosen
 GRID = 128  #: steps of a prior on which they lie
@@ -127,27 +127,13 @@ def _levels(one: Scored, acting: Hypothesis, count: int) -> list[Level]:
     drawn = one.draw(DRAWS, np.random.default_rng(len(one.log_prior)))
     shares = np.round(GRID * one.rows.shares[[best, *drawn]]) / GRID
     places = shares[one.space.possible(one.space.values(shares))][:, columns]
+    chosen = [0, *farthest(places, places[0], count - 1)] if len(places) else []
     return [
         Level(acting, tuple(p.at(float(s)) for p, s in zip(parameters, places[k], strict=True)))
-        for k in _far(places, 0, count)
+        for k in chosen
     ]
 
 
 def _columns(one: Scored, name: str) -> range:
     found = one.space.columns(name)
     return range(found.start, found.stop)
-
-
-def _far(places: Array, first: int, count: int) -> list[int]:
-    """Choose up to ``count`` places (m, d), each farthest from those before it."""
-    if not len(places):
-        return []
-    chosen = [first]
-    near = np.linalg.norm(places - places[first], axis=1)
-    while len(chosen) < min(count, len(places)):
-        far = int(near.argmax())
-        if near[far] == 0.0:
-            break
-        chosen.append(far)
-        near = np.minimum(near, np.linalg.norm(places - places[far], axis=1))
-    return chosen

@@ -23,7 +23,7 @@ from scipy.special import expit
 
 from dogshape.diagnosis.prediction.angle_means import engaged_mean, even_variance, residuals
 from dogshape.diagnosis.prediction.bank import Bank
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, columns_of
 from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.terms import Array, Hypothesis
 
@@ -212,8 +212,7 @@ def _shown(bank: Bank, checks: list[tuple[int, list[int]]]) -> _Shown:
 
 def _same(bank: Bank, level: Level, place: int) -> int | None:
     """Return the place of the level that has one effect of a pair alone, None without one."""
-    counts = [len(e.parameters) for n in level.hypothesis for e in bank.effects if e.name == n]
-    start = sum(counts[:place])
-    values = level.values[start : start + counts[place]]
-    alone = Level((level.hypothesis[place],), values)
+    name = level.hypothesis[place]
+    columns = columns_of(level.hypothesis, {effect.name: effect for effect in bank.effects})
+    alone = Level((name,), level.values[columns[name]])
     return bank.levels.index(alone) if alone in bank.levels else None

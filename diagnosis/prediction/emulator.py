@@ -39,7 +39,7 @@ from dogshape.diagnosis.prediction.combination import Emulated
 from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.diagnosis.prediction.flight_table import FlightTables
 from dogshape.diagnosis.prediction.level_fit import NONE, SHARES, Alone, fit_effect
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, columns_of
 from dogshape.diagnosis.prediction.outliers import (
     PRIOR,
     bulk,
@@ -158,17 +158,13 @@ class BankEmulator:
 
     def _parts(self, hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
         """Return the values of each effect, (m, p) each."""
-        parts, start = {}, 0
         for name in hypothesis:
             if name not in self.effects:
                 raise InputError(
                     f"the bank does not have the effect '{name}'; "
                     f"{did_you_mean(name, self.effects)}"
                 )
-            count = len(self.effects[name].parameters)
-            parts[name] = values[:, start : start + count]
-            start += count
-        return parts
+        return {n: values[:, mine] for n, mine in columns_of(hypothesis, self.effects).items()}
 
     @cached_property
     def _baseline(self) -> Emulated:

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.bench.sense import REVERSED, Sense, both_senses, forward
+from dogshape.diagnosis.prediction.levels import columns_of
 from dogshape.diagnosis.settings import USUAL, Priors
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
@@ -57,12 +58,7 @@ class Space:
 
     def columns(self, name: str) -> slice:
         """Find the columns of the parameters of an effect."""
-        start = 0
-        for effect in self.effects:
-            if effect.name == name:
-                return slice(start, start + len(effect.parameters))
-            start += len(effect.parameters)
-        raise KeyError(name)
+        return columns_of(self.hypothesis, {effect.name: effect for effect in self.effects})[name]
 
     def parameters_of(self, name: str) -> tuple[Parameter, ...]:
         """Find the parameters of an effect."""

@@ -41,12 +41,22 @@ class Level:
 
     def setting(self, effects: Mapping[str, Effect], baseline: Setting) -> Setting:
         """Return the bench with these effects; InputError where there is none such."""
-        setting, left = baseline, list(self.values)
-        for name in self.hypothesis:
+        setting = baseline
+        for name, columns in columns_of(self.hypothesis, effects).items():
             names = [parameter.name for parameter in effects[name].parameters]
-            mine, left = left[: len(names)], left[len(names) :]
-            setting = effects[name].apply(setting, dict(zip(names, mine, strict=True)))
+            setting = effects[name].apply(
+                setting, dict(zip(names, self.values[columns], strict=True))
+            )
         return setting
+
+
+def columns_of(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> dict[str, slice]:
+    """Find the columns of each effect's parameters among a hypothesis' values, effect by effect."""
+    found, start = {}, 0
+    for name in hypothesis:
+        found[name] = slice(start, start + len(effects[name].parameters))
+        start = found[name].stop
+    return found
 
 
 def only_read(effect: Effect, setting: Setting) -> bool:
@@ -115,12 +125,20 @@ def _plane(effect: Effect, setting: Setting, count: int) -> list[tuple[float, ..
     ]
     real = [v for v in found if effect.possible(setting, dict(zip(names, v, strict=True)))]
     axes = Axes.of(effect, setting)
-    places, taken, chosen = axes.at(np.array(real)), axes.neutral[None], []
-    for _ in range(min(count, len(real))):
-        far = np.linalg.norm(places[:, None] - taken, axis=2).min(axis=1)
-        best = int(np.argmax(far))
-        taken = np.concatenate([taken, places[best][None]])
-        chosen.append(real[best])
+    return [real[k] for k in farthest(axes.at(np.array(real)), axes.neutral, count)]
+
+
+def farthest(places: Array, begin: Array, count: int) -> list[int]:
+    """Choose up to ``count`` places (m, d), each farthest from ``begin`` (d,) and all before.
+
+    None is chosen where another already lies.
+    """
+    chosen = list[int]()
+    near = np.linalg.norm(places - begin, axis=1)
+    while len(chosen) < count and near.any():
+        far = int(near.argmax())
+        chosen.append(far)
+        near = np.minimum(near, np.linalg.norm(places - places[far], axis=1))
     return chosen
 
 

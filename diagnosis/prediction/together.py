@@ -34,7 +34,7 @@ from dogshape.diagnosis.prediction.combination import (
 )
 from dogshape.diagnosis.prediction.joint_levels import JointLevels
 from dogshape.diagnosis.prediction.level_fit import Alone, Fit
-from dogshape.diagnosis.prediction.levels import TOGETHER
+from dogshape.diagnosis.prediction.levels import TOGETHER, columns_of
 from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.terms import Array, Hypothesis
 
@@ -152,11 +152,8 @@ class Combination:
 
     def _compared(self, some: Hypothesis, places: tuple[int, ...]) -> _Joint:
         values = np.array([self.bank.levels[k].values for k in places])
-        alone, start = {}, 0
-        for name in some:
-            count = len(self.fits[name].effect.parameters)
-            alone[name] = self.fits[name].at(values[:, start : start + count])
-            start += count
+        columns = columns_of(some, {name: self.fits[name].effect for name in some})
+        alone = {name: self.fits[name].at(values[:, mine]) for name, mine in columns.items()}
         smaller = [s for n in range(2, len(some)) for s in combinations(some, n)]
         known = {s: found for s in smaller if (found := self._joint(s))}
         without = self._combined(alone, known)

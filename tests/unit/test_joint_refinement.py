@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference import joint_refinement
 from dogshape.diagnosis.prediction.hypotheses import log_odds
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, farthest
 from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -117,9 +117,9 @@ def test_an_emulator_that_cannot_simulate_is_taken_as_it_is() -> None:
 
 def test_places_are_chosen_far_from_each_other() -> None:
     line = np.array([[0.5], [0.51], [0.0], [1.0], [0.49]])
-    assert joint_refinement._far(line, 0, 3) == [0, 2, 3]
-    assert joint_refinement._far(line[[0, 0]], 0, 3) == [0]
-    assert joint_refinement._far(line[:0], 0, 3) == []
+    assert farthest(line, line[0], 2) == [2, 3]
+    assert farthest(line[[0, 0]], line[0], 2) == []
+    assert farthest(line[:0], line[0], 2) == []
 
 
 def test_levels_are_the_same_for_other_last_digits(found: Diagnosis) -> None:
