@@ -89,3 +89,22 @@ def test_the_api_page_has_every_public_name() -> None:
         r"^::: dogshape\.(\w+)$", _texts(ROOT / "docs/api/dogshape.md"), re.MULTILINE
     )
     assert sorted(listed) == sorted(dogshape.__all__)
+
+
+KEPT = sorted(
+    path
+    for folder in ("docs/evidence", "studies")
+    for path in (ROOT / folder).rglob("*")
+    if path.suffix in {".json", ".txt", ".csv", ".toml"}
+)
+MACHINE = re.compile(r"(?<![\w.:/])/(?:tmp|home|root|work|usr|var|opt)/")
+
+
+@pytest.mark.parametrize("kept", KEPT, ids=lambda p: str(p.relative_to(ROOT)))
+def test_what_is_kept_names_no_place_of_a_machine(kept: Path) -> None:
+    assert not MACHINE.search(kept.read_text(encoding="utf-8"))
+
+
+def test_a_place_of_a_machine_is_found() -> None:
+    assert MACHINE.search('"report": "/tmp/gap/report.html"')
+    assert not MACHINE.search("https://example.org/usr/share, results/tmp/gap")
