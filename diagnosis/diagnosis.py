@@ -47,7 +47,7 @@ from dogshape.diagnosis.prediction.levels import Level
 from dogshape.diagnosis.prediction.prediction import Emulator
 from dogshape.diagnosis.report.influence_words import influence_in_words
 from dogshape.diagnosis.report.wording import Found, headline, in_words
-from dogshape.diagnosis.settings import USUAL, Decision, Settings
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
@@ -367,14 +367,14 @@ def diagnose(
 def diagnose_wider(
     once: Callable[[Mapping[str, Effect]], Diagnosis],
     effects: Mapping[str, Effect],
-    limits: Decision = USUAL.decision,
+    settings: Settings = USUAL,
 ) -> Diagnosis:
     """Diagnose by ``once``, again with wider ranges where sizes lie at the end of theirs.
 
-    ``once`` takes effects with the ranges of their priors; ``limits`` say how often and how far
-    those are widened (``diagnosis.inference.range_ends``).
+    ``once`` takes effects with the ranges of their priors; ``settings`` say how often and how
+    far those are widened (``diagnosis.inference.range_ends``).
     """
-    found, ends = diagnosed_wider(once, lambda one: (one.leading, one.scored), effects, limits)
+    found, ends = diagnosed_wider(once, lambda one: (one.leading, one.scored), effects, settings)
     return replace(found, range_ends=ends)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.likelihood.scores import Scored
 from dogshape.diagnosis.prediction.hypotheses import NONE, log_odds
-from dogshape.diagnosis.settings import Decision
+from dogshape.diagnosis.settings import Decision, Settings
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
@@ -127,7 +127,7 @@ def diagnosed_wider(
     once: Callable[[Effects], Found],
     scored: Callable[[Found], tuple[Hypothesis, Mapping[Hypothesis, Scored]]],
     effects: Effects,
-    limits: Decision,
+    settings: Settings,
 ) -> tuple[Found, tuple[RangeEnd, ...]]:
     """Diagnose, and again with wider ranges while sizes lie at an end of theirs.
 
@@ -136,9 +136,10 @@ def diagnosed_wider(
     once : diagnoses with some effects.
     scored : gives the leading hypothesis of that, and all with their evidence.
     effects : with the ranges to begin with.
-    limits : ``end_share``, ``end_mass``, ``wider``, ``widenings``, ``shown``, ``simpler`` and
-        ``plausible`` count.
+    settings : of the decision ``end_share``, ``end_mass``, ``wider``, ``widenings``, ``shown``,
+        ``simpler`` and ``plausible`` count; of the priors the probabilities of effects.
     """
+    limits = settings.decision
     found, told, held = once(effects), list[RangeEnd](), set[str]()
     for _ in range(limits.widenings):
         leading, every = scored(found)
@@ -151,7 +152,7 @@ def diagnosed_wider(
                 continue
             tried, those = widened(wider, one, setting, limits.wider)
             held.add(name)
-            if _matches(once, scored, (name, tried), every[leading], limits):
+            if _matches(once, scored, (name, tried), every[leading], settings):
                 wider, done = tried, (*done, *those)
         told += done
         if all(one.remedy == "bound" for one in done):
@@ -182,7 +183,7 @@ def _matches(
     scored: Callable[[Found], tuple[Hypothesis, Mapping[Hypothesis, Scored]]],
     tried: tuple[str, Effects],
     leading: Scored,
-    limits: Decision,
+    settings: Settings,
 ) -> bool:
     """Test that a single effect with its wider range is plausible beside the leading hypothesis.
 
@@ -190,6 +191,7 @@ def _matches(
     """
     name, effects = tried
     every = scored(once({n: effects[n] for n in (name, REVERSED) if n in effects}))[1]
-    best = max(one.log_evidence + log_odds(h) for h, one in every.items() if name in h)
-    mark = leading.log_evidence + log_odds(leading.space.hypothesis)
-    return best > mark + math.log(limits.plausible)
+    priors = settings.priors
+    best = max(one.log_evidence + log_odds(h, priors) for h, one in every.items() if name in h)
+    mark = leading.log_evidence + log_odds(leading.space.hypothesis, priors)
+    return best > mark + math.log(settings.decision.plausible)

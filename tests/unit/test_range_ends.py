@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
 from dogshape.diagnosis.inference.range_ends import RangeEnd, range_ends, widened
 from dogshape.diagnosis.report.wording import range_sentence
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.sim.effect import Effect, Parameter
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
@@ -87,10 +87,13 @@ def test_a_single_effect_beyond_its_range_beats_two_within_theirs() -> None:
     said = found.as_dict()["summary"]
     assert "Alone, some effects would explain more beyond their range, which was widened" in said
     assert "added mass" in said
-    without = replace(LIMITS, simpler=0)
+    without = Settings(decision=replace(LIMITS, simpler=0))
     assert diagnose_wider(once, effects, without).leading == pair[0]
-    certain = replace(LIMITS, plausible=1e9)  # no single effect is so much more probable
+    # No single effect is so much more probable.
+    certain = Settings(decision=replace(LIMITS, plausible=1e9))
     assert diagnose_wider(once, effects, certain).leading == pair[0]
+    never = Settings(priors=replace(USUAL.priors, included={"moving_mass": 1e-200}))
+    assert diagnose_wider(once, effects, never).leading == pair[0]
 
 
 def test_a_truth_within_the_range_widens_nothing() -> None:
