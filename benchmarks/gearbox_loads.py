@@ -61,9 +61,10 @@ def told(found: Strength) -> str:
 
 
 def loads(found: Strength) -> list[str]:
-    """Write in words the sizes of the further loads of a design."""
+    """Write in words the sizes of the further loads of a design, without what every row has."""
     pull = [c.value for c in found.design.checks if c.name == "pull_out_force"]
-    return [*found.said, *(f"pulled out with {value:.0f} N" for value in pull)]
+    sizes = [words for words in found.said if not words.startswith("landing:")]
+    return [*sizes, *(f"pulled out with {value:.0f} N" for value in pull)]
 
 
 def main() -> None:
