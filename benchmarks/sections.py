@@ -38,16 +38,24 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"below\s0\.01 ms", "a bound on numerical_error_s, rounded up"),
             (r"20 000 shifts", "size of the bundled data: 500 designs, 5 points, 8 angles"),
             (r"\(0\.12\)|\(5 kN\)|\(1\.5 mm\)", "keys of the study file"),
-            (r"rejected 14 designs", "trials of result.json that fail the landing"),
+            (r"63\.6 ± 0\.5 ms and 6\.0 mm", "the row before, in the history of result.json"),
         ),
         "Under other contact": (
             (r"vouches for 0\.12", "a key of the study file"),
+            (
+                r"10\.63°, 6\.89° and 24\.50°, 2\.485 mm",
+                "the chosen design before, in the history of result.json",
+            ),
             (r"25 designs over", "size of the table"),
             (r"one of its 168 shifts", "lost ones of the table, 28 points at six angles"),
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
         "Other bundled studies": (
-            (r"60\.4 ± 3\.1 ms", "the row before, in the history of result.json"),
+            (
+                r"60\.4 ± 3\.1 ms|110 ± 4 ms at 7\.1 mm|75 ± 2 ms, 9\.3 mm and\s16\.1 ± 0\.5 kN",
+                "the row before, in the history of result.json",
+            ),
+            (r"one of 128 shifts", "not_engaged and shifts of its confirmation"),
         ),
         "Shift control searched with the shape": (
             (r"to 15 1/min|reach 1\.4 N s", "keys of its study file"),

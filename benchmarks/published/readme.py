@@ -75,12 +75,12 @@ ENTRIES: list[Entry] = [
     Entry(
         PAGE,
         "would need {:.0f} N to be pulled out",
-        lambda: numbers("gearbox_loads", "toothing 0.1:", "chosen (19)", "pulled out with"),
+        lambda: numbers("gearbox_loads", "toothing 0.1:", "chosen (31)", "pulled out with"),
     ),
     Entry(PAGE, "| slower by {:.0f} and {:.0f} ms at two points", slower),
     Entry(
         PAGE,
-        "smallest margin {:.1f} %, with worst tolerances {:.0f} %; it",
+        "smallest margin {:.1f} %, with worst tolerances {:.0f} %; its",
         lambda: [PERCENT * best_design()[key] for key in ("smallest_margin", "margin_worst_case")],
     ),
     Entry(

@@ -19,6 +19,7 @@ from benchmarks.published.sources import (
     replication,
     slower,
 )
+from dogshape.pipeline.reports.study.alternatives import landing_scatter
 
 PAGE = "docs/results.md"
 CONTROL, STANDARD = "mq200_actuation", "standard_error_s"
@@ -65,19 +66,55 @@ def _three_row() -> list[float]:
     return row
 
 
-def _of_31() -> list[float]:
-    told = trial("mq200_three", 31)["estimates"]
-    rows = {row["trial"]: row for row in result("mq200_three")["trials"]}
+def _gentle() -> list[float]:
+    """Give time, length and blow of the design that is better in all three objectives."""
+    told = trial("mq200_three", 17)["estimates"]
     time, force = told["expected_shift_time_s"], told["peak_impact_force_N"]
-    return [*_pair(time), rows[31]["axial_length_mm"], *_pair(force, 1e-3)]
+    return [*_pair(time), _searched("mq200_three", 17)["axial_length_mm"], *_pair(force, 1e-3)]
 
 
-def _behind() -> list[float]:
-    """Give how far the search has design 31 behind the chosen one, with the error of both."""
-    rows = {row["trial"]: row for row in result("mq200_three")["trials"]}
-    a, b = rows[31], rows[confirmed("mq200_three")["chosen"]]
-    error = math.hypot(a["standard_error_s"], b["standard_error_s"])
-    return [MS * (a["expected_shift_time_s"] - b["expected_shift_time_s"]), MS * error]
+def _harder() -> list[float]:
+    """Give by how much the blows of the design chosen of three objectives are harder, kN."""
+    found = confirmed("mq200_three")["gains"]["peak_impact_force_N"]
+    return [-1e-3 * found["value"], 1e-3 * found["standard_error"]]
+
+
+def _searched(name: str, number: int) -> Any:
+    """Give a design of a study as its search has it."""
+    return next(row for row in result(name)["trials"] if row["trial"] == number)
+
+
+def _later(found: Any) -> list[float]:
+    """Give by how much a design is slower than the paper's chosen one, with the error of both."""
+    best = confirmed("mq200_paper")["best"]
+    more = found["expected_shift_time_s"] - best["expected_shift_time_s"]
+    return [MS * more, MS * math.hypot(found[STANDARD], best[STANDARD])]
+
+
+def _beside() -> list[float]:
+    """Give how much shorter and slower the second design of the paper's front is."""
+    shorter = best_design()["axial_length_mm"] - _searched("mq200_paper", 40)["axial_length_mm"]
+    return [shorter, *_later(trial("mq200_paper", 40))]
+
+
+def _landing() -> list[float]:
+    """Give the margin of the hardest landing of the paper's choice, and what angles move it by."""
+    name = "edge_pressure_impact"
+    checks = {one["name"]: one["margin"] for one in confirmed("mq200_paper")["best"]["checks"]}
+    scatter = landing_scatter(result("mq200_paper"), name)
+    assert scatter is not None, name
+    return [PERCENT * checks[name], PERCENT * scatter * (1.0 - checks[name])]
+
+
+def _by_the_search(number: int) -> list[float]:
+    """Give time, error and length of a design of the paper's study as its search has them."""
+    row = _searched("mq200_paper", number)
+    return [MS * row["expected_shift_time_s"], MS * row[STANDARD], row["axial_length_mm"]]
+
+
+def _lets_go(number: int) -> float:
+    """Give the friction above which the traction flank of a design locks."""
+    return math.tan(math.radians(_searched("mq200_paper", number)["traction_deg"]))
 
 
 def _restitution(name: str) -> list[float]:
@@ -146,7 +183,7 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "smallest margin | {:.0f} % (root fatigue) | {:.1f} % (release",
+        "smallest margin | {:.0f} % (root fatigue) | {:.1f} % (contact",
         lambda: [
             PERCENT * row["smallest_margin"] for row in (prototype("mq200_paper"), best_design())
         ],
@@ -170,6 +207,11 @@ ENTRIES: list[Entry] = [
     Entry(PAGE, "slower than the prototype, by {:.0f} and {:.0f} ms.", slower),
     Entry(
         PAGE,
+        "Those of {:.1f} mm also sit",
+        lambda: [_searched("mq200_paper", 36)["axial_length_mm"]],
+    ),
+    Entry(
+        PAGE,
         "All took {:d} shifts: {:d} designs",
         lambda: [
             result("mq200_paper")["n_simulated_shifts"],
@@ -191,11 +233,20 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "They took {:.1f} to {:.1f} ms,",
-        lambda: [
-            f(MS * one["expected_shift_time_s"] for one in _failed("mq200_paper"))
-            for f in (min, max)
-        ],
+        "the choice is: its probability of the front is {:.0f} %, and design 40",
+        lambda: [PERCENT * best_design()["probability_on_front"]],
+    ),
+    Entry(PAGE, "is shorter by {:.2f} mm and slower by only {:.1f} ± {:.1f} ms.", _beside),
+    Entry(PAGE, "keeps a margin of {:.1f} %, which other angles move by {:.0f} %.", _landing),
+    Entry(
+        PAGE,
+        "tolerances {:.1f} % of its smallest margin are left.",
+        lambda: [PERCENT * best_design()["margin_root_sum_square"]],
+    ),
+    Entry(
+        PAGE,
+        "nothing as quick: {:.1f} ± {:.1f} ms at {:.1f} mm and {:.1f} ± {:.1f} ms at {:.1f} mm, by",
+        lambda: [*_by_the_search(36), *_by_the_search(46)],
     ),
     Entry(
         PAGE,
@@ -205,16 +256,21 @@ ENTRIES: list[Entry] = [
             result("mq200_paper")["replication"]["shifts"],
         ],
     ),
-    Entry(PAGE, "a fifth of the search's, leave {:d},", lambda: replication("mq200_paper")[3:4]),
+    Entry(
+        PAGE,
+        "a fifth of the search's, leave {:d}, with {:.1f} expected on the wrong side instead of "
+        "{:.1f}.",
+        lambda: [replication("mq200_paper")[k] for k in (3, 5, 4)],
+    ),
     Entry(PAGE, "In `mq200_robust` {:d} shifts leave", lambda: [replication("mq200_robust")[1]]),
     Entry(
         PAGE,
-        "with {:.1f} on the wrong side instead of {:.1f}.",
+        "unclear, with {:.1f} on the wrong side instead of {:.1f}.",
         lambda: replication("mq200_robust")[:3:-1],
     ),
     Entry(
         PAGE,
-        "the best design gains {:.1f} ± {:.1f} ms ({:.0f} %), with the design set {:.1f} ± "
+        "that design gains {:.1f} ± {:.1f} ms ({:.0f} %), with the design set {:.1f} ± "
         "{:.1f} ms ({:.0f} %); with a friction a third lower {:.1f} ± {:.1f} ms ({:.0f} %), a "
         "third higher {:.1f} ± {:.1f} ms ({:.0f} %).",
         lambda: [
@@ -247,6 +303,12 @@ ENTRIES: list[Entry] = [
         "above a friction of {:.3f} it would",
         lambda: numbers("contact_sets", "friction above", "chosen (19)"),
     ),
+    Entry(PAGE, "same traction flank: above {:.3f} it", lambda: [_lets_go(31)]),
+    Entry(
+        PAGE,
+        "up to {:.3f}, for {:.1f} ± {:.1f} ms more, not confirmed",
+        lambda: [_lets_go(36), *_later(_searched("mq200_paper", 36))],
+    ),
     Entry(
         PAGE,
         "other angles alone leave Kendall's tau at {:.2f}, and",
@@ -268,7 +330,7 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "leads for the paper still gains {:.0f} to {:.0f} % under each",
+        "front before, still gains {:.0f} to {:.0f} % under each",
         lambda: [f(numbers("ranking", name)[3] for name in RANKED) for f in (min, max)],
     ),
     Entry(
@@ -284,30 +346,10 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "{:.0f} ms slower, lets go up to {:.3f} and gains at least {:.0f} %",
+        "design 43 lets go up to {:.3f} and gains at least {:.0f} %",
         lambda: [
-            MS
-            * (
-                trial("mq200_paper", 43)["expected_shift_time_s"]
-                - confirmed("mq200_paper")["best"]["expected_shift_time_s"]
-            ),
             *numbers("contact_sets", "friction above", "trial 43"),
             min(numbers("contact_sets", name, "trial 43")[-1] for name in CONTACTS),
-        ],
-    ),
-    Entry(
-        PAGE,
-        "Trial 6 would keep {:.0f} %, but its edge bears more than it may in the landing by "
-        "{:.1f} %",
-        lambda: [
-            min(numbers("contact_sets", name, "trial 6 ")[-1] for name in CONTACTS),
-            *[
-                -PERCENT * check["margin"]
-                for one in _failed("mq200_paper")
-                if one["trial"] == 6
-                for check in one["checks"]
-                if not check["passed"]
-            ],
         ],
     ),
     Entry(
@@ -338,14 +380,39 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "Its probability of the front is {:.0f} %, and its numerical error {:.0f} ms",
+        "`mq200_robust` is unsure: its probability of the front is {:.0f} %,",
+        lambda: [PERCENT * result("mq200_robust")["best"]["probability_on_front"]],
+    ),
+    Entry(
+        PAGE,
+        "of that length (17) has {:.0f} ± {:.0f} ms:",
+        lambda: _pair(trial("mq200_robust", 17)["estimates"]["shift_time_quantile_s"]),
+    ),
+    Entry(
+        PAGE,
+        "lands too hard at the new angles, by {:.1f} %.",
         lambda: [
-            PERCENT * result("mq200_three")["best"]["probability_on_front"],
-            MS * confirmed("mq200_three")["best"]["numerical_error_s"],
+            -PERCENT * check["margin"]
+            for one in _failed("mq200_three")
+            for check in one["checks"]
+            if not check["passed"]
         ],
     ),
-    Entry(PAGE, "at the new angles: {:.1f} ± {:.1f} ms, {:.1f} mm, {:.1f} ± {:.1f} kN.", _of_31),
-    Entry(PAGE, "has it {:.1f} ± {:.1f} ms behind", _behind),
+    Entry(PAGE, "its blows are harder by {:.1f} ± {:.1f} kN.", _harder),
+    Entry(
+        PAGE,
+        "Its smallest margin is {:.1f} %, of which tolerances leave {:.0f} % by",
+        lambda: [
+            PERCENT * result("mq200_three")["best"][key]
+            for key in ("smallest_margin", "margin_root_sum_square")
+        ],
+    ),
+    Entry(PAGE, "at the new angles: {:.1f} ± {:.1f} ms, {:.1f} mm, {:.1f} ± {:.1f} kN.", _gentle),
+    Entry(
+        PAGE,
+        "so its time has an error of {:.0f} ms.",
+        lambda: [MS * trial("mq200_three", 24)[STANDARD]],
+    ),
     Entry(
         PAGE,
         "root-mean-square deviation {:.1f} ms or {:.1f} %",
@@ -364,13 +431,13 @@ ENTRIES: list[Entry] = [
     *(
         Entry(PAGE, template, partial(_asked, name))
         for name, template in {
-            "mq200_paper, 19": "chosen (19) | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "mq200_paper, 19": "choice (19) | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
             "| {:.1f} % pull-out force | {:.1f} % |",
-            "mq200_paper, 43": "`mq200_paper`, 43 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "mq200_paper, 43": "`mq200_paper`, earlier 43 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
             "| {:.1f} % slot width | {:.1f} % |",
-            "mq200_paper, 6": "`mq200_paper`, 6 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "mq200_paper, 6": "`mq200_paper`, earlier 6 | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
             "| {:.1f} % pull-out force | {:.1f} % |",
-            "mq200, chosen": "`mq200`, chosen | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
+            "mq200, chosen": "`mq200`, an earlier choice | {:.1f} ± {:.1f} | {:.0f} % | {:.1f} "
             "| {:.1f} % contact ratio | {:.1f} % |",
         }.items()
     ),
@@ -481,14 +548,14 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "{:.1f}° of its {:.1f}° are left. It then takes {:.1f} ± {:.1f} ms, and its edges bear "
-        "{:.1f} % more than they may in the landing; the prototype takes {:.1f} ± {:.1f} ms, and "
+        "{:.1f}° of its {:.1f}° are left. It then takes {:.1f} ± {:.1f} ms, and its edges keep "
+        "a margin of {:.1f} % in the landing; the prototype takes {:.1f} ± {:.1f} ms, and "
         "by {:.1f} %",
         lambda: [
             _aged("chosen, crest 0.1 mm, 100 %:")[1],
             _aged("chosen, crest 0.1 mm, 0 %:")[1],
             *_aged("chosen, crest 0.1 mm, 100 %:")[2:4],
-            -_aged("chosen, crest 0.1 mm, 100 %:")[5],
+            _aged("chosen, crest 0.1 mm, 100 %:")[5],
             *_aged("prototype, crest 0.1 mm, 100 %:")[2:4],
             -_aged("prototype, crest 0.1 mm, 100 %:")[5],
         ],

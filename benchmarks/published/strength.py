@@ -16,8 +16,9 @@ def _steel(radius: str) -> list[float]:
 ENTRIES: list[Entry] = [
     Entry(
         PAGE,
-        "the prototype's exceed {:.0f} MPa and those of the chosen design {:.0f} MPa, where "
-        "{:.0f} MPa are allowed; with edges of 0.5 mm it is {:.0f} and {:.0f} MPa",
+        "the prototype's exceed {:.0f} MPa and those of a design that an earlier search chose "
+        "{:.0f} MPa, where {:.0f} MPa are allowed; with edges of 0.5 mm it is {:.0f} "
+        "and {:.0f} MPa",
         lambda: [
             *(_steel("0.3")[k] for k in (1, 3, 6)),
             *(_steel("0.5")[k] for k in (1, 3)),

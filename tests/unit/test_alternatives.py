@@ -122,34 +122,55 @@ def test_points_are_weighed() -> None:
 def test_the_table_has_what_another_engineer_would_take(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     listed = alternatives(study, result, None)
-    assert [one.standing.trial for one in listed] == [19, 43, 32, 0]
-    chosen, steady, short, prototype = listed
+    assert [one.standing.trial for one in listed] == [31, 36, 41, 0]
+    chosen, steep, short, prototype = listed
     assert chosen.worst is not None
-    assert steady.worst is not None
-    assert chosen.worst[1].value > 5 * steady.worst[1].value > 0.0
-    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(6.89123)), rel=1e-4)
+    assert chosen.worst[1].value > 0.0
+    assert steep.worst is None
+    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(7.00296)), rel=1e-4)
     assert short.standing.length_mm == min(row["axial_length_mm"] for row in result["front"])
     assert prototype.cost is not None
     assert prototype.cost.value == pytest.approx(result["confirmation"]["gain_s"])
     assert prototype.cost.error == pytest.approx(result["confirmation"]["gain_standard_error_s"])
     first, second = reasons(listed)
-    for words in ("Design 43, for 2.1 ± 0.6 ms more", "8.3 ms slower", "0.194 instead of 0.121"):
+    for words in ("Design 36, for 5.0 ± 0.8 ms more", "0.206 instead of 0.123", "0.93 mm shorter"):
         assert words in first
     assert second.endswith("it was not simulated at the new angles.")
-    with_47 = alternatives(study, result, None, decided=47)
-    assert 47 in [one.standing.trial for one in with_47]
+    with_40 = alternatives(study, result, None, decided=40)
+    assert 40 in [one.standing.trial for one in with_40]
+
+
+def test_a_design_that_loses_less_at_its_worst_point_is_in_the_table(
+    kept: tuple[Setup, Row],
+) -> None:
+    """As the one that locks latest would be, had it been confirmed without a slow point."""
+    study, result = kept
+    record = json.loads(json.dumps(result))
+    confirmation = record["confirmation"]
+    steady = json.loads(json.dumps(confirmation["best"])) | {"trial": 36}
+    for own, old in zip(steady["points"], confirmation["prototype"]["points"], strict=True):
+        own["mean_s"] = min(own["mean_s"], old["mean_s"] + 0.002)
+    confirmation["designs"].append(steady)
+    listed = alternatives(study, record, None)
+    assert [one.standing.trial for one in listed] == [31, 36, 41, 0]
+    assert listed[1].worst is not None
+    assert listed[1].worst[1].value == pytest.approx(0.002)
+    first = reasons(listed)[0]
+    assert "at its worst point it is 2.0 ms slower than the prototype" in first
+    assert "where design 31 is 34.7 ms slower" in first
+    assert "simulated at the new angles" not in first
 
 
 def test_worst_points_are_those_of_the_record(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     found = standings(study, result)
-    worst = worst_point(found[0], found[43])
+    worst = worst_point(found[0], found[40])
     assert worst is not None
     losses = [
-        q["mean_s"] - p["mean_s"] for p, q in zip(found[0].points, found[43].points, strict=True)
+        q["mean_s"] - p["mean_s"] for p, q in zip(found[0].points, found[40].points, strict=True)
     ]
     assert worst[1].value == pytest.approx(max(losses))
-    unconfirmed = difference(study, found[19], found[32])
+    unconfirmed = difference(study, found[31], found[36])
     assert unconfirmed is not None
     assert not unconfirmed.paired
 
@@ -157,8 +178,8 @@ def test_worst_points_are_those_of_the_record(kept: tuple[Setup, Row]) -> None:
 def test_margins_within_their_scatter_are_said(kept: tuple[Setup, Row]) -> None:
     _, result = kept
     landing, parts = margin_doubts(result)
-    assert "3.9 % (edge pressure impact), is within its own scatter" in landing
-    assert "0.7 %, is within the scatter of parts" in parts
+    assert "2.3 % (edge pressure impact), is within its own scatter" in landing
+    assert "1.9 %, is within the scatter of parts" in parts
     wide = json.loads(json.dumps(result))
     for check in wide["confirmation"]["best"]["checks"]:
         check["margin"] = max(check["margin"], 0.5)
@@ -183,11 +204,18 @@ def test_scatter_of_the_landing_leaves_out_what_moves_all(kept: tuple[Setup, Row
 
 
 def test_page_one_shows_the_table(tmp_path: Path) -> None:
-    page = write_report(kept_folder(tmp_path / "mq200_paper")).read_text()
+    folder = kept_folder(tmp_path / "mq200_paper")
+    result = folder.stored_result()
+    for hard in result["confirmation"]["designs"]:
+        if hard["trial"] in (32, 42):
+            edge = next(c for c in hard["checks"] if c["name"] == "edge_pressure_impact")
+            edge["passed"], edge["margin"] = False, -0.02
+    folder.result.write_text(json.dumps(result))
+    page = write_report(folder).read_text()
     first = page[page.index("<h1>") : page.index('id="front"')]
     for words in (
-        "what another engineer would take", "design 43", "56.4 ± 3.6 slower at 249 1/min, 469 N",
-        "Design 43, for 2.1 ± 0.6 ms more", "is within its own scatter", "0.194 (chamfer)",
+        "what another engineer would take", "design 36", "34.7 ± 1.6 slower at 249 1/min, 469 N",
+        "Design 36, for 5.0 ± 0.8 ms more", "is within its own scatter", "0.206 (traction)",
     ):  # fmt: skip
         assert words in first
     out = first.index("are out: they fail")

@@ -22,7 +22,7 @@ from dogshape.sim.units import RPM
 from tests.conftest import dog_of
 
 STIFFNESS = 320.0  #: N m/rad
-CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: of the paper's study, as it is kept
+CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: by an earlier search
 
 Point = Callable[[float, float], OperatingPoint]
 Series = NDArray[np.float64]
