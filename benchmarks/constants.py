@@ -135,6 +135,7 @@ NUMERICAL = {
     "inference.influence": "DEEP nat, NEAR nat, UNEVEN 1, MOVED of the weight, "
     "WEIGHTY probability, DOUBTFUL of the limit, RISEN probability, WITHIN probability, "
     "LIKELY probability",
+    "inference.further_shifts": "DRAWN values",
     "inference.predicted_means": "DRAWN values, SHARES of the distribution",
     "inference.joint_posterior": "DRAWN values, CELLS points, ROOM standard deviations, "
     "WIDEST probability",

@@ -19,10 +19,10 @@ from dogshape.diagnosis.inference.classes import (
     structured,
 )
 from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
+from dogshape.diagnosis.inference.further_shifts import MeanPrediction
 from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
 from dogshape.diagnosis.inference.influence import Influence, influence
 from dogshape.diagnosis.inference.next_test import (
-    MeanPrediction,
     NextTest,
     Standing,
     choose,

@@ -27,6 +27,11 @@ from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.sense import REVERSED, SHARES, forward
 from dogshape.diagnosis.inference.classes import Confusion
 from dogshape.diagnosis.inference.flight_outcome import flight_outcome, tabulated
+from dogshape.diagnosis.inference.further_shifts import (
+    MeanPrediction,
+    further_means,
+    further_unknown,
+)
 from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.inference.posterior import Probabilities
 from dogshape.diagnosis.inference.static_readings import facts_of
@@ -433,7 +438,7 @@ def _more(standing: Standing) -> list[NextTest]:
     if not possible(standing.bench, "more shifts"):
         return found
     setup = hours_of(standing.bench, "more shifts")
-    predicted = [mean_prediction(standing, hypothesis) for hypothesis in standing.plausible]
+    predicted = [_further(standing, hypothesis) for hypothesis in standing.plausible]
     for place in range(len(standing.bench.cells)):
         where = _where(standing.bench, place)
         for count in MORE:
@@ -452,16 +457,12 @@ def _more(standing: Standing) -> list[NextTest]:
     return found
 
 
-@dataclass(frozen=True)
-class MeanPrediction:
-    """Mean times of the cells that a hypothesis predicts given all data, (cells,); s, s^2.
-
-    ``variance`` is that of the mean (parameters, simulation), ``single`` that of single shifts.
-    """
-
-    mean: Array
-    variance: Array
-    single: Array
+def _further(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:
+    """Predict the mean time of more shifts at each cell, given those that were made there."""
+    if hypothesis == UNKNOWN:
+        baseline = standing.scored[()].rows.predicted
+        return further_unknown(standing.unknown, standing.seen, baseline)
+    return further_means(standing.scored[hypothesis], standing.seen)
 
 
 def mean_prediction(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:

@@ -10,9 +10,11 @@ import pytest
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.further_shifts import further_means
 from dogshape.diagnosis.inference.next_test import EXACT, LEAST
 from dogshape.diagnosis.inference.posterior import judged
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, pairs_of, priors_of
 from dogshape.sim.units import RPM
 from tests.toy import EFFECTS, STRENGTHS, Toy, bench_of, points_of
@@ -163,7 +165,7 @@ def test_more_shifts_foretell_the_mean_of_their_operating_point() -> None:
         == pytest.approx((test["mismatch_rpm"], test["force_N"]))
     )
     one = next(f for f in test["foretold"] if f["effects"] == list(found.leading))
-    said = found.mean_prediction
+    said = further_means(found.scored[found.leading], observe(found.bench))
     spread = np.sqrt(said.variance[place] + said.single[place] / test["shifts"])
     assert one["mean"] == pytest.approx([said.mean[place]], rel=1e-5)
     assert one["sd"] == pytest.approx([spread], rel=1e-5)
