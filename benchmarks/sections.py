@@ -42,12 +42,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
         ),
         "Under other contact": (
             (r"vouches for 0\.12", "a key of the study file"),
-            (
-                r"10\.63°, 6\.89° and 24\.50°, 2\.485 mm",
-                "the chosen design before, in the history of result.json",
-            ),
             (r"25 designs over", "size of the table"),
-            (r"one of its 168 shifts", "lost ones of the table, 28 points at six angles"),
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),
         "Other bundled studies": (

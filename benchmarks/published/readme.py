@@ -100,8 +100,13 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
+        "as dry steel; {:.0f} % with shafts that give way",
+        lambda: numbers("ranking", "shafts that give way")[3:4],
+    ),
+    Entry(
+        PAGE,
         "above a friction of {:.3f} its flank",
-        lambda: numbers("contact_sets", "friction above", "chosen (19)"),
+        lambda: numbers("contact_sets", "friction above", "chosen (31)"),
     ),
     Entry(
         PAGE,
