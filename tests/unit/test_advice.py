@@ -11,6 +11,7 @@ import pytest
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
 from dogshape.diagnosis.bench.stand_file import TestTerms
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference import next_test
 from dogshape.diagnosis.inference.classes import Confusion
 from dogshape.diagnosis.inference.next_test import (
     ABSENT,
@@ -20,6 +21,8 @@ from dogshape.diagnosis.inference.next_test import (
     SHIFT,
     TRACED,
     TRACING,
+    NextTest,
+    Standing,
 )
 from dogshape.diagnosis.inference.outcome import ODDS, Decision, Outcome
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
@@ -166,15 +169,22 @@ def test_unknown_predicts_nothing_or_anything_in_a_direct_test() -> None:
     assert all("imitator_odds" not in row for row in shifts["foretold"])
 
 
-def test_a_test_that_misleads_yields_to_one_that_is_worth_its_cost() -> None:
-    """Forty shifts more would settle most for their hours, and mislead most."""
-    points = POINTS[10:]
-    bench = bench_of({"added_mass_kg": 0.3}, np.random.default_rng(2), shifts=5, points=points)
-    few = {name: EFFECTS[name] for name in (*DELAY, *MASS)}
-    dear = (TestTerms(FORCE, 5.0), TestTerms(EFFECTS["moving_mass"].test.name, possible=False))
-    found = diagnose(replace(bench, tests=dear), Toy(points), few, pairs=[])
+def test_a_test_that_misleads_yields_to_one_that_is_worth_its_cost(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shifts that would settle most for their hours, and mislead a little too often."""
+    judged = next_test._judged
+
+    def misled(standing: Standing, test: NextTest) -> NextTest:
+        shifts = test.asked.kind == "shifts"
+        chances = {"settles": 0.9, "misleads": 1.1 * MISLED} if shifts else {"settles": 0.5}
+        return replace(judged(standing, test), **{"misleads": 0.9 * MISLED, **chances})
+
+    monkeypatch.setattr(next_test, "_judged", misled)
+    found = _found()
     assert found.verdict.kind == "ambiguous"
     first, best = found.tests[0], max(found.tests, key=lambda test: test.value)
+    assert (first.asked.kind, best.asked.kind) == ("direct", "shifts")
     assert first.misleads <= MISLED < best.misleads
     assert 0.0 < first.value < best.value
     record = found.as_dict()
