@@ -68,7 +68,7 @@ EVIDENCE := convergence convergence_designs stiction floor work_precision expect
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check self_consistency evidence \
   valid_range keeping sense ranking forecasts edge_radius linkage_steps linkage_mass \
   bank_engines unseen_clutch
-SURROGATE := learning_curve active_learning asking two_fidelities cold_start
+SURROGATE := learning_curve active_learning asking two_fidelities cold_start fit_clock
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
 # the old table.

@@ -74,6 +74,16 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
+        "clock the whole command takes {:.0f} s for the prototype",
+        lambda: numbers("fit_clock", "prototype")[:1],
+    ),
+    Entry(
+        PAGE,
+        "and took {:.0f} and {:.0f} s for the small and the large clutch",
+        lambda: [numbers("fit_clock", one)[0] for one in ("small", "large")],
+    ),
+    Entry(
+        PAGE,
         "A cold start takes {:.2f} s of processor time, and {:.2f} s where",
         lambda: [numbers("asking", f"one design, {kept}:")[3] for kept in ("nothing kept", "kept")],
     ),
