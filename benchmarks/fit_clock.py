@@ -13,19 +13,13 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
 import time
 
 from benchmarks.two_fidelities import CLUTCHES
-
-
-def spent() -> float:
-    """Return the processor time of all finished child processes so far, s."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+from benchmarks.unseen_clutch import cpu
 
 
 def main() -> None:
@@ -42,11 +36,11 @@ def main() -> None:
         for key, value in CLUTCHES[clutch].items():
             command += ["--set", f"{key}={json.dumps(value)}"]
         with tempfile.TemporaryDirectory() as folder:
-            began, used = time.perf_counter(), spent()
+            began, used = time.perf_counter(), cpu()
             done = subprocess.run(command, cwd=folder, check=True, stdout=subprocess.PIPE)
             clock = time.perf_counter() - began
         q2 = json.loads(done.stdout)["q2"]
-        print(f"{clutch:10s} {clock:8.0f} {spent() - used:12.0f}  {q2:.3f}", flush=True)
+        print(f"{clutch:10s} {clock:8.0f} {cpu() - used:12.0f}  {q2:.3f}", flush=True)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -17,3 +18,13 @@ def kept_folder(root: Path, name: str = "mq200_paper") -> StudyFolder:
     folder.open(load_study(bundled_root() / name / "study.toml"), resume=False)
     shutil.copy(bundled_root() / name / "result.json", folder.result)
     return folder
+
+
+def let_land_too_hard(folder: StudyFolder, *trials: int) -> None:
+    """Let confirmed designs fail the landing check in the stored result."""
+    result = folder.stored_result()
+    for design in result["confirmation"]["designs"]:
+        if design["trial"] in trials:
+            edge = next(c for c in design["checks"] if c["name"] == "edge_pressure_impact")
+            edge["passed"], edge["margin"] = False, -0.02
+    folder.result.write_text(json.dumps(result))

@@ -48,7 +48,7 @@ def _said_and_so(kind: str) -> list[float]:
     return [numbers("blind_field", f"{kind}: {row}")[0] for row in rows]
 
 
-def _of(label: str) -> tuple[float, float]:
+def _cases(label: str) -> tuple[float, float]:
     """Give a share of the field set as a number of cases, and of how many."""
     share, *_, count = numbers("blind_field", label)
     return share * count, count
@@ -203,7 +203,7 @@ ENTRIES: list[Entry] = [
         "all {:.0f} single effects, {:.0f} of {:.0f} pairs, and no three was clear;",
         lambda: [
             numbers("blind_field", "clear, single: cause or class right")[-1],
-            *_of("clear, pair: cause or class right"),
+            *_cases("clear, pair: cause or class right"),
         ],
     ),
 ]

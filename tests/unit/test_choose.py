@@ -17,7 +17,7 @@ from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.store.decisions import decisions_of
 from dogshape.pipeline.store.folder import StudyFolder
 from tests.conftest import Said, needed
-from tests.kept import kept_folder
+from tests.kept import kept_folder, let_land_too_hard
 
 Call = Callable[..., Said]
 WHY = "shorter, and as fast within the error"
@@ -78,11 +78,7 @@ def test_no_decision_is_lost(dogshape: Call, folder: StudyFolder) -> None:
 
 @pytest.mark.usefixtures("without_cad")
 def test_doubts_about_a_decision_are_said(dogshape: Call, folder: StudyFolder) -> None:
-    result = folder.stored_result()
-    landed = next(d for d in result["confirmation"]["designs"] if d["trial"] == 42)
-    edge = next(c for c in landed["checks"] if c["name"] == "edge_pressure_impact")
-    edge["passed"], edge["margin"] = False, -0.02
-    folder.result.write_text(json.dumps(result))
+    let_land_too_hard(folder, 42)
     hard = dogshape("choose", folder.root, "--design", 42, "--why", "fast")
     assert "warning: design 42 fails edge_pressure_impact" in hard.out
     once = dogshape("choose", folder.root, "--design", 41, "--why", "short", "--force")
