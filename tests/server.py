@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import IO
 
 from tests.conftest import needed
 
@@ -98,40 +101,54 @@ def command_of(verb: str, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "dogshape.pipeline", verb, *arguments]
 
 
+#: what each process of a cluster runs first: asked by a signal, it says where its threads are
+SAYING = "import faulthandler, signal\nfaulthandler.register(signal.SIGUSR1, all_threads=True)\n"
+
+
 @dataclass
 class Cluster:
     """A Dask scheduler with workers of one thread each, all processes on loopback."""
 
     address: str
+    scheduler: subprocess.Popen[bytes]
     workers: list[subprocess.Popen[bytes]]
+    log: Path
+
+    def said(self) -> str:
+        """Return what its processes said, and where each of their threads is."""
+        for process in (self.scheduler, *self.workers):
+            if process.poll() is None:
+                process.send_signal(signal.SIGUSR1)
+                time.sleep(0.5)
+        return self.log.read_text(errors="replace")
 
 
 @contextmanager
 def dask_cluster(workers: int, prepared: str = "") -> Iterator[Cluster]:
     """Run a cluster; ``prepared`` is Python that each worker runs first."""
     address = f"tcp://127.0.0.1:{free_port()}"
-    program = [sys.executable, "-m", "distributed.cli.dask_scheduler"]
-    quiet = ["--no-dashboard", "--host", "127.0.0.1"]
-    started = [_quietly(*program, *quiet, "--port", address.rpartition(":")[2])]
-    options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
-    try:
-        with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
-            before = Path(folder) / "before.py"
-            before.write_text(prepared)
-            options += ["--local-directory", folder, "--preload", str(before)]
-            for _ in range(workers):
-                worker = [sys.executable, "-m", "distributed.cli.dask_worker", address]
-                started.append(_quietly(*worker, *options))
-            yield Cluster(address, started[1:])
+    started: list[subprocess.Popen[bytes]] = []
+    with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
+        log = Path(folder) / "said.txt"
+        before = [Path(folder) / f"{name}.py" for name in ("scheduler", "worker")]
+        for path, text in zip(before, (SAYING, SAYING + prepared), strict=True):
+            path.write_text(text)
+        host = ["--no-dashboard", "--host", "127.0.0.1"]
+        scheduling = ["--port", address.rpartition(":")[2], "--preload", str(before[0])]
+        working = ["--nthreads", "1", "--no-nanny", "--local-directory", folder]
+        try:
+            with log.open("wb") as out:
+                started.append(_begun(out, "dask_scheduler", *host, *scheduling))
+                for _ in range(workers):
+                    more = (*host, *working, "--preload", str(before[1]))
+                    started.append(_begun(out, "dask_worker", address, *more))
+            yield Cluster(address, started[0], started[1:], log)
+        finally:
             for process in started:
                 process.kill()
                 process.wait()
-    finally:
-        for process in started:
-            process.kill()
-            process.wait()
 
 
-def _quietly(*command: str) -> subprocess.Popen[bytes]:
-    nothing = subprocess.DEVNULL
-    return subprocess.Popen(command, cwd=ROOT, stdout=nothing, stderr=nothing)
+def _begun(out: IO[bytes], program: str, *arguments: str) -> subprocess.Popen[bytes]:
+    command = [sys.executable, "-m", f"distributed.cli.{program}", *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdout=out, stderr=out)

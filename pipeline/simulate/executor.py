@@ -13,18 +13,20 @@ import shutil
 import signal
 import tempfile
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from dogshape.pipeline.simulate.block_cost import dearest_first, likely_cost, mean_cost
-from dogshape.pipeline.simulate.watchdog import broken, end_with_parent, watched
+from dogshape.pipeline.simulate.watchdog import LOOK, broken, end_with_parent, ended_after, watched
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, WorkerError
 from dogshape.sim.statistics.batch import run_block
@@ -35,6 +37,8 @@ from dogshape.sim.versions import engine, versions
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
+ALONE = 60.0  #: s that a cluster may be without any worker
+MANY = 100  #: blocks that a cluster is sent at once
 TRIES = 3  #: times that workers may die one after the other without a shift finished
 
 # The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
@@ -191,11 +195,8 @@ class Executor:
         """Yield the records of blocks as a cluster hands them back, written."""
         if not blocks:
             return
-        connect(address)
-        with parallel_config(backend=_cluster_backend(address)):
-            pool = Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="all")
         try:
-            for rows in pool(delayed(_work_away)(block) for block in blocks):
+            for rows in _handed_back(address, blocks):
                 _require_same(address, rows[0], "a worker")
                 append(self.journal.path, *rows)
                 yield rows
@@ -217,25 +218,61 @@ def _work(block: Block, path: Path) -> list[Record]:
     return rows
 
 
-def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own, and no longer than its parent; Ctrl-C is the parent's business.
+def _limit(block: Block) -> float:
+    """Return when a watch ends a shift, s: its own limit of time has the chance to come first."""
+    return 1.5 * block.clutch.solver.time_limit + 1.0
 
-    The watch leaves the simulation's own limit of time the chance to come first.
-    """
+
+def _work_alone(block: Block, path: Path) -> list[Record]:
+    """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
     end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    limit = 1.5 * block.clutch.solver.time_limit + 1.0
     rows = []
     for place, key in enumerate(block.keys):
-        with watched(path.parent, key, limit):
+        with watched(path.parent, key, _limit(block)):
             rows += _work(block.only([place]), path)
     return rows
 
 
 def _work_away(block: Block) -> list[Record]:
-    """Work on another machine, whose process may have several threads."""
-    with _one_at_a_time:
+    """Work on another machine, whose process may have several threads.
+
+    A process that does not come back ends, and its block goes to another.
+    """
+    with _one_at_a_time, ended_after(_limit(block) * len(block.angles)):
         return list(run_block(block))
+
+
+def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]]:
+    """Yield the records of blocks in the order in which a cluster finishes them.
+
+    Raises WorkerError where it has had no worker for ``ALONE``, an error of Dask where the
+    scheduler is lost or a block has ended several workers.
+    """
+    client = connect(address)
+    finished: SimpleQueue[Any] = SimpleQueue()
+    left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
+    for future in left:
+        future.add_done_callback(finished.put)
+    heard, open_ = time.monotonic(), set(left)
+    try:
+        while open_:
+            try:
+                done = finished.get(timeout=LOOK)
+            except Empty:
+                if client.ncores():
+                    heard = time.monotonic()
+                elif time.monotonic() - heard > ALONE:
+                    raise WorkerError(
+                        f"the cluster {address} has had no worker for {ALONE:.0f} s; shifts that "
+                        "came back are kept, so start workers and run the command again"
+                    ) from None
+                continue
+            heard = time.monotonic()
+            open_.discard(done)
+            yield done.result()
+    finally:
+        client.cancel(list(open_))
 
 
 def scratch_executor(
@@ -318,15 +355,3 @@ def _require_same(address: str, found: Any, who: str) -> None:
                 f"{who} of the cluster {address} has {name} {found[name]}, but here it is "
                 f"{mine[name]}, and their shifts must not be mixed; install the same on both"
             )
-
-
-def _cluster_backend(address: str) -> Any:
-    from joblib._dask import DaskDistributedBackend  # noqa: PLC0415  loads Dask
-
-    class Away(DaskDistributedBackend):  # type: ignore[misc]
-        """The cluster even where it has one worker: joblib takes one for this machine."""
-
-        def effective_n_jobs(self, n_jobs: int) -> int:
-            return max(2, int(super().effective_n_jobs(n_jobs)))
-
-    return Away(client=connect(address))

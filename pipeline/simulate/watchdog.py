@@ -17,11 +17,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+from typing import TextIO
 
 from dogshape.sim.shift.outcome import HUNG
 
 MARK = ".running-"  #: with the number of the process
-LOOK = 1.0  #: s between looks whether the parent is alive
+LOOK = 1.0  #: s between looks whether the parent, or a cluster's worker, is alive
 
 
 @cache
@@ -41,6 +42,16 @@ def end_with_parent() -> None:
 
 
 @contextmanager
+def ended_after(limit: float, file: TextIO | None = None) -> Iterator[None]:
+    """End the process after ``limit`` in s, with its last words in a file, else on stderr."""
+    faulthandler.dump_traceback_later(limit, exit=True, file=file or sys.__stderr__ or 2)
+    try:
+        yield
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+@contextmanager
 def watched(folder: Path, key: str, limit: float) -> Iterator[None]:
     """Mark the shift ``key`` as this process's own, and end the process after ``limit`` in s."""
     path = folder / f"{MARK}{os.getpid()}"
@@ -48,11 +59,10 @@ def watched(folder: Path, key: str, limit: float) -> Iterator[None]:
         file.write(f"{key}\n")
         file.flush()
         faulthandler.enable(file)
-        faulthandler.dump_traceback_later(limit, exit=True, file=file)
         try:
-            yield
+            with ended_after(limit, file):
+                yield
         finally:
-            faulthandler.cancel_dump_traceback_later()
             faulthandler.enable(sys.__stderr__ or 2)
     path.unlink(missing_ok=True)
 

@@ -6,15 +6,21 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate import executor
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.errors import WorkerError
+from dogshape.sim.statistics.blocks import even_blocks
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
@@ -24,11 +30,28 @@ STUDY = ["mq200_paper", "--no-report", *OVERRIDES]
 EXPECT = ["mq200_paper", "--angles", "3", *OVERRIDES, "--json"]
 
 
-def _call(verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        command_of(verb, *arguments), cwd=ROOT, capture_output=True, text=True, timeout=300,
-        check=False,
-    )  # fmt: skip
+@contextmanager
+def _started(cluster: Cluster, verb: str, *arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Start a command on a cluster; where it fails, show what the cluster was at."""
+    command = command_of(verb, *arguments, "--cluster", cluster.address)
+    pipe = subprocess.PIPE
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=pipe, stderr=pipe, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    ) as process:  # fmt: skip
+        try:
+            yield process
+        except BaseException:
+            print(cluster.said())
+            raise
+        finally:
+            process.kill()
+
+
+def _call(cluster: Cluster, verb: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    with _started(cluster, verb, *arguments) as process:
+        out, err = process.communicate(timeout=300)
+    return subprocess.CompletedProcess(process.args, process.returncode, out, err)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +82,7 @@ def test_a_client_that_lost_its_cluster_is_replaced(monkeypatch: pytest.MonkeyPa
 def test_a_cluster_gives_what_one_machine_gives(
     cluster: Cluster, dogshape: Callable[..., Said]
 ) -> None:
-    away = _call("expect", *EXPECT, "--cluster", cluster.address)
+    away = _call(cluster, "expect", *EXPECT)
     assert away.returncode == 0, away.stderr
     assert json.loads(away.stdout) == dogshape("expect", *EXPECT, "--jobs", 1).json
     # One worker must do it, and not this machine in its place.
@@ -76,17 +99,15 @@ def test_a_killed_worker_loses_no_trial(short: Finished, tmp_path: Path) -> None
     """Its shifts run again on the other one; the result is that of one machine."""
     outs = [tmp_path / "away", short.folder]
     size = ["--set", "search.trials=4"]
-    with dask_cluster(2) as two:
-        process = subprocess.Popen(
-            command_of("study", *STUDY, "--out", str(outs[0]), *size,
-                       "--cluster", two.address),
-            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
+    with (
+        dask_cluster(2) as two,
+        _started(two, "study", *STUDY, "--out", str(outs[0]), *size) as process,
+    ):
         _wait_for_shifts(outs[0], 6)
         os.kill(two.workers[0].pid, signal.SIGKILL)
         two.workers[0].wait()
         _, err = process.communicate(timeout=240)
-        assert process.returncode == 0, err.decode()
+        assert process.returncode == 0, err
     away, alone = (json.loads((out / "result.json").read_text()) for out in outs)
     assert away == alone
     rows = [sorted(_keys(out)) for out in outs]
@@ -107,35 +128,59 @@ def _wait_for_shifts(out: Path, count: int) -> None:
 
 
 def test_ctrl_c_stops_a_run_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
-    process = subprocess.Popen(
-        command_of("study", *STUDY, "--out", str(tmp_path),
-                   "--cluster", cluster.address),
-        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    )  # fmt: skip
-    _wait_for_shifts(tmp_path, 3)
-    os.kill(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err.decode()
-    assert "finished shifts are kept" in err.decode()
-    assert "Traceback" not in err.decode()
-    assert _call("expect", *EXPECT, "--cluster", cluster.address).returncode == 0
+    with _started(cluster, "study", *STUDY, "--out", str(tmp_path)) as process:
+        _wait_for_shifts(tmp_path, 3)
+        os.kill(process.pid, signal.SIGINT)
+        _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "finished shifts are kept" in err
+    assert "Traceback" not in err
+    assert _call(cluster, "expect", *EXPECT).returncode == 0
 
 
 def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
-    with dask_cluster(1) as doomed:
-        process = subprocess.Popen(
-            command_of("study", *STUDY, "--out", str(tmp_path),
-                       "--cluster", doomed.address),
-            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-        )  # fmt: skip
+    with (
+        dask_cluster(1) as doomed,
+        _started(doomed, "study", *STUDY, "--out", str(tmp_path)) as process,
+    ):
         _wait_for_shifts(tmp_path, 3)
         kept = (tmp_path / "shifts.jsonl").read_bytes()
-    _, err = process.communicate(timeout=120)
-    assert process.returncode == 2, err.decode()
-    assert "was lost" in err.decode().strip().splitlines()[-1]
-    assert "Traceback" not in err.decode()
+        doomed.scheduler.kill()
+        _, err = process.communicate(timeout=120)
+    assert process.returncode == 2, err
+    assert "was lost" in err.strip().splitlines()[-1]
+    assert "Traceback" not in err
     assert (tmp_path / "shifts.jsonl").read_bytes().startswith(kept)
+
+
+def test_a_cluster_whose_workers_are_gone_is_not_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executor, "ALONE", 1.0)
+    study = load_study("mq200_paper", SMALL)
+    blocks = even_blocks(study.clutch, study.points, 3, 1)
+    with dask_cluster(1) as doomed:
+        client = executor.connect(doomed.address)
+        doomed.workers[0].kill()
+        while client.ncores():
+            time.sleep(0.05)
+        away = executor.Executor(ShiftJournal(tmp_path / "shifts.jsonl"), cluster=doomed.address)
+        with pytest.raises(WorkerError, match=r"has had no worker for 1 s; .* start workers"):
+            away.run(blocks)
+        client.close()
+
+
+def test_a_worker_that_does_not_come_back_ends(capfd: pytest.CaptureFixture[str]) -> None:
+    """Its block then goes to another; the last words of the process are in its log."""
+    code = "import time\nfrom dogshape.pipeline.simulate.watchdog import ended_after\n"
+    hangs = code + "with ended_after(0.2):\n    time.sleep(60)\n"
+    comes = code + "with ended_after(0.2):\n    pass\ntime.sleep(0.5)\n"
+    ended = [
+        subprocess.run([sys.executable, "-c", text], cwd=ROOT, timeout=30, check=False)
+        for text in (hangs, comes)
+    ]
+    assert [one.returncode for one in ended] == [1, 0]
+    assert capfd.readouterr().err.startswith("Timeout")
 
 
 def test_no_cluster_is_said(tmp_path: Path) -> None:
@@ -178,7 +223,7 @@ sys.modules["dogshape.pipeline.simulate.executor"] = None
 )
 def test_workers_with_other_programs_are_refused(prepared: str, words: str) -> None:
     with dask_cluster(1, prepared) as other:
-        refused = _call("expect", *EXPECT, "--cluster", other.address)
+        refused = _call(other, "expect", *EXPECT)
     assert refused.returncode == 2
     assert words in refused.stderr
     assert len(refused.stderr.strip().splitlines()) == 1
