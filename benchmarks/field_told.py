@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
+from dogshape.diagnosis.diagnosis import Diagnosis, Ranked, diagnose_wider, ranked
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.settings import Settings
@@ -68,12 +68,12 @@ def _diagnosed(folder: Path, name: str) -> Diagnosis:
     every = read_points(folder / STANDS / case["stand"])
     points = [every[k] for k in case["places"]]
 
-    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
-        emulator, flights = emulator_of(bench, ranged, means)
-        seen = Seen(emulator, ranged, settings_of(bench))
+    def once(those: Mapping[str, Effect]) -> Ranked:
+        emulator, flights = emulator_of(bench, those, means)
+        seen = Seen(emulator, those, settings_of(bench))
         simulated = seen.predictions(NONE, np.zeros((1, 0)), range(len(bench.cells))).mean[:, 0]
         later = np.nan_to_num(_in_order(bench, points, mean) - simulated).tolist()
-        found = diagnose(bench, Moved(emulator, later, later), ranged, settings=Settings(RULES))
+        found = ranked(bench, Moved(emulator, later, later), those, settings=Settings(RULES))
         flights.save()
         return found
 

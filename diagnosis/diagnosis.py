@@ -280,6 +280,37 @@ class Diagnosis:
         return record
 
 
+@dataclass(frozen=True)
+class Ranked:
+    """Hypotheses of a data set in their ranking, before anything is concluded from it.
+
+    That is all that decides whether ranges are widened; what else an answer says takes a third of
+    its time.
+    """
+
+    bench: Bench
+    effects: Mapping[str, Effect]
+    ranking: Ranking
+
+    def concluded(self) -> Diagnosis:
+        """Conclude from the ranking: verdict, next test, and what the answer rests on."""
+        return _concluded(self.bench, self.effects, self.ranking)
+
+
+def ranked(
+    bench: Bench,
+    emulator: Emulator,
+    effects: Mapping[str, Effect],
+    *,
+    pairs: Sequence[Hypothesis] | None = None,
+    settings: Settings = USUAL,
+) -> Ranked:
+    """Rank the hypotheses on a data set by an emulator; parameters are those of ``diagnose``."""
+    seen = observe(bench, settings.likelihood)
+    problem = Problem(seen, emulator, settings, bench.mismatch_sense, bench)
+    return Ranked(bench, effects, rank(problem, bench, effects, pairs))
+
+
 def diagnose(
     bench: Bench,
     emulator: Emulator,
@@ -297,10 +328,12 @@ def diagnose(
     pairs : of them, all by default.
     settings : probabilities before the data, errors of the simulation, and limits of the answer.
     """
-    seen = observe(bench, settings.likelihood)
-    problem = Problem(seen, emulator, settings, bench.mismatch_sense, bench)
-    ranking = rank(problem, bench, effects, pairs)
-    problem = ranking.problem
+    return ranked(bench, emulator, effects, pairs=pairs, settings=settings).concluded()
+
+
+def _concluded(bench: Bench, effects: Mapping[str, Effect], ranking: Ranking) -> Diagnosis:
+    """Conclude from a ranking."""
+    problem, settings = ranking.problem, ranking.problem.settings
     posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
     known = [scored[h] for h in ranking.folded if h != UNKNOWN]
     plain = scored[NONE].rows.predicted
@@ -354,7 +387,7 @@ def diagnose(
         senses=sense_answers(problem, ranking),
         equivalence=same,
         drift=series_drift(problem, ranking),
-        inputs=seen.inputs.propagated(problem.baseline) if seen.inputs else None,
+        inputs=problem.seen.inputs.propagated(problem.baseline) if problem.seen.inputs else None,
         influence=swayed,
         together=ranking.together,
         foretold=tuple(
@@ -365,17 +398,19 @@ def diagnose(
 
 
 def diagnose_wider(
-    once: Callable[[Mapping[str, Effect]], Diagnosis],
+    once: Callable[[Mapping[str, Effect]], Ranked],
     effects: Mapping[str, Effect],
     settings: Settings = USUAL,
 ) -> Diagnosis:
-    """Diagnose by ``once``, again with wider ranges where sizes lie at the end of theirs.
+    """Rank by ``once``, again with wider ranges where sizes lie at the end of theirs, and conclude.
 
     ``once`` takes effects with the ranges of their priors; ``settings`` say how often and how
-    far those are widened (``diagnosis.inference.range_ends``).
+    far those are widened (``diagnosis.inference.range_ends``). Only the last ranking is concluded.
     """
-    found, ends = diagnosed_wider(once, lambda one: (one.leading, one.scored), effects, settings)
-    return replace(found, range_ends=ends)
+    found, ends = diagnosed_wider(
+        once, lambda one: (one.ranking.leading, one.ranking.scored), effects, settings
+    )
+    return replace(found.concluded(), range_ends=ends)
 
 
 def sees_nothing(hidden: Mapping[str, float], least: float = USUAL.decision.blind) -> bool:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 from scipy.special import gammaln
@@ -64,10 +65,7 @@ def evidence(
     ``cells``, true or false, are those whose data count, all by default.
     """
 
-    def at(shares: Array) -> Rows:
-        rows = score(problem, space, shares)
-        return rows if cells is None else rows.of(cells)
-
+    at = partial(_scored_at, problem, space, cells)
     size = len(space.parameters)
     if size == 0:
         rows = at(np.zeros((1, 0)))
@@ -78,7 +76,18 @@ def evidence(
     else:
         found = normalised(sampled(at, size, best))
     parts = found.rows, found.log_prior, found.log_evidence, found.error
-    return Scored(space, *parts, ends=at(outside(size)))
+    return Scored(space, *parts, ends=partial(_log_at_ends, at, size))
+
+
+def _scored_at(problem: Problem, space: Space, cells: np.ndarray | None, shares: Array) -> Rows:
+    """Score a hypothesis at shares (m, p) of its priors, given the data of some cells or all."""
+    rows = score(problem, space, shares)
+    return rows if cells is None else rows.of(cells)
+
+
+def _log_at_ends(at: Score, size: int) -> Array:
+    """Compute the log likelihood at the ends of the prior, (m,)."""
+    return at(outside(size)).whole
 
 
 def scored_in_turn(
@@ -261,6 +270,7 @@ def _fitted(points: Array, log: Array, likely: Array) -> _Proposal:
     return _Proposal(centre, root)
 
 
+@cache
 def outside(size: int) -> Array:
     """Return shares of a prior of twice the width that lie outside, moved to its ends, (m, p)."""
     if size == 1:
@@ -296,7 +306,7 @@ def _doubled(found: Scored, size: int) -> Scored:
     within = 0.5**size
     total = np.log(within) + found.log_evidence
     if found.ends is not None:
-        ends = found.ends.whole
+        ends = found.ends()
         beyond = np.log1p(-within) + log_sum(ends, axis=0) - np.log(len(ends))
         total = np.logaddexp(total, beyond)
     return replace(found, log_evidence=float(total))

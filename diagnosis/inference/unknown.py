@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -59,22 +60,10 @@ class Model:
     offsets: tuple[Offset | None, ...]
     log_prior: float
 
-    def log_evidence(self, cells: np.ndarray) -> float:
-        """Return the logarithm of the density of the times of some cells."""
-        places = self._having(cells)
-        if not places:
-            return 0.0
-        mean, variance, size = self._parts(places)
-        matrix = self.kernel[np.ix_(places, places)] + np.diag(variance)
-        root = np.linalg.cholesky(matrix)
-        scaled = np.linalg.solve(root, mean)
-        log = -0.5 * scaled @ scaled - np.log(np.diag(root)).sum()
-        return float(size + log - 0.5 * len(places) * np.log(2.0 * np.pi))
-
     def predict(self, cells: np.ndarray) -> tuple[Array, Array]:
         """Return mean and variance of every cell's offset given some cells, (cells,) each."""
         places = self._having(cells)
-        mean, variance, _ = self._parts(places)
+        mean, variance = self._parts(places)
         matrix = self.kernel[np.ix_(places, places)] + np.diag(variance)
         across = self.kernel[:, places]
         gain = np.linalg.solve(matrix, across.T).T
@@ -86,7 +75,7 @@ class Model:
         The direction is part of the kernel.
         """
         places = self._having(np.ones(len(self.kernel), dtype=bool))
-        mean, variance, _ = self._parts(places)
+        mean, variance = self._parts(places)
         across = direction[places]
         gain = np.linalg.solve(self.kernel[np.ix_(places, places)] + np.diag(variance), across)
         return float(gain @ mean), max(0.0, 1.0 - float(gain @ across))
@@ -94,10 +83,9 @@ class Model:
     def _having(self, cells: np.ndarray) -> list[int]:
         return [k for k in np.flatnonzero(cells).tolist() if self.offsets[k] is not None]
 
-    def _parts(self, places: Sequence[int]) -> tuple[Array, Array, float]:
+    def _parts(self, places: Sequence[int]) -> tuple[Array, Array]:
         those = [o for k in places if (o := self.offsets[k]) is not None]
-        sizes = sum(o.log_size for o in those)
-        return np.array([o.mean for o in those]), np.array([o.variance for o in those]), sizes
+        return np.array([o.mean for o in those]), np.array([o.variance for o in those])
 
 
 @dataclass(frozen=True)
@@ -133,15 +121,43 @@ class Unknown:
         return self._total() + float(self.as_failed.sum()) + self.flight
 
     def _total(self) -> float:
-        cells = np.ones(self.baseline.size, dtype=bool)
-        return float(log_sum(self._logs(cells), axis=0))
+        return float(log_sum(self._all_logs, axis=0))
+
+    @cached_property
+    def _all_logs(self) -> Array:
+        return self._logs(np.ones(self.baseline.size, dtype=bool))
+
+    @cached_property
+    def _kernels(self) -> Array:
+        """Priors of the offsets of all members, (members, cells, cells)."""
+        return np.array([m.kernel for m in self.models])
+
+    @cached_property
+    def _offsets(self) -> Array:
+        """Log S, mean and variance of the cells' likelihoods, (3, members, cells); NaN without."""
+        nothing = Offset(np.nan, np.nan, np.nan)
+        every = [[offset or nothing for offset in m.offsets] for m in self.models]
+        found = np.array([[(o.log_size, o.mean, o.variance) for o in row] for row in every])
+        return np.moveaxis(found, -1, 0)
 
     def _logs(self, cells: np.ndarray) -> Array:
-        return np.array([m.log_prior + m.log_evidence(cells) for m in self.models])
+        """Compute the log density of the times of some cells with the prior, (members,).
+
+        The matrices of all members are factored in one call. Cells that have times are those of
+        all members.
+        """
+        log_prior = np.array([m.log_prior for m in self.models])
+        places = [k for k in np.flatnonzero(cells) if self.models[0].offsets[k] is not None]
+        if not places:
+            return log_prior
+        sizes, mean, variance = self._offsets[:, :, places]
+        matrix = self._kernels[:, places][:, :, places]
+        matrix[:, range(len(places)), range(len(places))] += variance
+        return log_prior + sizes.sum(axis=1) + log_normal(mean, matrix)
 
     def draw(self, direction: Array, count: int, generator: np.random.Generator) -> Array:
         """Draw the coefficient of a direction that cells err along together, (count,)."""
-        log = self._logs(np.ones(self.baseline.size, dtype=bool))
+        log = self._all_logs
         weights = np.exp(log - log_sum(log, axis=0))
         parts = generator.multinomial(count, weights / weights.sum())
         found = [
@@ -164,6 +180,18 @@ class Unknown:
         mean = (share * means).sum(axis=0)
         spread = (share * (variances + (means - mean) ** 2)).sum(axis=0)
         return self.baseline + mean, spread
+
+
+def log_normal(apart: Array, covariance: Array) -> Array:
+    """Compute log densities of normal vectors (members, k) round zero, (members,).
+
+    ``covariance`` is (members, k, k).
+    """
+    root = np.linalg.cholesky(covariance)
+    scaled = np.linalg.solve(root, apart[..., None])[..., 0]
+    spread = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(axis=1)
+    log: Array = -0.5 * (scaled**2).sum(axis=1) - spread
+    return log - 0.5 * apart.shape[1] * np.log(2.0 * np.pi)
 
 
 def unknown(problem: Problem, bench: Bench) -> Unknown:

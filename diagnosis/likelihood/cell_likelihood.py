@@ -82,18 +82,21 @@ class CellPredictions(Prediction):
         every = {f.name: np.stack([getattr(c, f.name) for c in cells]) for f in fields(Prediction)}
         times = every["times"]
         mean = times.mean(axis=2)
-        sd = np.maximum(LEAST, times.std(axis=2, ddof=1))
+        square = (times - mean[..., None]) ** 2
+        moment = square.mean(axis=2)
+        count = times.shape[2]
+        sd = np.maximum(LEAST, np.sqrt(moment * (count / (count - 1.0))))
         simulated = mean - every["delay"]
         model = np.hypot(rules.model_error * simulated, rules.least_error)
         if np.any(setting):
             model = np.hypot(model, np.reshape(setting, (-1, 1)))
         every["error"] = np.maximum(np.hypot(every["error"], model), 1e-5)
-        least = max(rules.late_share, 1.0 / (times.shape[2] + 2.0)) * np.isnan(every["behind"])
+        least = max(rules.late_share, 1.0 / (count + 2.0)) * np.isnan(every["behind"])
         share = np.maximum(every["outlier_share"], least)
         every["outlier_share"] = np.clip(share, rules.late_least, 1.0 - rules.late_least)
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)
-        deviation = times - mean[..., None]
-        kurtosis = (deviation**4).mean(axis=2) / np.maximum((deviation**2).mean(axis=2), 1e-12) ** 2
+        # A square of squares: numpy takes a fourth power by logarithms, 20 times as slow.
+        kurtosis = (square**2).mean(axis=2) / np.maximum(moment, 1e-12) ** 2
         odd = np.full_like(mean, rules.odd_share), rules.odd_size * simulated
         return cls(
             **every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis,

@@ -6,7 +6,7 @@ rows, so the emulator is asked once for each value.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
@@ -94,6 +94,12 @@ class Rows(Table):
     def whole(self) -> Array:
         """Log likelihood of all cells together, (m,)."""
         return self.total(np.ones(self.log_likelihood.shape[1], dtype=bool))
+
+    def with_table(self, table: Array) -> Self:
+        """Return the same with another log likelihood (m, cells); errors in common stay."""
+        changed = replace(self, log_likelihood=table)
+        # The integral over these errors is most of the work, and reads no log likelihood.
+        return changed._summing(self.whole + (table.sum(axis=1) - self.log_likelihood.sum(axis=1)))
 
     def total(self, cells: np.ndarray) -> Array:
         """Return the log likelihood of some cells together, (m,)."""
@@ -257,7 +263,7 @@ class Scored:
     ----------
     log_prior : logarithm of the share of the prior that each row stands for, (m,).
     log_evidence, error : logarithm of the evidence, and its standard error.
-    ends : likelihood rows at the ends of the prior, for wider ones.
+    ends : computes the log likelihood at the ends of the prior, (k,), which only wider ones ask.
     """
 
     space: Space
@@ -265,7 +271,7 @@ class Scored:
     log_prior: Array
     log_evidence: float
     error: float
-    ends: Rows | None = None
+    ends: Callable[[], Array] | None = None
 
     @property
     def hypothesis(self) -> Hypothesis:
@@ -294,7 +300,7 @@ class Scored:
 
     def with_table(self, table: Array) -> Scored:
         """Return the same with another log likelihood (m, cells) of its rows."""
-        rows = replace(self.rows, log_likelihood=table)
+        rows = self.rows.with_table(table)
         total = float(log_sum(self.log_prior + rows.whole, axis=0))
         return replace(self, rows=rows, log_evidence=total)
 

@@ -46,6 +46,7 @@ from dogshape.diagnosis.prediction.outliers import (
     outlier_statistics,
 )
 from dogshape.diagnosis.prediction.prediction import Marks, Prediction
+from dogshape.diagnosis.prediction.recent import Recent
 from dogshape.diagnosis.prediction.together import Combination, Combined
 from dogshape.diagnosis.prediction.touch_phases import TouchPhases
 from dogshape.diagnosis.terms import Hypothesis
@@ -73,6 +74,8 @@ class BankEmulator:
             for name in sorted(simulated)
         }
         self._asked: tuple[object, Prediction] | None = None
+        self._alone = Recent[Alone]()
+        self._read_before = Recent[tuple[Array, Array, Array]]()
         self._phases = TouchPhases(self.effects, bank.settings)
         self.flights = FlightTables(self.effects, bank.settings, flights)
 
@@ -106,7 +109,11 @@ class BankEmulator:
     def _everywhere(self, hypothesis: Hypothesis, values: Array) -> Prediction:
         """Predict all operating points, (C, m) and (C, m, q)."""
         parts = self._parts(hypothesis, values)
-        alone = {n: self.fits[n].at(mine) for n, mine in parts.items() if n in self.fits}
+        alone = {
+            name: self._alone.get(name, mine, lambda n=name, v=mine: self.fits[n].at(v))  # type: ignore[misc]
+            for name, mine in parts.items()
+            if name in self.fits
+        }
         read = {name: mine for name, mine in parts.items() if name not in self.fits}
         delay, preferred = self._read(read, len(values))
         if not alone and not preferred.uniform:
@@ -202,7 +209,10 @@ class BankEmulator:
         if not parts:
             return np.zeros((1, count)), Preferred(np.zeros(wide), np.zeros(wide))
         rows = np.concatenate(list(parts.values()), axis=1)
-        delay, concentration, centre = self._readings(tuple(parts), rows)
+        names = tuple(parts)
+        delay, concentration, centre = self._read_before.get(
+            names, rows, lambda: self._readings(names, rows)
+        )
         sharp, middle = np.broadcast_to(concentration, wide), np.broadcast_to(centre, wide)
         return delay, Preferred(sharp, middle)
 
@@ -227,7 +237,8 @@ class BankEmulator:
         # An effect may ask for the operating point; most do not, and those are read once.
         few = rows[:: max(1, len(rows) // PROBES)][:PROBES]
         first, *others = self.bank.settings
-        alike = all(np.allclose(at(one, few), at(first, few), atol=1e-12) for one in others)
+        known = at(first, few)
+        alike = all(np.allclose(at(one, few), known, atol=1e-12) for one in others)
         settings = (first,) if alike else (first, *others)
         delay, concentration, centre = np.stack([at(one, rows) for one in settings], axis=1)
         return delay, concentration, centre

@@ -11,7 +11,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -58,52 +58,27 @@ class _Grid:
         return summed(smooth, self.times).T, summed(smooth, self.speeds).T
 
 
-class TouchPhases:
-    """Phases at the first touch, in pitches; a flight is simulated at the first use."""
+class _Flights:
+    """Flights at some operating points, each simulated at its first use."""
 
-    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
-        self.effects, self.settings = effects, tuple(settings)
-        self._pitch = np.array([one.clutch.dog.pitch_angle for one in settings])
-        self._speed = np.array([one.point.mismatch for one in settings])
-        self._grids: dict[str, _Grid] = {}
-        self._flights: dict[tuple[ForceProfile, object], float] = {}
+    def __init__(self, settings: tuple[Setting, ...]) -> None:
+        self.settings = settings
+        self._times: dict[tuple[ForceProfile, object], float] = {}
 
-    @cached_property
-    def _time(self) -> Array:
-        """Duration of the flight without any effect, s, (C,)."""
-        return np.array([self._touch(one) for one in self.settings])
-
-    def of(self, setting: Setting) -> float:
-        """Compute the phase of a bench at one operating point."""
-        turned = setting.point.mismatch * self._touch(setting)
-        return turned / setting.clutch.dog.pitch_angle
-
-    def at(self, parts: Mapping[str, Array], count: int) -> Array:
-        """Predict the phases where effects have values (m, p) by name, (C, m).
-
-        ``count`` is m.
-        """
-        time = np.tile(self._time[:, None], count)
-        speed = np.tile(self._speed[:, None], count)
-        for name, values in parts.items():
-            later, faster = self._grid(name).at(values)
-            time, speed = time + later, speed + faster
-        phases: Array = time * speed / self._pitch[:, None]
-        return phases
-
-    def _touch(self, setting: Setting) -> float:
+    def touch(self, setting: Setting) -> float:
+        """Compute when the ring touches, s from the start of the force."""
         key = setting.point.profile, (setting.clutch.dog.axial_gap, setting.clutch.rings.mass,
                                       setting.clutch.mechanism)  # fmt: skip
-        if key not in self._flights:
-            self._flights[key] = touch_time(setting)
-        return self._flights[key]
+        if key not in self._times:
+            self._times[key] = touch_time(setting)
+        return self._times[key]
 
-    def _grid(self, name: str) -> _Grid:
-        if name not in self._grids:
-            self._grids[name] = self._flown(self.effects[name])
-        return self._grids[name]
+    @cached_property
+    def still(self) -> Array:
+        """Duration of the flight without any effect, s, (C,)."""
+        return np.array([self.touch(one) for one in self.settings])
 
-    def _flown(self, effect: Effect) -> _Grid:
+    def grid(self, effect: Effect) -> _Grid:
         """Let the ring fly with an effect at all nodes."""
         sizes = [NODES.get(len(effect.parameters), MANY)] * len(effect.parameters)
         nodes = tuple(np.linspace(0.0, 1.0, size) for size in sizes)
@@ -124,5 +99,50 @@ class TouchPhases:
         except DogshapeError:
             return np.nan, np.nan
         moves = changes_flight(setting, changed)
-        time = self._touch(changed) - self._time[cell] if moves else 0.0
+        time = self.touch(changed) - self.still[cell] if moves else 0.0
         return time, changed.point.mismatch - setting.point.mismatch
+
+
+# Emulators are built anew where a range is widened, and most of their effects stay.
+@lru_cache(maxsize=4)
+def _flights(settings: tuple[Setting, ...]) -> _Flights:
+    return _Flights(settings)
+
+
+@lru_cache(maxsize=128)
+def _grid(effect: Effect, settings: tuple[Setting, ...]) -> _Grid:
+    return _flights(settings).grid(effect)
+
+
+class TouchPhases:
+    """Phases at the first touch, in pitches; a flight is simulated at the first use."""
+
+    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
+        self.effects, self.settings = effects, tuple(settings)
+        self._pitch = np.array([one.clutch.dog.pitch_angle for one in settings])
+        self._speed = np.array([one.point.mismatch for one in settings])
+        self._grids: dict[str, _Grid] = {}
+
+    @cached_property
+    def _flights(self) -> _Flights:
+        return _flights(self.settings)
+
+    def of(self, setting: Setting) -> float:
+        """Compute the phase of a bench at one operating point."""
+        turned = setting.point.mismatch * self._flights.touch(setting)
+        return turned / setting.clutch.dog.pitch_angle
+
+    def at(self, parts: Mapping[str, Array], count: int) -> Array:
+        """Predict the phases where effects have values (m, p) by name, (C, m).
+
+        ``count`` is m.
+        """
+        time = np.tile(self._flights.still[:, None], count)
+        speed = np.tile(self._speed[:, None], count)
+        for name, values in parts.items():
+            if name not in self._grids:
+                self._grids[name] = _grid(self.effects[name], self.settings)
+            later, faster = self._grids[name].at(values)
+            time, speed = time + later, speed + faster
+        phases: Array = time * speed / self._pitch[:, None]
+        return phases

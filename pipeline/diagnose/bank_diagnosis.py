@@ -11,13 +11,13 @@ The package brings the bank of the published clutch at the operating points of i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, require_times
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
+from dogshape.diagnosis.diagnosis import Diagnosis, Ranked, diagnose_wider, ranked
 from dogshape.diagnosis.inference.next_test import require_terms
 from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
@@ -96,26 +96,30 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     require_terms(bench, effects)
     _require_working(effects, bench, means)
     bench = with_bank_engine(bench, effects, means)
-    return diagnose_wider(by_banks(bench, means), effects)
+    return diagnosed_by_banks(bench, effects, means)
 
 
-def by_banks(bench: Bench, means: Means) -> Callable[[Mapping[str, Effect]], Diagnosis]:
-    """Build a function that diagnoses a data set with effects of any ranges.
+def diagnosed_by_banks(bench: Bench, effects: Mapping[str, Effect], means: Means) -> Diagnosis:
+    """Diagnose a data set by its banks, again with wider ranges where sizes lie at their end.
 
     What effects were simulated together for one answer serves the next, which lists it too.
     """
-    together: dict[Level, None] = {}
+    together, stores = dict[Level, None](), list[FlightStore]()
 
-    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
+    def once(ranged: Mapping[str, Effect]) -> Ranked:
         emulator, flights = emulator_of(bench, ranged, means)
+        stores.append(flights)
         known = [level for level in together if set(level.hypothesis) <= set(ranged)]
-        found = diagnose(bench, emulator.with_levels(known) if known else emulator, ranged)
-        every = tuple(dict.fromkeys((*known, *found.together)))
+        found = ranked(bench, emulator.with_levels(known) if known else emulator, ranged)
+        every = tuple(dict.fromkeys((*known, *found.ranking.together)))
         together.update(dict.fromkeys(every))
         flights.save()
-        return replace(found, together=every)
+        return replace(found, ranking=replace(found.ranking, together=every))
 
-    return once
+    diagnosis = diagnose_wider(once, effects)
+    for flights in stores:  # the conclusion may have asked for more flights
+        flights.save()
+    return diagnosis
 
 
 def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose, diagnose_wider
+from dogshape.diagnosis.diagnosis import Diagnosis, Ranked, diagnose_wider, ranked
 from dogshape.diagnosis.inference.range_ends import RangeEnd, range_ends, widened
 from dogshape.diagnosis.report.wording import range_sentence
 from dogshape.diagnosis.settings import USUAL, Settings
@@ -24,8 +24,8 @@ def _bench(values: Mapping[str, float]) -> Bench:
 
 
 def _found(bench: Bench, effects: Mapping[str, Effect]) -> Diagnosis:
-    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
-        return diagnose(bench, Toy(points_of()), ranged, pairs=[])
+    def once(those: Mapping[str, Effect]) -> Ranked:
+        return ranked(bench, Toy(points_of()), those, pairs=[])
 
     return diagnose_wider(once, effects)
 
@@ -75,11 +75,11 @@ def test_a_single_effect_beyond_its_range_beats_two_within_theirs() -> None:
     bench = _bench({mass.name: 0.8 * mass.high})
     pair = [("actuation_delay", "sleeve_friction")]
 
-    def once(ranged: Mapping[str, Effect]) -> Diagnosis:
-        pairs = [one for one in pair if set(one) <= set(ranged)]
-        return diagnose(bench, Toy(points_of()), ranged, pairs=pairs)
+    def once(those: Mapping[str, Effect]) -> Ranked:
+        pairs = [one for one in pair if set(one) <= set(those)]
+        return ranked(bench, Toy(points_of()), those, pairs=pairs)
 
-    before, found = once(effects), diagnose_wider(once, effects)
+    before, found = once(effects).ranking, diagnose_wider(once, effects)
     assert before.leading == pair[0]
     assert found.leading == ("moving_mass",)
     assert ("moving_mass", "widened") in [(one.effect, one.remedy) for one in found.range_ends]
@@ -105,8 +105,8 @@ def test_a_truth_within_the_range_widens_nothing() -> None:
 def test_an_effect_that_only_grows_too_weak_lies_at_no_end() -> None:
     """Nothing is there: what a mass of 0.03 kg changes nobody sees."""
     bench = _bench({})
-    found = diagnose(bench, Toy(points_of()), _few("moving_mass"), pairs=[])
-    mass = found.scored[("moving_mass",)]
+    found = ranked(bench, Toy(points_of()), _few("moving_mass"), pairs=[])
+    mass = found.ranking.scored[("moving_mass",)]
     assert not range_ends(mass, LIMITS)
 
 

@@ -8,12 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.diagnosis import diagnose, diagnose_wider
+from dogshape.diagnosis.diagnosis import diagnose
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.prediction import FlightEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.diagnosis.settings import Rules, Settings
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, by_banks, emulator_of, with_bank_engine
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    Means,
+    diagnosed_by_banks,
+    emulator_of,
+    with_bank_engine,
+)
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.validation.blind import sealed
@@ -37,7 +42,7 @@ def diagnose_folder(folder: Path, jobs: int = 0) -> dict[str, Any]:
     means, effects = Means(jobs=jobs, patience=PATIENCE), load(None)
     bench = with_bank_engine(load_bench(folder), effects, means)
     bare, flights = emulator_of(bench, effects, means)
-    told = diagnose_wider(by_banks(bench, means), effects).as_dict()
+    told = diagnosed_by_banks(bench, effects, means).as_dict()
     found = {**told, "plain": plain(bench, bare, effects)}
     if sealed.manifest_of(folder.parent.parent).get("engine", "mujoco") == "mujoco":
         emulator = Moved(bare, *_engines_apart(folder, bare))
