@@ -129,12 +129,14 @@ def log_sum(logs: Array, axis: int) -> Array:
     return np.log(np.exp(logs - top).sum(axis=axis)) + np.squeeze(top, axis=axis)
 
 
-def log_as_failed(seen: Observed, predicted: CellPredictions) -> Array:
-    """Compute the change of the log probability if unknown shifts are failures, (cells, m)."""
+def log_as_failed(seen: Observed, predicted: CellPredictions, engaged: Array) -> Array:
+    """Compute the change of the log probability if unknown shifts are failures, (cells, m).
+
+    ``engaged`` is the log probability of the numbers engaged where they are left out.
+    """
     if not seen.unknown.any():
         return np.zeros_like(predicted.engaged)
-    whole = log_engaged(seen, predicted, seen.failed + seen.unknown)
-    return whole - log_engaged(seen, predicted, seen.failed)
+    return log_engaged(seen, predicted, seen.failed + seen.unknown) - engaged
 
 
 @dataclass(frozen=True)

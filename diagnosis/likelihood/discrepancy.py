@@ -186,31 +186,91 @@ def marginals(slopes: Slopes, prior: Discrepancy, joint: Array) -> Marginals:
     where there is none.
     """
     first, second, taken, wide, own = _without_others(slopes, joint, prior.beside)
-    scales = prior.amplitudes**2
     squares, spreads = [], []
     for root in prior.roots:
-        matrix = _less(root.T @ (second[:, :, None] * root), own, root)
-        values, vectors = np.linalg.eigh(matrix)
-        values = np.maximum(values, 0.0)[:, None]
-        parts = (np.swapaxes(vectors, 1, 2) @ (first @ root)[..., None])[:, None, :, 0] ** 2
-        gain = 1.0 + scales[:, None] * values
-        squares.append((scales[:, None] * parts / gain).sum(axis=2))
-        spreads.append(0.5 * np.log(gain).sum(axis=2))
+        matrix = _less(curvatures(root, second), own, root)
+        taken_by, spread = _tridiagonal(matrix, (first @ root).T).sums(prior.amplitudes**2)
+        squares.append(taken_by)
+        spreads.append(spread)
     return Marginals(
         np.hstack(squares) + taken[:, None], np.hstack(spreads) + wide[:, None], prior.log_prior
     )
 
 
+def curvatures(root: Array, second: Array) -> Array:
+    """Compute *M* at the amplitude one of each value, (r, r, m)."""
+    # One product of matrices for all values: each entry is a sum over cells.
+    size = root.shape[1]
+    pairs = (root[:, :, None] * root[:, None]).reshape(len(root), -1)
+    return (pairs.T @ second.T).reshape(size, size, -1)
+
+
+@dataclass(frozen=True)
+class _Tridiagonal:
+    """Symmetric matrices turned to tridiagonal form, with a vector turned along the first axis.
+
+    Parameters
+    ----------
+    diagonal : (r, m).
+    beside : squares beside the diagonal, the first of which is the squared vector, (r, m).
+    """
+
+    diagonal: Array
+    beside: Array
+
+    def sums(self, scales: Array) -> tuple[Array, Array]:
+        r"""Compute the integral's parts at scales *s* of *M*, (m, scales) each.
+
+        :math:`s v^T (1 + s M)^{-1} v` and :math:`\tfrac12 \ln |1 + s M|`: pivots from the last row
+        up multiply to the determinant, and the last is the inverse's first entry over one.
+        """
+        scale = scales[:, None]
+        pivot, product = np.ones(1), np.zeros(1)
+        below: Array = np.zeros_like(self.diagonal[0])
+        for place in range(len(self.diagonal) - 1, -1, -1):
+            # Rounding must not make an error that explains less than nothing.
+            pivot = np.maximum(1.0 + scale * self.diagonal[place] - scale**2 * below / pivot, 1.0)
+            product = product + np.log(pivot)
+            below = self.beside[place]
+        return (scale * below / pivot).T, 0.5 * product.T
+
+
+def _tridiagonal(matrix: Array, vector: Array) -> _Tridiagonal:
+    """Turn matrices (r, r, m) to tridiagonal form by reflections, with a vector (r, m) before.
+
+    LAPACK would take each value's small matrix by itself; here every step is one of all values
+    (Golub and Van Loan 2013, ch. 8.3). That of the vector turns it along the first axis.
+    """
+    size = len(vector)
+    matrix = matrix.copy()
+    diagonal, beside = np.empty_like(vector), np.empty_like(vector)
+    column = vector
+    for place in range(size):
+        square = (column**2).sum(axis=0)
+        beside[place] = square
+        if column.shape[0] > 1:
+            mirror = column.copy()
+            mirror[0] += np.copysign(np.sqrt(square), column[0])
+            length = (mirror**2).sum(axis=0)
+            factor = np.divide(2.0, length, out=np.zeros_like(length), where=length > 0.0)
+            pushed = factor * np.einsum("ijm,jm->im", matrix, mirror)
+            pushed -= 0.5 * factor * (mirror * pushed).sum(axis=0) * mirror
+            crossed = mirror[:, None] * pushed
+            matrix -= crossed
+            matrix -= crossed.transpose(1, 0, 2)
+        diagonal[place] = matrix[0, 0]
+        column, matrix = matrix[1:, 0], matrix[1:, 1:]
+    return _Tridiagonal(diagonal, beside)
+
+
 def _less(matrix: Array, own: Array | None, root: Array) -> Array:
-    """Take what other errors take of the curvatures off the matrix of a root, (m, r, r)."""
+    """Take what other errors take of the curvatures off the matrices of a root, (r, r, m)."""
     if own is None:
         return matrix
-    if own.ndim == 2:
-        pull = own @ root
-        return matrix - pull[:, :, None] * pull[:, None]
-    pulls = np.swapaxes(own, 1, 2) @ root
-    less: Array = matrix - np.swapaxes(pulls, 1, 2) @ pulls
-    return less
+    pulls = np.atleast_3d(own).transpose(2, 0, 1) @ root  # (q, m, r)
+    for pull in np.swapaxes(pulls, 1, 2):
+        matrix = matrix - pull[:, None] * pull
+    return matrix
 
 
 def _without_others(
@@ -295,9 +355,8 @@ def posterior_draws(
     for shape, root in enumerate(prior.roots):
         mine = np.flatnonzero(shapes == shape)
         size = prior.amplitudes[places[mine]][:, None]
-        matrix = root.T @ (second[mine, :, None] * root)
-        matrix = _less(matrix, None if own is None else own[mine], root)
-        precision = np.eye(root.shape[1]) + size[..., None] ** 2 * matrix
+        matrix = _less(curvatures(root, second[mine]), None if own is None else own[mine], root)
+        precision = np.eye(root.shape[1]) + size[..., None] ** 2 * np.moveaxis(matrix, -1, 0)
         covariance = np.linalg.inv(precision)
         mean = (covariance @ (size * (first[mine] @ root))[..., None])[..., 0]
         noise = generator.standard_normal(mean.shape)[..., None]

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.likelihood.cell_likelihood import log_sum
-from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes
+from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes, curvatures
 from dogshape.diagnosis.likelihood.scores import Rows
 from dogshape.diagnosis.terms import Array
 
@@ -69,7 +69,7 @@ def left_out(slopes: Slopes, prior: Discrepancy, joint: Array) -> LeftOut:
     for root in prior.roots:
         over = np.swapaxes(bent, 1, 2) @ root
         held = np.linalg.solve(whole, over)
-        matrix = root.T @ (second[..., None] * root) - np.swapaxes(over, 1, 2) @ held
+        matrix = np.moveaxis(curvatures(root, second), -1, 0) - np.swapaxes(over, 1, 2) @ held
         values, vectors = np.linalg.eigh(matrix)
         gain = 1.0 + scales[:, None] * np.maximum(values, 0.0)[:, None]
         shrunk = np.swapaxes(scales[:, None] / gain, 1, 2)  # (m, r, amplitudes)

@@ -233,13 +233,14 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     predicted = problem.predictions(space.hypothesis, values)
     flown = problem.flown(space.hypothesis, values)
     times = timed(problem.seen, predicted)
-    table = (times.log + log_engaged(problem.seen, predicted, problem.seen.failed)).T.copy()
+    engaged = log_engaged(problem.seen, predicted, problem.seen.failed)
+    table = (times.log + engaged).T.copy()
     if flown:
         freedom = problem.settings.likelihood.flight_freedom
         logs = log_flights(problem.flights, flown, freedom)
         table += to_cells(problem.flights, logs, problem.seen.cells)
     table[~space.possible(values)] = IMPOSSIBLE
-    as_failed = log_as_failed(problem.seen, predicted).T
+    as_failed = log_as_failed(problem.seen, predicted, engaged).T
     errors = times.slopes, problem.discrepancy, np.nan_to_num(predicted.common.T)
     return Rows(shares, table, as_failed, summary_of(predicted, flown), *errors)
 

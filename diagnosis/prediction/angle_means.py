@@ -114,10 +114,20 @@ def binned(times: Array, count: int, weights: Array | None = None) -> Array:
         return np.full((len(given), count), np.nan)
     mass = given[:, ended]
     mass = mass / mass.sum(axis=1, keepdims=True)
-    edges = np.linspace(0.0, 1.0, count + 1)
-    sums = from_zero(mass * times[ended])
-    found = [np.interp(edges, *both) for both in zip(from_zero(mass), sums, strict=True)]
-    return np.diff(np.array(found), axis=1) * count
+    return shared_out(mass, mass * times[ended], count) * count
+
+
+def shared_out(mass: Array, amount: Array, count: int) -> Array:
+    """Sum amounts (m, n) over ``count`` equal shares of their mass (m, n), (m, count).
+
+    The mass of a row adds to one, and lies evenly within each of the n.
+    """
+    shares, whole = from_zero(mass), from_zero(amount)
+    # Rows stand behind each other on one axis, since one call is much quicker than one a row.
+    behind = 2.0 * np.arange(len(shares))[:, None]
+    edges = behind + np.linspace(0.0, 1.0, count + 1)
+    found = np.interp(edges.ravel(), (shares + behind).ravel(), whole.ravel())
+    return np.diff(found.reshape(edges.shape), axis=1)
 
 
 def engaged_count(times: Array) -> tuple[Array, Array]:

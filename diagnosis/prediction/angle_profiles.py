@@ -20,7 +20,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.diagnosis.prediction.angle_means import even_variance, from_zero
+from dogshape.diagnosis.prediction.angle_means import even_variance, shared_out
 from dogshape.diagnosis.prediction.bank import Bank
 from dogshape.diagnosis.prediction.combination import Emulated
 from dogshape.diagnosis.prediction.level_fit import Alone
@@ -191,12 +191,8 @@ def _shape(times: Array, given: Array, count: int) -> Array:
     mass = np.take_along_axis(np.broadcast_to(given, times.shape), order, axis=-1)
     mass = mass / mass.sum(axis=-1, keepdims=True)
     sums = np.take_along_axis(times, order, axis=-1) * mass
-    shares, whole = (from_zero(one.reshape(-1, one.shape[-1])) for one in (mass, sums))
-    # Rows stand behind each other on one axis, since one call is much quicker than one a row.
-    behind = 2.0 * np.arange(len(shares))[:, None]
-    edges = behind + np.linspace(0.0, 1.0, count + 1)
-    found = np.interp(edges.ravel(), (shares + behind).ravel(), whole.ravel())
-    parts = np.diff(found.reshape(edges.shape), axis=1).reshape(*times.shape[:-1], count)
+    rows = (one.reshape(-1, one.shape[-1]) for one in (mass, sums))
+    parts = shared_out(*rows, count).reshape(*times.shape[:-1], count)
     return np.asarray(parts / parts.mean(axis=-1, keepdims=True))
 
 

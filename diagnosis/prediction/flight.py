@@ -104,6 +104,8 @@ def _freed(setting: Setting, levels: tuple[float, ...]) -> Array:
 
 def changes_flight(one: Setting, other: Setting) -> bool:
     """Test that two settings can differ in their flight; a delay alone does not count."""
+    if one.clutch == other.clutch and one.point.profile == other.point.profile:
+        return one.sensor != other.sensor
     return _moving(one) != _moving(other)
 
 
