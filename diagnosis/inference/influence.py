@@ -12,7 +12,7 @@ of the weight stays in place) the evidence is computed anew without the cell.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -172,11 +172,6 @@ def heavy_rows(one: Scored) -> Scored:
     return replace(one, rows=one.rows.only(deep), log_prior=one.log_prior[deep])
 
 
-def _of(one: Scored, cells: np.ndarray) -> Scored:
-    """Return a hypothesis given the data of some cells."""
-    return heavy_rows(one).of(cells)
-
-
 def without_each(one: Scored) -> Without:
     """Compute a hypothesis without the data of each cell by new weights of its rows."""
     one = heavy_rows(one)
@@ -319,6 +314,8 @@ class _Whole:
     same: Equivalence | None
     found: Mapping[Hypothesis, Without]
     free: Array  #: log predictive density of each cell by the hypothesis unknown
+    #: Heavy rows of hypotheses that were asked for, and their log likelihood without each cell.
+    heavy: dict[Hypothesis, tuple[Scored, Array]] = field(default_factory=dict, init=False)
 
     def decided(self, place: int) -> tuple[Probabilities, Verdict]:
         """Decide without a cell: probabilities, the largest first, and the verdict."""
@@ -346,7 +343,7 @@ class _Whole:
             if hypothesis == UNKNOWN or probability <= least:
                 continue
             if fit is None or fit < DOUBTFUL * limits.adequate:
-                fit = p_value(self.problem.of(cells), _of(self.ranking.scored[hypothesis], cells))
+                fit = p_value(self.problem.of(cells), self._given(hypothesis, cells))
             found[hypothesis] = fit
         return found
 
@@ -354,6 +351,14 @@ class _Whole:
         """Compute the probability to be within the margin without a cell."""
         assert self.same is not None
         drawn = {h for h, p in raw.items() if h == NONE or p > LIKELY}
-        scored = {h: _of(one, cells) for h, one in self.ranking.scored.items() if h in drawn}
+        scored = {h: self._given(h, cells) for h in self.ranking.scored if h in drawn}
         same = equivalence(self.problem.of(cells), scored, raw, unlisted, self.same.margin)
         return same.probability if same else 0.0
+
+    def _given(self, hypothesis: Hypothesis, cells: np.ndarray) -> Scored:
+        """Return a hypothesis given the data of all cells but one."""
+        if hypothesis not in self.heavy:
+            one = heavy_rows(self.ranking.scored[hypothesis])
+            self.heavy[hypothesis] = one, totals_without(one.rows)
+        one, totals = self.heavy[hypothesis]
+        return one.of(cells, totals[:, ~cells][:, 0])

@@ -71,7 +71,7 @@ class Discrepancy:
 
     Parameters
     ----------
-    roots : *A* of each shape at the amplitude one, s, (cells, r) each.
+    roots : *A* of each shape at the amplitude one, s, (cells, r) each, r the same of all.
     amplitudes : as shares of a mean time, (a,).
     prior : of shapes and amplitudes, (shapes, a), adds to one.
     beside : columns *B* of other errors in common, s, (cells, q); None without any.
@@ -86,6 +86,13 @@ class Discrepancy:
     def log_prior(self) -> Array:
         """Logarithm of the prior of each member, shape by shape, (shapes * a,)."""
         return np.log(self.prior).ravel()
+
+    @cached_property
+    def narrow_roots(self) -> tuple[Array, ...]:
+        """Roots with the same covariance and no more columns than cells, s, (cells, r) each."""
+        # A = R^T Q^T with Q orthogonal, which turns standard normals to standard normals.
+        wide = len(self.roots[0]) < self.roots[0].shape[1]
+        return tuple(np.linalg.qr(a.T, mode="r").T for a in self.roots) if wide else self.roots
 
     @property
     def covariance(self) -> Array:
@@ -186,15 +193,17 @@ def marginals(slopes: Slopes, prior: Discrepancy, joint: Array) -> Marginals:
     where there is none.
     """
     first, second, taken, wide, own = _without_others(slopes, joint, prior.beside)
-    squares, spreads = [], []
-    for root in prior.roots:
-        matrix = _less(curvatures(root, second), own, root)
-        taken_by, spread = _tridiagonal(matrix, (first @ root).T).sums(prior.amplitudes**2)
-        squares.append(taken_by)
-        spreads.append(spread)
-    return Marginals(
-        np.hstack(squares) + taken[:, None], np.hstack(spreads) + wide[:, None], prior.log_prior
+    # All shapes stand side by side: a step of the elimination is one of all values and shapes.
+    roots = prior.narrow_roots
+    matrices = [_less(curvatures(root, second), own, root) for root in roots]
+    vectors = [(first @ root).T for root in roots]
+    form = _tridiagonal(np.concatenate(matrices, axis=2), np.concatenate(vectors, axis=1))
+    count = len(first)
+    squares, spread = (
+        np.hstack([part[k * count : (k + 1) * count] for k in range(len(roots))])
+        for part in form.sums(prior.amplitudes**2)
     )
+    return Marginals(squares + taken[:, None], spread + wide[:, None], prior.log_prior)
 
 
 def curvatures(root: Array, second: Array) -> Array:
@@ -238,11 +247,11 @@ class _Tridiagonal:
 def _tridiagonal(matrix: Array, vector: Array) -> _Tridiagonal:
     """Turn matrices (r, r, m) to tridiagonal form by reflections, with a vector (r, m) before.
 
-    LAPACK would take each value's small matrix by itself; here every step is one of all values
-    (Golub and Van Loan 2013, ch. 8.3). That of the vector turns it along the first axis.
+    The matrices are overwritten. LAPACK would take each value's small matrix by itself; here every
+    step is one of all values (Golub and Van Loan 2013, ch. 8.3). The first reflection turns the
+    vector along the first axis.
     """
     size = len(vector)
-    matrix = matrix.copy()
     diagonal, beside = np.empty_like(vector), np.empty_like(vector)
     column = vector
     for place in range(size):

@@ -66,7 +66,7 @@ def left_out(slopes: Slopes, prior: Discrepancy, joint: Array) -> LeftOut:
     left = first - (bent @ pulled)[..., 0]
     scales = prior.amplitudes**2
     squares, spreads, means, variances = [], [], [], []
-    for root in prior.roots:
+    for root in prior.narrow_roots:
         over = np.swapaxes(bent, 1, 2) @ root
         held = np.linalg.solve(whole, over)
         matrix = np.moveaxis(curvatures(root, second), -1, 0) - np.swapaxes(over, 1, 2) @ held

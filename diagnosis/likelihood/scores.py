@@ -93,21 +93,20 @@ class Rows(Table):
     @cached_property
     def whole(self) -> Array:
         """Log likelihood of all cells together, (m,)."""
-        return self.total(np.ones(self.log_likelihood.shape[1], dtype=bool))
+        added: Array = self.log_likelihood.sum(axis=1)
+        if self.discrepancy.absent and not self.joint.any():
+            return added
+        return added + marginals(self.slopes, self.discrepancy, self.joint).log
 
     def with_table(self, table: Array) -> Self:
         """Return the same with another log likelihood (m, cells); errors in common stay."""
         changed = replace(self, log_likelihood=table)
         # The integral over these errors is most of the work, and reads no log likelihood.
-        return changed._summing(self.whole + (table.sum(axis=1) - self.log_likelihood.sum(axis=1)))
+        return changed.summing(self.whole + (table.sum(axis=1) - self.log_likelihood.sum(axis=1)))
 
     def total(self, cells: np.ndarray) -> Array:
         """Return the log likelihood of some cells together, (m,)."""
-        added: Array = self.log_likelihood[:, cells].sum(axis=1)
-        prior, joint = self.discrepancy.of(cells), self.joint[:, cells]
-        if prior.absent and not joint.any():
-            return added
-        return added + marginals(self.slopes.of(cells), prior, joint).log
+        return self.of(cells).whole
 
     def of(self, cells: np.ndarray) -> Self:
         """Select some cells."""
@@ -124,14 +123,14 @@ class Rows(Table):
     def joined(self, other: Self) -> Self:
         """Append other rows."""
         # Each row's sum is its own, and costs more than the rest of joining.
-        return super().joined(other)._summing(np.concatenate([self.whole, other.whole]))
+        return super().joined(other).summing(np.concatenate([self.whole, other.whole]))
 
     def only(self, which: np.ndarray) -> Self:
         """Select some of the rows."""
-        return super().only(which)._summing(self.whole[which])
+        return super().only(which).summing(self.whole[which])
 
-    def _summing(self, whole: Array) -> Self:
-        """Return the same rows, whose log likelihoods of all cells together are known."""
+    def summing(self, whole: Array) -> Self:
+        """Return the same rows, whose log likelihoods of all cells together are known, (m,)."""
         vars(self)["whole"] = whole
         return self
 
@@ -288,9 +287,14 @@ class Scored:
         """Return the log likelihood of some cells, or all, (m,)."""
         return self.rows.whole if cells is None else self.rows.total(cells)
 
-    def of(self, cells: np.ndarray) -> Scored:
-        """Return the same given the data of some cells, whose evidence is summed anew."""
+    def of(self, cells: np.ndarray, whole: Array | None = None) -> Scored:
+        """Return the same given the data of some cells, whose evidence is summed anew.
+
+        ``whole`` is their log likelihood together, (m,), where it is known.
+        """
         rows = self.rows.of(cells)
+        if whole is not None:
+            rows = rows.summing(whole)
         total = float(log_sum(self.log_prior + rows.whole, axis=0))
         return replace(self, rows=rows, log_evidence=total, ends=None)
 
