@@ -71,7 +71,7 @@ class Discrepancy:
 
     Parameters
     ----------
-    roots : *A* of each shape at the amplitude one, s, (cells, r) each, r the same of all.
+    roots : *A* of each shape at the amplitude one, s, (cells, r) each.
     amplitudes : as shares of a mean time, (a,).
     prior : of shapes and amplitudes, (shapes, a), adds to one.
     beside : columns *B* of other errors in common, s, (cells, q); None without any.
@@ -89,10 +89,16 @@ class Discrepancy:
 
     @cached_property
     def narrow_roots(self) -> tuple[Array, ...]:
-        """Roots with the same covariance and no more columns than cells, s, (cells, r) each."""
+        """Roots with the same covariances and no more columns than cells, s, (cells, r) each.
+
+        All have as many columns, the last of which may be zero.
+        """
         # A = R^T Q^T with Q orthogonal, which turns standard normals to standard normals.
-        wide = len(self.roots[0]) < self.roots[0].shape[1]
-        return tuple(np.linalg.qr(a.T, mode="r").T for a in self.roots) if wide else self.roots
+        narrow = [
+            np.linalg.qr(root.T)[1].T if len(root) < root.shape[1] else root for root in self.roots
+        ]
+        most = max(root.shape[1] for root in narrow)
+        return tuple(np.pad(root, ((0, 0), (0, most - root.shape[1]))) for root in narrow)
 
     @property
     def covariance(self) -> Array:

@@ -191,8 +191,9 @@ def _shape(times: Array, given: Array, count: int) -> Array:
     mass = np.take_along_axis(np.broadcast_to(given, times.shape), order, axis=-1)
     mass = mass / mass.sum(axis=-1, keepdims=True)
     sums = np.take_along_axis(times, order, axis=-1) * mass
-    rows = (one.reshape(-1, one.shape[-1]) for one in (mass, sums))
-    parts = shared_out(*rows, count).reshape(*times.shape[:-1], count)
+    size = times.shape[-1]
+    parts = shared_out(mass.reshape(-1, size), sums.reshape(-1, size), count)
+    parts = parts.reshape(*times.shape[:-1], count)
     return np.asarray(parts / parts.mean(axis=-1, keepdims=True))
 
 
