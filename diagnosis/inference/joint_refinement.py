@@ -122,7 +122,8 @@ def _levels(one: Scored, acting: Hypothesis, count: int) -> list[Level]:
     lie on a grid of the priors, so that the last digits of a posterior ask for no other shifts.
     """
     parameters = [p for name in acting for p in one.space.parameters_of(name)]
-    columns = [k for name in acting for k in _columns(one, name)]
+    places_of = [one.space.columns(name) for name in acting]
+    columns = [k for some in places_of for k in range(some.start, some.stop)]
     best = int(one.weights().argmax())
     drawn = one.draw(DRAWS, np.random.default_rng(len(one.log_prior)))
     shares = np.round(GRID * one.rows.shares[[best, *drawn]]) / GRID
@@ -132,8 +133,3 @@ def _levels(one: Scored, acting: Hypothesis, count: int) -> list[Level]:
         Level(acting, tuple(p.at(float(s)) for p, s in zip(parameters, places[k], strict=True)))
         for k in chosen
     ]
-
-
-def _columns(one: Scored, name: str) -> range:
-    found = one.space.columns(name)
-    return range(found.start, found.stop)

@@ -59,19 +59,20 @@ def log_mean(emulated: Emulated) -> Array:
 
 def together(base: Emulated, emulated_alone: list[Emulated], variances: list[Array]) -> Emulated:
     """Return effects together: changes of times and odds multiply; none leaves the baseline."""
-    start = np.log(base.times), _logit(base.engaged), _logit(base.outlier_share)
+    start = np.log(base.times), clipped_logit(base.engaged), clipped_logit(base.outlier_share)
     times, odds, outlier_share = start
     doubt, variance = base.engaged_variance, base.variance
     for one, own in zip(emulated_alone, variances, strict=True):
         times = times + np.log(one.times) - start[0]
-        odds = odds + _logit(one.engaged) - start[1]
-        outlier_share = outlier_share + _logit(one.outlier_share) - start[2]
+        odds = odds + clipped_logit(one.engaged) - start[1]
+        outlier_share = outlier_share + clipped_logit(one.outlier_share) - start[2]
         doubt, variance = doubt + one.engaged_variance, variance + own
     found = np.sort(np.exp(times), axis=-1)
     return Emulated(found, expit(odds), variance, doubt, expit(outlier_share))
 
 
-def _logit(share: Array) -> Array:
+def clipped_logit(share: Array) -> Array:
+    """Compute the logarithm of the odds of shares, none of which counts as sure."""
     inside = np.clip(share, 1e-3, 1.0 - 1e-3)
     return np.log(inside / (1.0 - inside))
 

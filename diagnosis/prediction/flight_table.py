@@ -20,7 +20,7 @@ from scipy.ndimage import distance_transform_edt, maximum_filter
 from dogshape.diagnosis.bench.flight_marks import SIZE, WAYS
 from dogshape.diagnosis.prediction.flight import Flight, changes_flight, fly
 from dogshape.diagnosis.prediction.flight_store import FlightStore, key_of
-from dogshape.diagnosis.prediction.levels import Level
+from dogshape.diagnosis.prediction.levels import Level, columns_of
 from dogshape.diagnosis.prediction.prediction import Marks
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
@@ -204,8 +204,8 @@ class FlightTables:
         return Table(parameters, nodes, *kept)
 
     def _columns(self, hypothesis: Hypothesis, moving: Hypothesis) -> list[int]:
-        owners = [name for name in hypothesis for _ in self.effects[name].parameters]
-        return [k for k, name in enumerate(owners) if name in moving]
+        every = columns_of(hypothesis, self.effects)
+        return [k for name in moving for k in range(every[name].start, every[name].stop)]
 
     def _delays(self, hypothesis: Hypothesis, values: Array, setting: Setting) -> Array:
         """Add up the delays of the force by effects, s, (m,)."""

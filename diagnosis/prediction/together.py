@@ -29,6 +29,7 @@ from dogshape.diagnosis.prediction.combination import (
     LEAST,
     Emulated,
     Interactions,
+    clipped_logit,
     log_mean,
     together,
 )
@@ -220,6 +221,5 @@ def _moved(whole: Emulated, joint: _Joint, weights: Array) -> Emulated:
     mean = whole.times.mean(axis=-1) * np.exp((weights @ residual[..., None])[..., 0])
     times = np.sort(whole.times * np.exp(weights @ joint.shapes), axis=-1)
     times *= (mean / times.mean(axis=-1))[..., None]
-    inside = np.clip(whole.engaged, 1e-3, 1.0 - 1e-3)
     odds = (weights @ joint.odds[..., None])[..., 0]
-    return replace(whole, times=times, engaged=expit(logit(inside) + odds))
+    return replace(whole, times=times, engaged=expit(clipped_logit(whole.engaged) + odds))
