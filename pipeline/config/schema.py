@@ -272,8 +272,8 @@ def _few_trials(trials: int) -> int:
 class SearchSection(Section):
     """Objectives, sampler and budget of the search.
 
-    ``use_known``: begin with the rows that the package brings for the same physics. ``points``:
-    operating points that a new design is simulated at, the others are predicted; all if absent.
+    ``points``: operating points that a new design is simulated at, the others are predicted; all
+    if absent.
     ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
     ``limits``: bounds on any quantity of ``pipeline.simulate.quantities``. ``within_s``: time of
     the share that engages at the first try. ``reference``: keys of the dog that no operating point
@@ -292,7 +292,6 @@ class SearchSection(Section):
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
-    use_known: bool = True
     points: Annotated[int, Field(ge=3)] | None = None
     confirm_designs: Annotated[int, Field(ge=1)] = 4
     confirm_angles: Annotated[int, Field(ge=3)] = 16

@@ -26,6 +26,7 @@ from dogshape.pipeline.config.set_point import (
     own_set_point,
     require_ranges,
 )
+from dogshape.pipeline.config.study_hash import hashed
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
@@ -194,7 +195,7 @@ class Setup:
     @property
     def config_hash(self) -> str:
         """Content key of the whole study file."""
-        return content_key(self.file.model_dump())
+        return content_key(hashed(self.file))
 
 
 def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Record:
@@ -215,7 +216,8 @@ def load_study(
     Parameters
     ----------
     where : TOML file, folder with ``study.toml`` or name of a bundled study.
-    overrides : ``KEY=VALUE`` with dotted keys, later ones win; or values by dotted keys.
+    overrides : ``KEY=VALUE`` with dotted keys, later ones win, ``KEY=`` takes the key out; or
+        values by dotted keys, None likewise.
 
     Raises
     ------
@@ -227,9 +229,7 @@ def load_study(
         data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
-    pairs = (
-        overrides.items() if isinstance(overrides, Mapping) else map(key_and_value, overrides or ())
-    )
+    pairs = overrides.items() if isinstance(overrides, Mapping) else map(_given, overrides or ())
     source = str(path)
     for key, value in pairs:
         _override(data, key, value)
@@ -272,8 +272,14 @@ def key_and_value(text: str) -> tuple[str, Any]:
     return key.strip(), read["v"]
 
 
+def _given(text: str) -> tuple[str, Any]:
+    """Read ``KEY=VALUE``; None for no value."""
+    key, value = key_and_value(text)
+    return key, value if text.partition("=")[2].strip() else None
+
+
 def _override(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key of a study file's tables."""
+    """Set a dotted key of a study file's tables; None takes it out."""
     *tables, last = key.split(".")
     table = data
     for name in tables:
@@ -281,7 +287,12 @@ def _override(data: dict[str, Any], key: str, value: Any) -> None:
         if not isinstance(table, dict):
             wrong = f"--set {key}={value}: {name} is a value and not a table"
             raise InputError(f"{wrong}; check the key")
-    table[last] = value
+    if value is not None:
+        table[last] = value
+    elif last in table:
+        del table[last]
+    else:
+        raise InputError(f"the study has no key {key} to take out; check the key, or leave it out")
 
 
 def build_study(file: StudyFile) -> Setup:

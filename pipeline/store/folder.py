@@ -31,6 +31,7 @@ from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
+from dogshape.pipeline.config.study_hash import hashed, without_gone
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
@@ -114,7 +115,7 @@ class StudyFolder:
             )
         if "study" not in content:
             raise StorageError(f"{self.manifest} is damaged; start the study in another folder")
-        return build_study(validate(StudyFile, content["study"], str(self.manifest)))
+        return build_study(validate(StudyFile, without_gone(content["study"]), str(self.manifest)))
 
     def stored_result(self) -> dict[str, Any]:
         """Read what the study found so far; raise StorageError where that is damaged."""
@@ -132,7 +133,7 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     Numbers of designs may, and what replication may take; so may the limit of time, on which no
     finished shift depends.
     """
-    content = file.model_dump()
+    content = hashed(file)
     del content["search"]["trials"]
     content["search"].pop("replicate", None)
     del content["surrogate"]["designs"]

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from dogshape.pipeline.config.schema import SearchSection
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.bundled import bundled_root
-from dogshape.sim.errors import DogshapeError
+from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import RPM
 
 
@@ -115,3 +116,17 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
 def test_a_key_that_came_later_leaves_kept_results_of_the_same_study(name: str) -> None:
     kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
     assert load_study(name).config_hash == kept["config_hash"]
+
+
+def test_an_override_without_a_value_takes_a_key_out() -> None:
+    """As if the file did not have it: a key with a default then has that."""
+    plain = load_study("mq200_paper", ["search.screen_angles=", "search.replicate="])
+    assert plain.file.search.screen_angles is None
+    assert plain.file.search.replicate == SearchSection.model_fields["replicate"].default
+    assert load_study("mq200_paper", {"search.screen_angles": None}).file.search == (
+        load_study("mq200_paper", ["search.screen_angles="]).file.search
+    )
+    with pytest.raises(InputError, match="'name' is missing"):
+        load_study("mq200_paper", ["name="])
+    with pytest.raises(InputError, match=r"no key search\.screen_angle to take out; check the key"):
+        load_study("mq200_paper", ["search.screen_angle="])
