@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from dogshape.pipeline.reports.kit.text import in_ms, ms_with_error
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -42,5 +44,4 @@ def ms(seconds: float | None, error: float | None = None) -> str:
     """Write a time in ms, with its standard error where it has one."""
     if seconds is None:
         return "-"
-    told = f"{seconds * 1e3:.1f}"
-    return f"{told} ms" if error is None else f"{told} ± {error * 1e3:.1f} ms"
+    return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"

@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from dogshape.pipeline.reports.comparison.side_by_side import PARAMETERS
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import axis, check_name, minus, percent, place_name
+from dogshape.pipeline.reports.kit.text import (
+    axis,
+    check_name,
+    minus,
+    ms_with_error,
+    percent,
+    place_name,
+)
 
 VARIABLES = ("count", "chamfer_deg", "traction_deg", "braking_deg", "height_mm",
              "outer_diameter_mm", "inner_diameter_mm")  #: in the order of the table  # fmt: skip
@@ -79,7 +86,7 @@ def _time(item: Row) -> str:
     value, error = item["expected_shift_time_s"], item["standard_error_s"]
     if value is None:
         return "not simulated"
-    said = f"{1e3 * value:.1f} ± {1e3 * (error or 0.0):.1f}"
+    said = ms_with_error(value, error or 0.0)
     return said if item["confirmed"] else f"{said} ({item['predicted_by'] or 'search'})"
 
 
@@ -92,8 +99,9 @@ def _difference(one: Row) -> str:
 
 
 def _signed(value: float, error: float | None) -> str:
-    behind = "" if error is None else f" ± {1e3 * error:.1f}"
-    return minus(f"{1e3 * value:+.1f}{behind}")
+    if error is None:
+        return minus(f"{1e3 * value:+.1f}")
+    return ms_with_error(value, error, "+")
 
 
 def _worst(item: Row) -> str:

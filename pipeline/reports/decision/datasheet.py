@@ -6,7 +6,13 @@ import math
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.kit.text import check_name, minus, percent, place_name
+from dogshape.pipeline.reports.kit.text import (
+    check_name,
+    minus,
+    ms_with_error,
+    percent,
+    place_name,
+)
 from dogshape.pipeline.reports.study.provenance import command_of
 from dogshape.pipeline.reports.study.single_shifts import Shifts
 from dogshape.pipeline.reports.study.standing import (
@@ -15,7 +21,7 @@ from dogshape.pipeline.reports.study.standing import (
     standing_of,
     worst_point,
 )
-from dogshape.pipeline.reports.study.summary import engine_of, ms
+from dogshape.pipeline.reports.study.summary import engine_of
 from dogshape.pipeline.search.tolerance_effects import margins_within
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.decisions import Decision
@@ -95,12 +101,12 @@ def _times(study: Setup, result: Row, chosen: Standing, shifts: Shifts) -> list[
     gain = difference(study, chosen, prototype, shifts)
     if gain is not None and chosen.trial != prototype.trial:
         paired = " (same angles)" if gain.paired else ""
-        rows.append((f"gain{paired}", f"{ms(gain.value)} ± {ms(gain.error)} ms"))
+        rows.append((f"gain{paired}", f"{ms_with_error(gain.value, gain.error)} ms"))
     if chosen.points:
         slow = max(chosen.points, key=lambda p: p["mean_s"])
         at = place_name(slow["mismatch_rpm"], slow["force_N"])
         error = slow["standard_error_s"]
-        rows.append((f"slowest point, {at}", f"{ms(slow['mean_s'])} ± {ms(error or 0.0)} ms"))
+        rows.append((f"slowest point, {at}", f"{ms_with_error(slow['mean_s'], error or 0.0)} ms"))
         engaged = min(p["engaged"] for p in chosen.points)
         rows.append(("engage at the first try, least", f"{100 * engaged:.0f} %"))
     worst = worst_point(prototype, chosen, shifts)
@@ -108,7 +114,7 @@ def _times(study: Setup, result: Row, chosen: Standing, shifts: Shifts) -> list[
         point, loss = worst
         at = place_name(point["mismatch_rpm"], point["force_N"])
         side = "slower" if loss.value > 0.0 else "faster"
-        words = f"{ms(abs(loss.value))} ± {ms(loss.error)} ms {side}"
+        words = f"{ms_with_error(abs(loss.value), loss.error)} ms {side}"
         rows.append((f"worst against the prototype, {at}", words))
     value, name = chosen.friction
     surface = check_name(name).removesuffix(" release")
@@ -117,7 +123,7 @@ def _times(study: Setup, result: Row, chosen: Standing, shifts: Shifts) -> list[
 
 
 def _time(one: Standing) -> str:
-    return "-" if one.time is None else f"{ms(one.time[0])} ± {ms(one.time[1])} ms"
+    return "-" if one.time is None else f"{ms_with_error(*one.time)} ms"
 
 
 def margins_of(study: Setup, params: dict[str, float], chosen: Standing) -> list[Row]:

@@ -31,6 +31,17 @@ def in_ms(seconds: float | None) -> str:
     return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
 
 
+def with_error(shown: float, error: float, sign: str = "") -> str:
+    """Print a value and its standard error to a tenth, or to a hundredth where the error asks."""
+    places = 2 if 0.0 < error < 0.05 else 1
+    return minus(f"{shown:{sign}.{places}f} ± {error:.{places}f}")
+
+
+def ms_with_error(seconds: float, error: float, sign: str = "") -> str:
+    """Print a time and its standard error, both in s, in ms without the unit."""
+    return with_error(1e3 * seconds, 1e3 * error, sign)
+
+
 def percent(margin: float) -> str:
     """Print a margin in percent, with decimals where it is small."""
     digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)

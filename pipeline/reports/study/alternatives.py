@@ -13,7 +13,13 @@ from dataclasses import dataclass
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import check_name, minus, percent, place_name
+from dogshape.pipeline.reports.kit.text import (
+    check_name,
+    in_ms,
+    ms_with_error,
+    percent,
+    place_name,
+)
 from dogshape.pipeline.reports.study.paired import Difference
 from dogshape.pipeline.reports.study.single_shifts import Shifts
 from dogshape.pipeline.reports.study.standing import (
@@ -57,7 +63,7 @@ class Alternative:
     def time_words(self) -> str:
         """Mean time with its error, ms."""
         time = self.standing.time
-        return "-" if time is None else _pair(*time)
+        return "-" if time is None else ms_with_error(*time)
 
     @property
     def worst_words(self) -> str:
@@ -67,7 +73,7 @@ class Alternative:
         point, loss = self.worst
         at = place_name(point["mismatch_rpm"], point["force_N"])
         side = "slower" if loss.value > 0.0 else "faster"
-        return f"{_pair(abs(loss.value), loss.error)} {side} at {at}"
+        return f"{ms_with_error(abs(loss.value), loss.error)} {side} at {at}"
 
     @property
     def margin_words(self) -> str:
@@ -182,8 +188,8 @@ def _reason(chosen: Alternative, one: Alternative) -> str:
         side = "slower" if one.loss > 0.0 else "faster"
         own = "slower" if chosen.loss > 0.0 else "faster"
         why.append(
-            f"at its worst point it is {_ms(abs(one.loss))} ms {side} than the prototype, where "
-            f"{chosen.name} is {_ms(abs(chosen.loss))} ms {own}"
+            f"at its worst point it is {in_ms(abs(one.loss))} ms {side} than the prototype, where "
+            f"{chosen.name} is {in_ms(abs(chosen.loss))} ms {own}"
         )
     if _friction(chosen, one):
         values = [each.standing.friction[0] for each in (one, chosen)]
@@ -204,7 +210,7 @@ def _cost(chosen: Alternative, one: Alternative) -> str:
     if not one.cost.clear:
         return f"whose time cannot be told from that of {chosen.name} ({_signed(one.cost)} ms)"
     more = "more" if one.cost.value > 0.0 else "less"
-    return f"for {_pair(abs(one.cost.value), one.cost.error)} ms {more}"
+    return f"for {ms_with_error(abs(one.cost.value), one.cost.error)} ms {more}"
 
 
 def _open(one: Alternative) -> str:
@@ -264,13 +270,5 @@ def landing_scatter(result: Row, name: str) -> float | None:
     return math.sqrt(sum((each - middle) ** 2 for each in found) / (len(found) - 1))
 
 
-def _ms(seconds: float) -> str:
-    return minus(f"{seconds * 1e3:.1f}")
-
-
-def _pair(value: float, error: float) -> str:
-    return f"{_ms(value)} ± {_ms(error)}"
-
-
 def _signed(one: Difference) -> str:
-    return minus(f"{one.value * 1e3:+.1f} ± {one.error * 1e3:.1f}")
+    return ms_with_error(one.value, one.error, "+")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import minus
+from dogshape.pipeline.reports.kit.text import minus, with_error
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
 QUANTILE_TIME, MARGIN = "shift_time_quantile_s", "smallest_margin"
@@ -118,6 +118,8 @@ class Goal:
         """Print a shown value with its standard error, if it has one, without the unit."""
         if not error:
             return self.number(shown)
+        if self.unit in ("ms", "kN"):
+            return with_error(shown, error)
         return f"{self.number(shown)} ± {self.number(error)}"
 
     def words(self, shown: float, error: float = 0.0) -> str:

@@ -24,7 +24,7 @@ from dogshape.pipeline.reports.kit.maps import (
     mismatch_axes,
     shaded_cells,
 )
-from dogshape.pipeline.reports.kit.text import minus, place_name
+from dogshape.pipeline.reports.kit.text import minus, ms_with_error, place_name
 
 PAIR = (("prototype", "prototype"), ("chosen", "best"))  #: names with keys of the confirmation
 #: The fewer engage, the darker; the scale stays one in grey.
@@ -55,7 +55,7 @@ class Gain:
     @property
     def words(self) -> str:
         """Gain and standard error in ms; a loss says so."""
-        said = minus(f"{1e3 * self.gain_s:+.1f} ± {1e3 * self.error_s:.1f}")
+        said = ms_with_error(self.gain_s, self.error_s, "+")
         return said + (" slower" if self.gain_s < 0.0 else "")
 
 

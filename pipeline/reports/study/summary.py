@@ -7,7 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import check_name, label, minus, percent, value
+from dogshape.pipeline.reports.kit.text import (
+    check_name,
+    label,
+    minus,
+    ms_with_error,
+    percent,
+    value,
+)
 from dogshape.pipeline.reports.study.front import confirmed_designs
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
 from dogshape.pipeline.reports.study.point_gains import Gain, gains
@@ -349,7 +356,8 @@ def _slower(found: list[Gain]) -> list[str]:
     if not clear:
         return [f"{said}, nowhere clearly: each loss is below twice its standard error."]
     places = "; ".join(
-        f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by {ms(-g.gain_s)} ± {ms(g.error_s)} ms"
+        f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by "
+        f"{ms_with_error(-g.gain_s, g.error_s)} ms"
         for g in sorted(clear, key=lambda g: g.gain_s)
     )
     said += f", clearly at {len(clear)}: {minus(places)}"
