@@ -2,7 +2,8 @@
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests (ten minutes on two idle cores)
 # make test-fast runs tests/unit alone: no server, browser or study (two minutes on two idle cores).
-# make surrogate simulates and fits the surrogate that the package brings (1.5 hours).
+# make surrogate simulates and fits the surrogate that the package brings (minutes), with the tables
+# about surrogates (an hour); make one-level one of Drake alone to compare (1.5 hours).
 # make bank simulates the bank that the package brings for the published data sets, with the
 # flights of traces (ten minutes).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
@@ -27,7 +28,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate one-level bank studies samplers gaps figures picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -68,7 +69,8 @@ EVIDENCE := convergence convergence_designs stiction floor work_precision expect
   adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check self_consistency evidence \
   valid_range keeping sense ranking forecasts edge_radius linkage_steps linkage_mass \
   bank_engines unseen_clutch
-SURROGATE := learning_curve active_learning asking two_fidelities cold_start fit_clock
+SURROGATE := asking two_fidelities fit_clock
+ONE_LEVEL := learning_curve active_learning
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
 # the old table.
@@ -84,12 +86,18 @@ evidence: $(VENV)/complete
 	$(BIN)/python -m pytest -m slow
 	$(call print_tables,$(EVIDENCE))
 
-# The surrogate that the package brings, and the tables about it (an hour): what it learns from
-# is simulated into results/mq200_paper-space, where a run that was stopped goes on.
+# The surrogate that the package brings, as anybody makes one (minutes), and the tables about it
+# (an hour): what it learns from is simulated into results/mq200_paper-space, where a run that was
+# stopped goes on.
 surrogate: $(VENV)/ready
-	$(BIN)/dogshape fit mq200_paper --levels 1 --choose
+	$(BIN)/dogshape fit mq200_paper --choose
 	cp results/mq200_paper-space/surrogate.json studies/mq200_paper/surrogate.json
 	$(call print_tables,$(SURROGATE))
+
+# One of Drake alone, to compare (1.5 hours).
+one-level: $(VENV)/ready
+	$(BIN)/dogshape fit mq200_paper --levels 1 --choose --set name=mq200_paper_drake
+	$(call print_tables,$(ONE_LEVEL))
 
 # The bank of the published clutch in both senses of rotation; goes on from BANK where that has
 # finished shifts, and simulates nothing where the bundled file has all.

@@ -111,6 +111,7 @@ NUMERICAL = {
     "prediction.sense_bank": "LEVELS levels, PLANE levels, ANGLES angles, DENSE angles",
     "prediction.combination": "LEAST_SUM of a ratio, LEAST of ln time",
     "prediction.level_curves": "FLOOR of a mean",
+    "prediction.recent": "KEPT results",
     "prediction.hypotheses": "TRIED values",
     "prediction.emulator": "PROBES values",
     "prediction.level_fit": "SHARES shares, LEAST of a mean, NONE of a mean",

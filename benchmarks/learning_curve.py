@@ -1,6 +1,6 @@
 """The surrogate against the number of simulated shifts, and where it is wrong.
 
-Takes what ``dogshape fit mq200_paper`` simulated: the first designs of its filling, more and
+Takes what ``make one-level`` simulated: the first designs of its filling, more and
 more of them, each time judged by the same references.
 """
 

@@ -58,7 +58,6 @@ PROBLEM = (
     "operating.force_N=[235.2, 641.5]",
     "expectation.angles=4",
     "load.landing_share=0.01",
-    "search.use_known=false",
     f"search.startup={START}",
 )
 

@@ -1,4 +1,4 @@
-"""Find what ``fit mq200_paper`` left in ``results/mq200_paper-space``, for the tables about it."""
+"""Find what ``make one-level`` left in ``results``, for the tables about it."""
 
 from __future__ import annotations
 
@@ -62,9 +62,7 @@ class Space:
 
 def space() -> Space:
     """Return the filled folder of the paper's study; exit where it is not there yet."""
-    folder = StudyFolder(Path("results/mq200_paper-space"))
+    folder = StudyFolder(Path("results/mq200_paper_drake-space"))
     if not folder.best.exists():
-        sys.exit(
-            "results/mq200_paper-space is not filled yet: run 'dogshape fit mq200_paper' first"
-        )
+        sys.exit(f"{folder.root} is not filled yet: run 'make one-level' first")
     return Space(folder, folder.stored_study())

@@ -45,7 +45,6 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import first_designs
-from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.pipeline.train.mix_rows import angles_of, count_of, simulate_mix_rows
 from dogshape.pipeline.train.training import fill, references_of, train
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
@@ -298,9 +297,6 @@ def compare(study: Setup, folder: StudyFolder, counts: list[int]) -> None:
         own = fitted(mix_times(data, rows, study_mix(study)))
         say("all points", count, replace(whole, own=own), time.process_time() - begun, own.shifts)
     say("own points", len(data.designs), replace(whole, own=None), 0.0, data.shifts)
-    if brought := known_surrogate(study):
-        model = brought.surrogate
-        say("bundled", len(model.data.designs), model, 0.0, model.data.shifts)
     for way, correct in WAYS.items():
         some = dataset_of(compiled(study), first(study, cheap, FEW_DESIGNS))
         kept = {tuple(np.round(x, DIGITS)) for x in some.designs.tolist()}

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study, require_varia
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.found_surrogates import known_surrogate, space_out
+from dogshape.pipeline.train.found_surrogates import space_out
 from dogshape.pipeline.train.inquiry import Inquiry
 from dogshape.pipeline.train.training import ask_more, fill, train
 from dogshape.result import Result, ms
@@ -120,8 +120,7 @@ def fit(
     shifts : how many more shifts a question takes.
     levels : of a study, 2 for rows of the compiled engine that pairs with Drake correct
         (``pipeline.train.two_level_rows``), 1 for rows of the study's engine; None for what its
-        folder was begun with, else for 2 where the engine is Drake, no question is asked and the
-        package brings no surrogate.
+        folder was begun with, else for 2 where the engine is Drake and no question is asked.
 
     Raises
     ------
@@ -163,8 +162,7 @@ def _levels(config: Setup, folder: StudyFolder, levels: int | None, asked: Inqui
     drake = config.clutch.solver.engine == "drake"
     before = 2 if folder.compiled.exists() else 1 if folder.shifts.exists() else None
     if levels is None:
-        new = drake and asked is None and known_surrogate(config) is None
-        return before or (2 if new else 1)
+        return before or (2 if drake and asked is None else 1)
     if levels == 2 and asked is not None:
         raise InputError("--question adds rows of one level; leave it out, or give --levels 1")
     if levels not in (1, 2):

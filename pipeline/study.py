@@ -55,7 +55,6 @@ from dogshape.pipeline.simulate.two_levels import COST as LEVEL_COST
 from dogshape.pipeline.store.folder import StudyFolder, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.trial_storage import kept
-from dogshape.pipeline.train.found_surrogates import digest_of, joining
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import GeometryError, InputError
@@ -86,18 +85,15 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
     objectives_of(study)
     require_variables(study)
     require_levels(study)
-    brought = joining(study, lambda _: None) if study.file.search.use_known else None
-    guide = DogGuide(study, None if brought is None else brought.surrogate)
+    guide = DogGuide(study)
     sampler_of = sampler_factory(study, guide)
     folder = how.folder
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        known = digest_of(brought)
-        search = open_search(study, folder, how.storage, how.resume, known=known, guide=guide)
+        search = open_search(study, folder, how.storage, how.resume, guide=guide)
         with closing(search.claims), kept(how.storage, folder):
-            rows = 0 if brought is None else len(brought.surrogate.data)
-            result, say = _searched(search, sampler_of, how, rows)
+            result, say = _searched(search, sampler_of, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:
@@ -108,17 +104,15 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
     return result
 
 
-def _searched(
-    search: Search, sampler_of: SamplerOf, how: Run, known: int
-) -> tuple[dict[str, Any], Say]:
+def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
     """Run a search to its end, replicate what is unclear of it and confirm its best.
 
-    ``known`` rows join those of the search. Give the result and how to say more.
+    Give the result and how to say more.
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
     jobs = workers_of(how.jobs)
-    foreseen = Forecast(to_search(search), jobs, costs(search.study, known))
+    foreseen = Forecast(to_search(search), jobs, costs(search.study))
     with WorkCounter(how.progress, most, most=True, forecast=foreseen) as progress:
         progress.say(words)
         if (angles := search.study.file.search.screen_angles) is not None:

@@ -30,6 +30,13 @@ from dogshape.sim.units import DEG, RPM
 RISE = {235.2: 0.2510, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 
 #: Overrides that make the paper's study small: two operating points, few angles, narrow ranges.
+#: Drake alone, at some operating points of each design, and its hardest landing.
+ONE_LEVEL = [
+    "search.levels=1",
+    "search.screen_angles=",
+    "search.points=10",
+    "load.landing_share=",
+]
 SMALL = [
     "operating.mismatch_rpm=[50, 149]",
     "operating.force_N=[469.0]",
@@ -43,8 +50,9 @@ SMALL = [
     "variables.chamfer_deg=[6, 14]",
     "variables.height_mm=[2.8, 4.2]",
     "variables.count=[12, 24]",
-    # Another physics than that of the surrogate which the package brings: nothing joins it.
+    # Another physics than that of the surrogate which the package brings.
     "shift.timeout_s=1.1",
+    *ONE_LEVEL,
 ]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import load_study
@@ -11,11 +12,11 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.bundled import bundled_root
 
 
-def kept_folder(root: Path, name: str = "mq200_paper") -> StudyFolder:
-    """Make the folder of a bundled study."""
+def kept_folder(root: Path, name: str = "mq200_paper", settings: Sequence[str] = ()) -> StudyFolder:
+    """Make the folder of a bundled study; ``settings`` override keys of its study alone."""
     root.mkdir(parents=True)
     folder = StudyFolder(root)
-    folder.open(load_study(bundled_root() / name / "study.toml"), resume=False)
+    folder.open(load_study(bundled_root() / name / "study.toml", settings), resume=False)
     shutil.copy(bundled_root() / name / "result.json", folder.result)
     return folder
 

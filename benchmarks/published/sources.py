@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from benchmarks.kept import gap, numbers, result
+from benchmarks.kept import gap, numbers, result, trial
 
 MS = 1e3
 PERCENT = 100.0
@@ -88,7 +88,7 @@ def replication(name: str) -> list[float]:
 
 def gain(name: str) -> list[float]:
     """Give gain, error and percent of the chosen design under one of the contact sets."""
-    return numbers("contact_sets", name, "chosen (31)")[-3:]
+    return numbers("contact_sets", name, "chosen (43)")[-3:]
 
 
 SPAN = "{:.0f} % ({:.0f} to {:.0f})"
@@ -119,6 +119,15 @@ def gearbox() -> list[float]:
         for who in ("best", "prototype")
         for key in ("expected_shift_time_s", "standard_error_s")
     ]
+
+
+def confirmed_design(number: int) -> list[float]:
+    """Give time and error at new angles, ms, and length, mm, of a design of the paper's study."""
+    found = trial("mq200_paper", number)
+    length = next(
+        row["axial_length_mm"] for row in result("mq200_paper")["trials"] if row["trial"] == number
+    )
+    return [MS * found["expected_shift_time_s"], MS * found["standard_error_s"], length]
 
 
 def best_design() -> Any:

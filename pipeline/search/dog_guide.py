@@ -39,7 +39,6 @@ from dogshape.surrogate.dataset import Dataset, once
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.fitting import Effort
 from dogshape.surrogate.learning import fit
-from dogshape.surrogate.model import Surrogate
 
 QUICK = Effort(rows=400, steps=30)  #: of the process that is fitted anew in each round
 OWN = ("surrogate", "space_filling")  #: samplers that say what to simulate of a design
@@ -80,14 +79,10 @@ def dataset_of_trials(study: Setup, trials: Sequence[FrozenTrial]) -> Dataset:
 
 
 class DogGuide:
-    """Search space, exact constraints and the surrogate of a study.
+    """Search space, exact constraints and the surrogate of a study."""
 
-    ``known`` is a surrogate of the same physics whose rows join those of the search.
-    """
-
-    def __init__(self, study: Setup, known: Surrogate | None = None) -> None:
+    def __init__(self, study: Setup) -> None:
         self.study = study
-        self._known = known
         self._over: tuple[list[tuple[int, Any]], Over] | None = None
         self._exact: dict[tuple[Any, ...], Array] = {}
         self.distributions: Mapping[str, BaseDistribution] | None = search_space(study)
@@ -146,19 +141,10 @@ class DogGuide:
         if self._over is None or self._over[0] != key:
             if not trials:
                 raise InputError("no design was simulated yet")
-            data, known = dataset_of_trials(self.study, trials), self._known
-            if known is not None:
-                fitted = fit(known.data.joined(data), known.form, known, Effort(steps=0))
-            else:
-                effort = Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed)
-                fitted = fit(data, effort=effort)
+            effort = Effort(QUICK.rows, QUICK.steps, self.study.file.search.seed)
+            fitted = fit(dataset_of_trials(self.study, trials), effort=effort)
             self._over = key, Over(fitted, study_mix(self.study))
         return self._over[1]
-
-    @property
-    def informed(self) -> bool:
-        """Whether the search begins with rows of an earlier one."""
-        return self._known is not None
 
     @property
     def partial(self) -> bool:

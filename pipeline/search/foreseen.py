@@ -11,7 +11,7 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Setup, wear_of
 from dogshape.pipeline.forecast import COST, PLANAR, Kind
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.search.dog_guide import OWN, DogGuide, simulated
+from dogshape.pipeline.search.dog_guide import OWN, simulated
 from dogshape.pipeline.search.samplers import startup_designs
 from dogshape.pipeline.search.search import Search
 from dogshape.pipeline.search.state import SearchState, spent_on
@@ -44,10 +44,10 @@ class Running:
 NONE = Running()
 
 
-def costs(study: Setup, known: int) -> Mapping[Kind, float]:
-    """Guess what one of each kind of work costs, s; ``known`` rows join those of the search."""
+def costs(study: Setup) -> Mapping[Kind, float]:
+    """Guess what one of each kind of work costs, s."""
     settings = study.file.search
-    rows = known + settings.trials * min(settings.points or len(study.points), len(study.points))
+    rows = settings.trials * min(settings.points or len(study.points), len(study.points))
     cost = PLANAR if study.clutch.solver.engine == "planar" else COST
     return {**cost, "design": PROPOSAL + MORE * (rows / ROWS) ** 2}
 
@@ -116,12 +116,12 @@ def _front(passing: float) -> float:
 
 def _filling(search: Search, told: int, left: int) -> int:
     """Count the designs that are still to fill the space, which cost little to propose."""
-    settings, guide = search.study.file.search, search.guide
+    settings = search.study.file.search
     if settings.sampler not in OWN:
         return left
     wanted = settings.trials
     if settings.sampler == "surrogate":
-        wanted = startup_designs(search.study, guide or DogGuide(search.study))
+        wanted = startup_designs(search.study)
     return max(0, min(left, wanted - told))
 
 

@@ -180,7 +180,7 @@ def _of_one_round(
         size, guide = settings.batch, search.guide
         if guide is not None and guide.partial and not search.trials(findings):
             # Only with all of the first designs can any of them be told what it lacks.
-            size = max(size, startup_designs(search.study, guide))
+            size = max(size, startup_designs(search.study))
         return bare, [begun, min(size, settings.trials - begun)]
     mine = [trial for trial in cut if trial.user_attrs.get(ROUND) == mark]
     return mine + bare[: _open(search, mark)], mark

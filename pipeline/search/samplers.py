@@ -25,7 +25,7 @@ def sampler_factory(study: Setup, guide: DogGuide | None = None) -> Callable[[in
     """
     search, guide = study.file.search, guide or DogGuide(study)
     if search.sampler in OWN:
-        startup = startup_designs(study, guide) if search.sampler == "surrogate" else search.trials
+        startup = startup_designs(study) if search.sampler == "surrogate" else search.trials
         own = SurrogateSampler(guide, search.seed, startup)
         own.require_allowed()
         return lambda _: own
@@ -41,6 +41,6 @@ def sampler_factory(study: Setup, guide: DogGuide | None = None) -> Callable[[in
     return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
 
 
-def startup_designs(study: Setup, guide: DogGuide) -> int:
-    """Count the designs that fill the space first: few where much is known already."""
-    return 1 if guide.informed else max(study.file.search.startup, MIN_DESIGNS)
+def startup_designs(study: Setup) -> int:
+    """Count the designs that fill the space first."""
+    return max(study.file.search.startup, MIN_DESIGNS)

@@ -67,15 +67,13 @@ def open_search(
     storage: str | None,
     resume: bool,
     *,
-    known: str | None = None,
     guide: DogGuide | None = None,
 ) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    ``known`` is the hash of the rows that join (``pipeline.train.found_surrogates``); None to leave
-    it open. ``guide`` gives the surrogate of the trials. Raises StorageError where the storage
-    cannot be opened, or holds a search of that name which is of another configuration, is not to
-    be resumed, or began with other rows.
+    ``guide`` gives the surrogate of the trials. Raises StorageError where the storage cannot be
+    opened, or holds a search of that name which is of another configuration, is not to be resumed,
+    or began with rows that an earlier version brought.
     """
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
@@ -93,8 +91,7 @@ def open_search(
                 "give the study another name or use another storage"
             ) from error
         _require_same(study, opened, resume)
-        if known is not None:
-            _require_same_known(study, opened, known)
+        _require_own_rows(study, opened)
         if claims.worker is not None:
             _require_same_versions(opened)
     return Search(study, opened, claims, guide)
@@ -117,20 +114,13 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
         )
 
 
-def _require_same_known(study: Setup, opened: optuna.Study, known: str) -> None:
-    """Refuse to go on with other rows of the package than the search began with."""
-    before = opened.user_attrs.get("known")
-    if before is None:
-        opened.set_user_attr("known", known)
-    elif before != known:
-        began = "with other rows than the package brings now"
-        if not known:
-            began = "with rows that the package does not bring now"
-        elif not before:
-            began = "without the rows that the package brings now"
+def _require_own_rows(study: Setup, opened: optuna.Study) -> None:
+    """Refuse to go on with a search that began with rows which an earlier version brought."""
+    if opened.user_attrs.get("known"):
         raise StorageError(
-            f"the search of study '{study.name}' began {began}; go on with the version of "
-            "dogshape that it began with, or start it again with another name and --out"
+            f"the search of study '{study.name}' began with rows that the package does not bring "
+            "now; go on with the version of dogshape that it began with, or start it again with "
+            "another name and --out"
         )
 
 

@@ -219,7 +219,7 @@ def _work(block: Block, path: Path) -> list[Record]:
 
 
 def _limit(block: Block) -> float:
-    """Return when a watch ends a shift, s: its own limit of time has the chance to come first."""
+    """Return the time of a watch on a shift, s: the shift's own limit can come first."""
     return 1.5 * block.clutch.solver.time_limit + 1.0
 
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.statistics.shift_records import content_key
-from dogshape.sim.versions import engine
 from dogshape.surrogate.dataset import differences
 from dogshape.surrogate.store import MissingError, Stored, load
 
@@ -21,58 +19,31 @@ def space_out(study: Setup) -> Path:
 
 def known_surrogate(study: Setup) -> Stored | None:
     """Return the surrogate that the package brings for the study's physics, None if it has none."""
+    brought = _brought(study)
+    return None if brought is None else brought[0]
+
+
+def _brought(study: Setup) -> tuple[Stored, Path] | None:
     for path in sorted(bundled_root().glob("*/surrogate.json")):
         stored = load(path)
         if content_key(stored.surrogate.data.physics) == study.physics_hash:
-            return stored
+            return stored, path
     return None
-
-
-def joining(study: Setup, say: Callable[[str], None]) -> Stored | None:
-    """Find the package's surrogate if its rows may join the study's own; report the decision."""
-    brought = known_surrogate(study)
-    if brought is None:
-        return None
-    known = brought.surrogate
-    if differences(known.data.engine, engine()) or known.data.variables != tuple(study.variables):
-        say("the surrogate that the package brings is of other versions, so it is not used")
-        return None
-    shifts, designs = known.data.shifts, len(known.data.designs)
-    say(f"{shifts} shifts of {designs} designs that the package brings join")
-    return brought
-
-
-def digest_of(brought: Stored | None) -> str:
-    """Return a hash of the rows and parameters that a search begins with; empty if there are none.
-
-    How the surrogate was judged is no part of it.
-    """
-    if brought is None:
-        return ""
-    known = brought.surrogate
-    return content_key(
-        {
-            "data": known.data.digest,
-            "form": known.form,
-            "times": known.times.covariance.theta.tolist(),
-            "share": [known.share.length, known.share.strength],
-        }
-    )
 
 
 def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
     """Return the surrogate to ask and its file.
 
-    The one that is named; else that of the study's search, of its space, or the package's.
-    DataError where there is none.
+    The one that is named; else that of the study's space, the package's of the same physics, that
+    of the study's search, which knows fewer designs, and the package's of the same name, which
+    says what it differs by. DataError where there is none.
     """
-    own = StudyFolder(default_out(study)).surrogate
-    results = (own, StudyFolder(space_out(study)).surrogate)
-    brought = bundled_root() / study.name / "surrogate.json"
-    path = named or next((path for path in (*results, brought) if path.is_file()), None)
-    if path is None and (known := known_surrogate(study)) is not None:
-        return known, brought
-    return load(path or own), path or own
+    space, own = (StudyFolder(root).surrogate for root in (space_out(study), default_out(study)))
+    if named is None and not space.is_file() and (brought := _brought(study)) is not None:
+        return brought
+    others = (space, own, bundled_root() / study.name / "surrogate.json")
+    path = named or next((path for path in others if path.is_file()), own)
+    return load(path), path
 
 
 def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | None:

@@ -25,7 +25,6 @@ from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import filling_blocks, first_designs
 from dogshape.pipeline.train.foreseen import IN_TWO_LEVELS, engine_kind, round_by_round, to_fill
-from dogshape.pipeline.train.found_surrogates import joining
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.mix_rows import (
     angles_of,
@@ -61,7 +60,7 @@ from dogshape.surrogate.model import USUAL, Surrogate
 from dogshape.surrogate.references import Reference, reference_of
 from dogshape.surrogate.store import Stored, save
 from dogshape.surrogate.validation import QUICK, validate
-from dogshape.surrogate.validation_figures import LEAST, Validation, predict, ranked
+from dogshape.surrogate.validation_figures import Validation, predict, ranked
 
 Say = Callable[[str], None]  #: takes a sentence for people
 BESIDE = Effort(rows=450, steps=40)  #: of rows that stand beside designs at all of a study's points
@@ -233,22 +232,14 @@ def train(
     """
     study = folder.stored_study()
     data, mixed = _data_of(study, folder)
-    brought = None if folder.references.exists() else joining(study, say)
-    known = None if brought is None else brought.surrogate
-    if known is not None:
-        data = known.data.joined(data)  # its parameters are in units of its own ranges
     scores = compare(data, study.file.surrogate.seed, say) if choose else []
-    form = scores[0].form if scores else USUAL if known is None else known.form
-    # The package brings far more rows than a search adds: its parameters stand.
-    keeps = known is not None and not choose
-    effort = Effort(steps=0) if keeps else _effort(study, folder, data)
-    surrogate = fit(data, form, known, effort)
+    effort = _effort(study, folder, data)
+    surrogate = fit(data, scores[0].form if scores else USUAL, effort=effort)
     if mixed is not None:
         say("the expected time over the study's own operating points")
         own = fitted(mix_times(data, mixed.rows, study_mix(study)))
         surrogate = replace(surrogate, own=own)
-    before = brought.validation if brought is not None and keeps else None
-    figures = _judged(study, folder, surrogate, effort if keeps else QUICK, before)
+    figures = _judged(study, folder, surrogate)
     stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
     save(out or folder.surrogate, stored)
     with naming(folder.points):
@@ -283,23 +274,11 @@ def _data_of(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset | None
     return shared.joined(own), None
 
 
-def _judged(
-    study: Setup,
-    folder: StudyFolder,
-    surrogate: Surrogate,
-    parts: Effort,
-    before: Validation | None,
-) -> Validation:
-    """Validate a surrogate, by the folder's references where it has some.
-
-    ``before`` are those it had without the folder's rows. They stand where too few of its designs
-    have all operating points to say anything: rows were added, no parameter was changed.
-    """
+def _judged(study: Setup, folder: StudyFolder, surrogate: Surrogate) -> Validation:
+    """Validate a surrogate, by the folder's references where it has some."""
     mix = study_mix(study)
     if not folder.references.exists():
-        if before is not None and len(reference_of(surrogate.data, mix)) < LEAST:
-            return replace(before, shifts=surrogate.data.shifts)
-        return validate(surrogate, mix, None, parts)
+        return validate(surrogate, mix, None, QUICK)
     space, best = references_of(study, folder)
     if len(space) == 0:
         raise InputError(

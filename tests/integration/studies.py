@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,14 +13,12 @@ from typing import Any
 import pytest
 
 import dogshape as ds
+from dogshape.pipeline.config.study_file import key_and_value
 from dogshape.sim.writers import adding
 from tests.conftest import SMALL
 
-#: Keys of the study file that make a study small, with their values.
-SETTINGS = {
-    key: tomllib.loads(f"value = {value}")["value"]
-    for key, value in (one.split("=", 1) for one in SMALL)
-}
+#: Keys of the study file that make a study small, with their values; None takes a key out.
+SETTINGS = {k: None if value == "" else value for k, value in map(key_and_value, SMALL)}
 #: The small study ends with these: 12 designs of two points with three angles, prototype and best
 #: confirmed as well, and four shifts repeated with a finer step.
 SHIFTS = 12 * 6 + 2 * 6 + 2 * 4

@@ -169,10 +169,8 @@ def ordinary_user() -> Iterator[None]:
 
 
 def test_a_read_only_folder_is_said(
-    tmp_path: Path, small_study: Setup, monkeypatch: pytest.MonkeyPatch, ordinary_user: None
+    tmp_path: Path, small_study: Setup, ordinary_user: None
 ) -> None:
-    """Nobody may be barred from the package's own files, too, which are not asked for here."""
-    monkeypatch.setattr("dogshape.pipeline.study.joining", lambda *_: None)
     shut = tmp_path / "shut"
     with pytest.raises(StorageError, match=r"cannot be written \(Permission denied\); choose"):
         run_study(small_study, searching(shut / "out", 1))

@@ -14,7 +14,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
-from tests.conftest import searching
+from tests.conftest import ONE_LEVEL, searching
 
 
 def _tiny(name: str, *more: str) -> Setup:
@@ -92,7 +92,7 @@ def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
     budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
     points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
     more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
-    study = _tiny("mq200_paper", *more, "shift.timeout_s=1.1")
+    study = _tiny("mq200_paper", *ONE_LEVEL, *more, "shift.timeout_s=1.1")
     result, _ = _run(study, tmp_path)
     rows = [row for row in result["trials"] if row["feasible"]]
     assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)

@@ -22,6 +22,9 @@ SETTINGS = {
     },
     "expectation.angles": 4,
     "solver.engine": "planar",
+    "search.levels": 1,
+    "search.screen_angles": None,
+    "load.landing_share": None,
     "variables": {
         "chamfer_deg": [7.5, 12.0],
         "mismatch_set_rpm": [-100.0, 100.0],

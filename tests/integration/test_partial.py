@@ -28,9 +28,10 @@ from dogshape.pipeline.study import Run, run_study
 from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.expected_time import Over
-from tests.conftest import searching
+from tests.conftest import ONE_LEVEL, searching
 
 FEW = [
+    *ONE_LEVEL,
     "operating.mismatch_rpm=[25, 50, 100, 149]",
     "operating.force_N=[315.5, 641.5]",
     "expectation.angles=3",
@@ -155,7 +156,7 @@ def test_cut_off_while_it_told_and_asked_it_ends_as_it_would_have(
 
 @pytest.fixture(scope="module")
 def study() -> Setup:
-    return load_study("mq200_paper", ["search.points=6"])
+    return load_study("mq200_paper", [*ONE_LEVEL, "search.points=6"])
 
 
 def test_first_plans_take_turns_and_keep_the_hard_points(study: Setup) -> None:
@@ -200,7 +201,7 @@ def test_plans_share_angles_with_whole_designs(study: Setup) -> None:
     ],
 )
 def test_only_what_can_be_foretold_is_left_out(override: str, partial: bool) -> None:
-    study = load_study("mq200_paper", ["search.points=6", override])
+    study = load_study("mq200_paper", [*ONE_LEVEL, "search.points=6", override])
     assert DogGuide(study).partial == partial
 
 

@@ -16,7 +16,6 @@ SETTINGS = {
     "search.objectives": ["expected_shift_time_s", "feasible_probability"],
     "search.limits.feasible_probability": 0.99,
     "search.sampler": "space_filling",
-    "search.use_known": False,
     "search.trials": 5,
     "search.confirm_designs": 1,
     "search.confirm_angles": 3,

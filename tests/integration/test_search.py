@@ -21,6 +21,7 @@ from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.samplers import sampler_factory
+from dogshape.pipeline.search.search import open_search
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
 from dogshape.pipeline.store.folder import StudyFolder
@@ -202,6 +203,23 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     with pytest.raises(StorageError, match=words):
         run_study(other, searching(folder, resume=True))
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
+
+
+def test_a_folder_of_an_earlier_version_goes_on(tmp_path: Path, small_study: Setup) -> None:
+    """Its study has a key that is gone; a search that began with rows of the package does not."""
+    folder = StudyFolder(tmp_path)
+    folder.open(small_study, resume=False)
+    kept = json.loads(folder.manifest.read_text())
+    kept["study"]["search"]["use_known"] = True
+    folder.manifest.write_text(json.dumps(kept))
+    folder.open(small_study, resume=True)
+    assert folder.stored_study().config_hash == kept["config_hash"]
+    began = open_search(small_study, folder, None, True)
+    began.optuna.set_user_attr("known", "")
+    open_search(small_study, folder, None, True)
+    began.optuna.set_user_attr("known", "a hash of rows")
+    with pytest.raises(StorageError, match="began with rows that the package does not bring now"):
+        open_search(small_study, folder, None, True)
 
 
 def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Setup) -> None:

@@ -22,7 +22,7 @@ from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import RPM
 from dogshape.surrogate.dataset import COLUMNS
 from dogshape.surrogate.query import require_same_physics
-from tests.conftest import Said
+from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
 FEW = SETTINGS | {
@@ -103,7 +103,7 @@ def test_rows_have_the_mean_of_many_even_angles(fitted: dict[str, Any]) -> None:
 
 
 def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) -> None:
-    own = [part for key, value in SETTINGS.items() for part in ("--set", f"{key}={value}")]
+    own = [part for text in SMALL for part in ("--set", text)]
     said = dogshape("check", "mq200_paper", *own, "--json")
     assert said.json["low_s"] < said.json["expected_shift_time_s"] < said.json["high_s"]
 

@@ -122,22 +122,22 @@ def test_points_are_weighed() -> None:
 def test_the_table_has_what_another_engineer_would_take(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     listed = alternatives(study, result, None)
-    assert [one.standing.trial for one in listed] == [31, 36, 41, 0]
-    chosen, steep, short, prototype = listed
+    assert [one.standing.trial for one in listed] == [43, 21, 45, 46, 0]
+    chosen, steep, _, short, prototype = listed
     assert chosen.worst is not None
     assert chosen.worst[1].value > 0.0
     assert steep.worst is None
-    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(7.00296)), rel=1e-4)
+    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(6.95429)), rel=1e-4)
     assert short.standing.length_mm == min(row["axial_length_mm"] for row in result["front"])
     assert prototype.cost is not None
     assert prototype.cost.value == pytest.approx(result["confirmation"]["gain_s"])
     assert prototype.cost.error == pytest.approx(result["confirmation"]["gain_standard_error_s"])
-    first, second = reasons(listed)
-    for words in ("Design 36, for 5.0 ± 0.8 ms more", "0.206 instead of 0.123", "0.93 mm shorter"):
+    first, second, _ = reasons(listed)
+    for words in ("Design 21, for 7.7 ± 0.1 ms more", "0.196 instead of 0.122", "2.25 mm shorter"):
         assert words in first
     assert second.endswith("it was not simulated at the new angles.")
-    with_40 = alternatives(study, result, None, decided=40)
-    assert 40 in [one.standing.trial for one in with_40]
+    with_44 = alternatives(study, result, None, decided=44)
+    assert 44 in [one.standing.trial for one in with_44]
 
 
 def test_a_design_that_loses_less_at_its_worst_point_is_in_the_table(
@@ -147,39 +147,44 @@ def test_a_design_that_loses_less_at_its_worst_point_is_in_the_table(
     study, result = kept
     record = json.loads(json.dumps(result))
     confirmation = record["confirmation"]
-    steady = json.loads(json.dumps(confirmation["best"])) | {"trial": 36}
+    steady = json.loads(json.dumps(confirmation["best"])) | {"trial": 21}
     for own, old in zip(steady["points"], confirmation["prototype"]["points"], strict=True):
         own["mean_s"] = min(own["mean_s"], old["mean_s"] + 0.002)
     confirmation["designs"].append(steady)
     listed = alternatives(study, record, None)
-    assert [one.standing.trial for one in listed] == [31, 36, 41, 0]
+    assert [one.standing.trial for one in listed] == [43, 21, 45, 46, 0]
     assert listed[1].worst is not None
     assert listed[1].worst[1].value == pytest.approx(0.002)
     first = reasons(listed)[0]
     assert "at its worst point it is 2.0 ms slower than the prototype" in first
-    assert "where design 31 is 34.7 ms slower" in first
+    assert "where design 43 is 25.7 ms slower" in first
     assert "simulated at the new angles" not in first
 
 
 def test_worst_points_are_those_of_the_record(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     found = standings(study, result)
-    worst = worst_point(found[0], found[40])
+    worst = worst_point(found[0], found[44])
     assert worst is not None
     losses = [
-        q["mean_s"] - p["mean_s"] for p, q in zip(found[0].points, found[40].points, strict=True)
+        q["mean_s"] - p["mean_s"] for p, q in zip(found[0].points, found[44].points, strict=True)
     ]
     assert worst[1].value == pytest.approx(max(losses))
-    unconfirmed = difference(study, found[31], found[36])
+    unconfirmed = difference(study, found[43], found[21])
     assert unconfirmed is not None
     assert not unconfirmed.paired
 
 
 def test_margins_within_their_scatter_are_said(kept: tuple[Setup, Row]) -> None:
     _, result = kept
-    landing, parts = margin_doubts(result)
-    assert "2.3 % (edge pressure impact), is within its own scatter" in landing
-    assert "1.9 %, is within the scatter of parts" in parts
+    (parts,) = margin_doubts(result)
+    assert "1.1 %, is within the scatter of parts" in parts
+    close = json.loads(json.dumps(result))
+    for check in close["confirmation"]["best"]["checks"]:
+        if check["name"] == "edge_pressure_impact":
+            check["margin"] = 0.001
+    landing, _ = margin_doubts(close)
+    assert "0.1 % (edge pressure impact), is within its own scatter" in landing
     wide = json.loads(json.dumps(result))
     for check in wide["confirmation"]["best"]["checks"]:
         check["margin"] = max(check["margin"], 0.5)
@@ -205,12 +210,12 @@ def test_scatter_of_the_landing_leaves_out_what_moves_all(kept: tuple[Setup, Row
 
 def test_page_one_shows_the_table(tmp_path: Path) -> None:
     folder = kept_folder(tmp_path / "mq200_paper")
-    let_land_too_hard(folder, 32, 42)
+    let_land_too_hard(folder, 42, 30)
     page = write_report(folder).read_text()
     first = page[page.index("<h1>") : page.index('id="front"')]
     for words in (
-        "what another engineer would take", "design 36", "34.7 ± 1.6 slower at 249 1/min, 469 N",
-        "Design 36, for 5.0 ± 0.8 ms more", "is within its own scatter", "0.206 (traction)",
+        "what another engineer would take", "design 21", "25.7 ± 0.4 slower at 249 1/min, 315.5 N",
+        "Design 21, for 7.7 ± 0.1 ms more", "is within the scatter of parts", "0.122 (traction)",
     ):  # fmt: skip
         assert words in first
     out = first.index("are out: they fail")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -57,9 +58,7 @@ def test_a_wider_study_keeps_the_meaning_of_its_parameters(brought: Stored) -> N
     """Joined rows are scaled as the rows that the parameters were fitted to."""
     known = brought.surrogate.data
     other = known.subset(np.arange(20))
-    wide = other.__class__(
-        other.variables, other.low - 10, other.high + 10, other.rows, other.physics, other.engine
-    )
+    wide = replace(other, low=other.low - 10, high=other.high + 10)
     joined = known.joined(wide)
     assert (joined.low == known.low).all()
     assert len(joined) == len(known)

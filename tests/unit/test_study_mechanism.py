@@ -15,7 +15,7 @@ from dogshape.pipeline.config.study_file import bundled_studies, find_study, loa
 from dogshape.pipeline.search.tolerance_effects import time_spread
 from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.pipeline.train.filling import filling_blocks
-from dogshape.pipeline.train.found_surrogates import joining, known_surrogate, stored_surrogate
+from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import MechanismSection
@@ -262,13 +262,12 @@ def test_rows_of_another_actuation_do_not_meet() -> None:
 
 
 def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
-    """The package's is refused, and no search begins with its rows."""
+    """The package's is refused."""
     for key, value in (("mechanism.spline_friction", 0.1), ("effects.contact_dissipation", 3.0),
                        ("mechanism.delay_s", 0.05), ("mechanism.lag_s", 0.01),
                        ("mechanism.force_factor", 0.9)):  # fmt: skip
         study = load_study("mq200_paper", {key: value})
         assert known_surrogate(study) is None
-        assert joining(study, print) is None
         stored, _ = stored_surrogate(study, None)
         with pytest.raises(InputError, match=r"other physics than the study's: .* 'dogshape fit'"):
             require_same_physics(stored.surrogate.data, study.physics)

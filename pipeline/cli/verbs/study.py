@@ -86,9 +86,8 @@ def fit(
     levels: Annotated[
         int | None,
         typer.Option(
-            help="of a study: 2 (default with Drake, unless the package brings its surrogate) "
-            "simulates most shifts in the compiled engine and corrects them by pairs with Drake; "
-            "1 takes the study's engine alone"
+            help="of a study: 2 (default with Drake) simulates most shifts in the compiled engine "
+            "and corrects them by pairs with Drake; 1 takes the study's engine alone"
         ),
     ] = None,
     jobs: Jobs = 0,
@@ -100,10 +99,10 @@ def fit(
     """Fit the surrogate and judge it on designs that it has not seen.
 
     A folder of results is fitted as it is. For a study, designs that fill its space are
-    simulated first into results/NAME-space, and references apart to judge by; where the package
-    brings no surrogate, most of it in the compiled engine and corrected by Drake. With a question,
-    more shifts are simulated where they tell most about the fastest designs, about the front
-    of the study's objectives, or about the study's own design.
+    simulated first into results/NAME-space, and references apart to judge by; most of it in the
+    compiled engine and corrected by Drake. With a question, all is Drake's, and more shifts are
+    simulated where they tell most about the fastest designs, about the front of the study's
+    objectives, or about the study's own design.
 
     Example: dogshape fit results/mq200
     """
