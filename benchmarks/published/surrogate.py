@@ -88,8 +88,12 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "A cold start takes {:.2f} s of processor time, and {:.2f} s where",
-        lambda: [numbers("asking", f"one design, {kept}:")[3] for kept in ("nothing kept", "kept")],
+        "where `check --help` takes {:.2f} s of processor time, a cold start takes {:.2f} s, and "
+        "{:.2f} s where",
+        lambda: [
+            numbers("asking", f"{asked}:")[3]
+            for asked in ("check --help", "one design, nothing kept", "one design, kept")
+        ],
     ),
     Entry(
         PAGE,
