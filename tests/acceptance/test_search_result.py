@@ -32,7 +32,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     assert design.feasible
     assert design.dog is not None
     dogs = [study.clutch.dog, design.dog]
-    both = evaluate(study, dogs, scratch_executor(), [whole_plan(study)] * 2, seed=20_000)
+    both = evaluate(study, dogs, scratch_executor(), [whole_plan(study, 6)] * 2, seed=20_000)
     prototype, best = (found.expectation for found in both)
     gain = prototype.mean - best.mean
     assert prototype.engaged == best.engaged == 1.0
