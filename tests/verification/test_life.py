@@ -115,9 +115,8 @@ def test_vibration_adds_the_inertia_of_ring_and_fork() -> None:
 def test_keys_of_the_life() -> None:
     study = load_study("mq200_paper", ["load.spectrum=[[1, 100000], [-0.4, 2e6]]"])
     assert study.limits.load.spectrum == ((1.0, 1e5), (-0.4, 2e6))
-    assert load_study("mq200_paper", ["load.landing_share="]).limits.load == replace(
-        LoadCase(), release_by_itself=True
-    )
+    plain = load_study("mq200_paper", ["load.landing_share="]).limits.load
+    assert plain == replace(LoadCase(), release_by_itself=True)
     for wrong, words in (
         ("load.spectrum=[[1.0]]", "two numbers for each"),
         ("load.spectrum=[[1.0, 0.0]]", "cycles is 0"),
