@@ -15,12 +15,11 @@ from dogshape.surrogate.model import MIN_DESIGNS, Surrogate
 from dogshape.surrogate.references import Reference, reference_of
 from dogshape.surrogate.validation_figures import Prediction, Validation, figures, predict
 
-FEW = 3  #: parts of data whose parameters are known: each lacks little of what is there
 QUICK = Effort(rows=300, steps=20)  #: of the fits to parts of the data
 
 
 def held_out(
-    data: Dataset, mix: Mix, surrogate: Surrogate, effort: Effort = QUICK, folds: int = 6
+    data: Dataset, mix: Mix, surrogate: Surrogate, folds: int = 6
 ) -> tuple[Reference, Prediction]:
     """Predict every fully simulated design from fits that never saw it.
 
@@ -28,9 +27,7 @@ def held_out(
     """
     reference = reference_of(data, mix)
     count = len(reference)
-    if effort.steps == 0:
-        folds = FEW
-    elif count < 2 * MIN_DESIGNS:
+    if count < 2 * MIN_DESIGNS:
         folds = count  # each part fits its own parameters, so it needs all it can have
     if count == 0:
         raise InputError(
@@ -43,7 +40,7 @@ def held_out(
     for fold in range(folds):
         out = reference.x[order[fold::folds]]
         seen = ~among(data.x, out)
-        model = fit(data.subset(seen), form=surrogate.form, like=surrogate, effort=effort)
+        model = fit(data.subset(seen), form=surrogate.form, like=surrogate, effort=QUICK)
         parts.append(predict(model, out, mix))
     back = np.argsort(np.concatenate([order[fold::folds] for fold in range(folds)]))
     return reference, Prediction(
@@ -54,16 +51,11 @@ def held_out(
     )
 
 
-def validate(
-    surrogate: Surrogate, mix: Mix, reference: Reference | None = None, effort: Effort = QUICK
-) -> Validation:
-    """Judge a surrogate by references apart, or else by holding out designs of its own data.
-
-    ``effort`` is that of each fit to a part of the data.
-    """
+def validate(surrogate: Surrogate, mix: Mix, reference: Reference | None = None) -> Validation:
+    """Judge a surrogate by references apart, or else by holding out designs of its own data."""
     source = "references"
     if reference is None:
-        reference, prediction = held_out(surrogate.data, mix, surrogate, effort)
+        reference, prediction = held_out(surrogate.data, mix, surrogate)
         source = "held out"
     else:
         prediction = predict(surrogate, reference.x, mix)

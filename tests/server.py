@@ -115,7 +115,7 @@ class Cluster:
     log: Path
 
     def said(self) -> str:
-        """Return what its processes said, and where each of their threads is."""
+        """Return the log of its processes, with the stack of each of their threads."""
         for process in (self.scheduler, *self.workers):
             if process.poll() is None:
                 process.send_signal(signal.SIGUSR1)

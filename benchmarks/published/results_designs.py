@@ -18,6 +18,7 @@ from benchmarks.published.sources import (
     gearbox,
     prototype,
     replication,
+    searched,
     slower,
 )
 
@@ -64,18 +65,13 @@ def _gentle() -> list[float]:
     """Give time, length and blow of the design that is better in all three objectives."""
     told = trial("mq200_three", 5)["estimates"]
     time, force = told["expected_shift_time_s"], told["peak_impact_force_N"]
-    return [*_pair(time), _searched("mq200_three", 5)["axial_length_mm"], *_pair(force, 1e-3)]
+    return [*_pair(time), searched("mq200_three", 5)["axial_length_mm"], *_pair(force, 1e-3)]
 
 
 def _harder() -> list[float]:
     """Give by how much the blows of the design chosen of three objectives are harder, kN."""
     found = confirmed("mq200_three")["gains"]["peak_impact_force_N"]
     return [-1e-3 * found["value"], 1e-3 * found["standard_error"]]
-
-
-def _searched(name: str, number: int) -> Any:
-    """Give a design of a study as its search has it."""
-    return next(row for row in result(name)["trials"] if row["trial"] == number)
 
 
 def _later(found: Any) -> list[float]:
@@ -107,13 +103,13 @@ def _landing() -> list[float]:
 
 def _by_the_search(number: int) -> list[float]:
     """Give time, error and length of a design of the paper's study as its search has them."""
-    row = _searched("mq200_paper", number)
+    row = searched("mq200_paper", number)
     return [MS * row["expected_shift_time_s"], MS * row[STANDARD], row["axial_length_mm"]]
 
 
 def _lets_go(number: int) -> float:
     """Give the friction above which a face or flank of a design locks."""
-    row = _searched("mq200_paper", number)
+    row = searched("mq200_paper", number)
     angles = (row[key] for key in ("chamfer_deg", "traction_deg", "braking_deg"))
     return math.tan(math.radians(min(angles)))
 
@@ -292,7 +288,7 @@ ENTRIES: list[Entry] = [
     Entry(
         PAGE,
         "up to {:.3f}, for {:.1f} ± {:.1f} ms more, but it is neither",
-        lambda: [_lets_go(21), *_later(_searched("mq200_paper", 21))],
+        lambda: [_lets_go(21), *_later(searched("mq200_paper", 21))],
     ),
     Entry(
         PAGE,

@@ -121,12 +121,15 @@ def gearbox() -> list[float]:
     ]
 
 
+def searched(name: str, number: int) -> Any:
+    """Give a design of a study as its search has it."""
+    return next(row for row in result(name)["trials"] if row["trial"] == number)
+
+
 def confirmed_design(number: int) -> list[float]:
     """Give time and error at new angles, ms, and length, mm, of a design of the paper's study."""
     found = trial("mq200_paper", number)
-    length = next(
-        row["axial_length_mm"] for row in result("mq200_paper")["trials"] if row["trial"] == number
-    )
+    length = searched("mq200_paper", number)["axial_length_mm"]
     return [MS * found["expected_shift_time_s"], MS * found["standard_error_s"], length]
 
 

@@ -278,7 +278,7 @@ def _judged(study: Setup, folder: StudyFolder, surrogate: Surrogate) -> Validati
     """Validate a surrogate, by the folder's references where it has some."""
     mix = study_mix(study)
     if not folder.references.exists():
-        return validate(surrogate, mix, None, QUICK)
+        return validate(surrogate, mix)
     space, best = references_of(study, folder)
     if len(space) == 0:
         raise InputError(
