@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -77,6 +78,15 @@ def _printed(result: Expectation) -> str:
     with console.capture() as said:
         console.print(expectation_table(result))
     return said.get()
+
+
+def test_small_errors_are_printed_to_a_hundredth(point: Point) -> None:
+    close = expect_point(point(50, 469.0), _shifts(0.05, 0.05001, 0.05002, 0.05003), 1.0, 0.2)
+    assert "expected shift time 50.01 +- 0.01 ms" in _printed(expect([close]))
+    wide = expect_point(point(50, 469.0), _shifts(0.05, 0.07, 0.05, 0.07), 1.0, 0.2)
+    assert re.search(r"expected shift time 60\.0 \+- \d+\.\d ms", _printed(expect([wide])))
+    two = expect_point(point(50, 469.0), _shifts(0.05, 0.07), 1.0, 0.2)
+    assert "60.0 ms (of too few shifts" in _printed(expect([two]))
 
 
 def test_failed_integrations_are_left_out(point: Point) -> None:

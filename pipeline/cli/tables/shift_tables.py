@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from rich.console import Group, RenderableType
 
 from dogshape.pipeline.cli.console import columns
-from dogshape.pipeline.reports.kit.text import in_ms
+from dogshape.pipeline.reports.kit.text import in_ms, ms_with_error
 from dogshape.pipeline.reports.shift.story import event_facts, load_facts, phase_title
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.expectation import Expectation
@@ -43,20 +43,21 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
     heads = "mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n"
     table = columns(*heads, *both)
     for p in result.points:
+        mean, error = _mean_and_error(p.mean, p.standard_error)
         table.add_row(
             f"{p.point.mismatch / RPM:.4g}",
             f"{p.point.profile.force:.1f}",
-            in_ms(p.mean),
-            in_ms(p.standard_error),
+            mean,
+            error,
             in_ms(p.sd),
             f"{p.engaged:.0%}",
             str(p.n),
             *([str(p.n_planar)] if both else []),
         )
-    total = (
-        f"expected shift time {in_ms(result.mean)} +- {in_ms(result.standard_error)} ms "
-        "(one standard error)"
-    )
+    mean, error = _mean_and_error(result.mean, result.standard_error)
+    total = f"expected shift time {mean} +- {error} ms (one standard error)"
+    if math.isnan(result.standard_error):
+        total = f"expected shift time {mean} ms (of too few shifts to say by how much it errs)"
     if result.numerical_error is not None and not math.isnan(result.numerical_error):
         total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
     if both:
@@ -71,6 +72,14 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
     if result.is_lower_bound:
         total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
     return Group(table, total)
+
+
+def _mean_and_error(mean: float, error: float) -> tuple[str, str]:
+    """Print a time and its error, s, in ms, to a hundredth where the error asks."""
+    if math.isnan(mean) or math.isnan(error):
+        return in_ms(mean), in_ms(error)
+    shown, off = ms_with_error(mean, error).split(" ± ")
+    return shown, off
 
 
 def _lost(result: Expectation) -> str:
