@@ -363,4 +363,4 @@ def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
         checked = any(o.by_checks for o in objectives)
         exact = exact_values(study, design_of(study, params) if checked else _bare(study, params))
         rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
-    return np.array(rows, dtype=float).reshape(len(designs), -1)
+    return np.array(rows, dtype=float).reshape(len(designs), len(objectives))

@@ -295,6 +295,8 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     assert losses.tolist() == [-0.2, 8.0]
     assert errors.tolist() == [0.0, 0.0]
     exact = exact_losses(study, [study.prototype])
+    # A round of a search may ask for nothing new, where no design has passed yet.
+    assert exact_losses(study, []).shape == (0, 2)
     assert np.isnan(exact[0, 0])
     assert exact[0, 1] == pytest.approx(8.4)
     rows = np.array([losses_of(study, v, {})[0] for v in ([0.2, 8.0], [0.1, 8.0], [0.1, 7.0])])

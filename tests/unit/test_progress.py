@@ -91,4 +91,8 @@ def test_the_end_table_where_no_design_passes(study: Setup) -> None:
     nothing = found() | {"best": None, "front": [], "confirmation": None}
     said = _said(study, nothing, Path("report.html"))
     assert said.startswith("No design of this search passes every check")
+    short = [{**row, "margins": {"edge_pressure_impact": -0.3 + 0.1 * k, "tip_width": 0.5}}
+             for k, row in enumerate(nothing["trials"][:2])]  # fmt: skip
+    said = _said(study, nothing | {"trials": short}, Path("report.html"))
+    assert "2 of 2 fail edge pressure impact, the nearest of them by 20 %. Widen" in said
     assert "report: report.html" in said

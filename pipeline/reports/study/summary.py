@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -130,7 +131,7 @@ def headline(result: Row) -> str:
     """Summarise the study in one sentence."""
     best, lead = result["best"], goals_of(result).leading
     if best is None:
-        return "No design of this search passes every check, so none was simulated."
+        return none_passes(result)
     if not result["confirmation"]:
         value = lead.words(lead.shown(best), lead.error(best))
         return (
@@ -142,6 +143,21 @@ def headline(result: Row) -> str:
         return f"No design of this search is {better} than the prototype."
     failed = ", but fails a check at the new angles" if _chosen_fails(result) else ""
     return f"Design {best['trial']} {_against_prototype(gained(result)[0])}{failed}."
+
+
+def none_passes(result: Row) -> str:
+    """Write a sentence on a search of which no design passes, with the check that most fail."""
+    said = "No design of this search passes every check"
+    every = [row["margins"] for row in result["trials"]]
+    failing = Counter(name for row in every for name, margin in row.items() if margin < 0.0)
+    if not failing:
+        return f"{said}."
+    (name, count), *_ = failing.most_common(1)
+    short = percent(-max(row[name] for row in every if row.get(name, 0.0) < 0.0))
+    how = f"{count} of {len(every)} fail {check_name(name)}, the nearest of them by {short}"
+    if any(row.get(name, -1.0) >= 0.0 for row in every):
+        how += ", and those that pass it fail another"
+    return f"{said}: {how}. Widen [variables], or change what this check rests on."
 
 
 def _against_prototype(first: Gained) -> str:
