@@ -112,7 +112,11 @@ class Diagnosis(Result):
         return Path(path)
 
     def calibrated(
-        self, path: str | Path, base: str | None = None, draws: int = DRAWS
+        self,
+        path: str | Path,
+        base: str | None = None,
+        draws: int = DRAWS,
+        causes: Sequence[str] | None = None,
     ) -> CalibratedStudy:
         """Write a study that has what was found, and draws from the posterior beside it.
 
@@ -121,6 +125,7 @@ class Diagnosis(Result):
         path : of the study file, which must not be there yet; its stem is the study's name.
         base : study that takes the effects; None for one of the bench's own clutch and points.
         draws : number of draws, in ``NAME-draws.csv``.
+        causes : effects to write, for another set than the most probable one.
 
         Raises
         ------
@@ -131,7 +136,7 @@ class Diagnosis(Result):
         """
         target = Path(path)
         require_new_study(target)
-        made = calibrated_study(self.inference, target, base, draws)
+        made = calibrated_study(self.inference, target, base, draws, causes=causes)
         made.write(target)
         return made
 

@@ -35,13 +35,16 @@ from dogshape.pipeline.store.output_files import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 
 DRAWS = 200  #: of the posterior
+LIKELY = 0.5  #: probability above which an open effect is likelier than not
+SHOWN = 5  #: hypotheses that an error names
+LEAST = 1e-9  #: probability of a set that was asked for, so that one can be drawn
 RARE = 0.005  #: probability below which a hypothesis is not drawn
 Data = dict[str, Any]  #: a TOML file as it is read
 
@@ -121,7 +124,13 @@ def draws_beside(path: Path) -> Path:
 
 
 def calibrated_study(
-    found: Diagnosis, path: Path, base: str | None = None, draws: int = DRAWS, seed: int = 1
+    found: Diagnosis,
+    path: Path,
+    base: str | None = None,
+    draws: int = DRAWS,
+    seed: int = 1,
+    *,
+    causes: Sequence[str] | None = None,
 ) -> CalibratedStudy:
     """Put the effects of a diagnosis into a study.
 
@@ -130,13 +139,16 @@ def calibrated_study(
     path : of the study file, whose stem becomes the study's name.
     base : study that takes the effects; None for one of the bench's own clutch and points.
     draws, seed : number of draws from the posterior, and their seed.
+    causes : effects that the file gets, all that are part of the cause among them; None for the
+        most probable set of such.
 
     Raises
     ------
     InputError
-        The diagnosis names no effect, or none that a study can take; with what to do.
+        The diagnosis names no effect, or none that a study can take, or has not looked into
+        ``causes``; with what to do.
     """
-    hypothesis = _chosen(found, path)
+    hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
     data = study_of(found.bench, path.stem) if base is None else read_toml(find_study(base))
     plain_study = _built({**data, "name": path.stem}, path)
     clutch = plain_study.clutch
@@ -184,7 +196,7 @@ def calibrated_study(
         study,
         text,
         hypothesis,
-        found.posterior[hypothesis],
+        found.posterior.get(hypothesis, 0.0),
         found.verdict.causes,
         rows,
         tuple(remarks),
@@ -217,6 +229,25 @@ def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
     )
 
 
+def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
+    """Return the hypothesis of some effects; InputError where it is none that can be written."""
+    asked, named = ", ".join(causes), found.verdict.causes
+    there = [h for h in found.scored if h and set(named) <= set(h)]
+    there.sort(key=lambda h: -found.posterior.get(h, 0.0))
+    for hypothesis in there:
+        if set(hypothesis) == set(causes):
+            return hypothesis
+    unknown = [name for name in causes if name not in found.effects]
+    if unknown:
+        rule = f"'{unknown[0]}' is no effect; {did_you_mean(unknown[0], list(found.effects))}"
+    elif lacking := [name for name in named if name not in causes]:
+        rule = f"{' and '.join(lacking)} is part of the cause in any case; name it too"
+    else:
+        likely = "; ".join(", ".join(h) for h in there[:SHOWN])
+        rule = f"the diagnosis has not looked into just these together; name one of: {likely}"
+    raise InputError(f"--causes is '{asked}', but {rule}")
+
+
 def _rivals(found: Diagnosis, chosen: Hypothesis) -> list[Hypothesis]:
     """List the other hypotheses that hold the named effects and have the chosen sense."""
     causes, turned = set(found.verdict.causes), REVERSED in chosen
@@ -241,7 +272,7 @@ def _drawn(
 ) -> list[tuple[Hypothesis, dict[str, float]]]:
     """Draw hypotheses by their probabilities, each with values from its posterior."""
     generator = np.random.default_rng(seed)
-    shares = np.array([found.posterior[h] for h in those])
+    shares = np.array([max(found.posterior.get(h, 0.0), LEAST) for h in those])
     which = generator.choice(len(those), size=count, p=shares / shares.sum())
     rows = []
     for place in which:
@@ -358,7 +389,7 @@ def _comments(
     head = [
         f"Calibrated study: {what} with what the diagnosis of '{found.bench.name}' found.",
         f"{headline(found.found)}.",
-        f"Just these effects together have {chance(found.posterior[hypothesis])}.",
+        f"Just these effects together have {chance(found.posterior.get(hypothesis, 0.0))}.",
         *_in_place(found, hypothesis),
         *(f"{remark[0].upper()}{remark[1:]}." for remark in remarks),
         f"Values are posterior means, intervals hold 90 %. {table} has draws from the posterior: "
@@ -373,7 +404,8 @@ def _comments(
     for name in hypothesis:
         effect = found.effects[name]
         size = "; ".join(described(p.name, sizes[p.name]) for p in effect.parameters)
-        sure = "part of the cause" if name in causes else "open, though likely"
+        likely = "open, though likely" if part.get(name, 0.0) > LIKELY else "open"
+        sure = "part of the cause" if name in causes else likely
         alias = f" It cannot be told from {' or '.join(effect.aliases)}." if effect.aliases else ""
         told[f"effects.{name}"] = [f"{size}; {sure} ({chance(part.get(name, 0.0))}).{alias}"]
     return told

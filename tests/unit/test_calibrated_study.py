@@ -31,11 +31,15 @@ WAVE = 0.04 * np.sin(1.3 * np.arange(len(POINTS)))
 
 @cache
 def _found(
-    values: tuple[tuple[str, float], ...], names: tuple[str, ...] = FEW, wave: bool = False
+    values: tuple[tuple[str, float], ...],
+    names: tuple[str, ...] = FEW,
+    wave: bool = False,
+    pairs: tuple[tuple[str, str], ...] = (),
 ) -> ds.Diagnosis:
     extra = WAVE if wave else None
     bench = bench_of(dict(values), np.random.default_rng(1), extra=extra, shifts=20)
-    return ds.Diagnosis(diagnose(bench, Toy(POINTS), {n: EFFECTS[n] for n in names}, pairs=[]))
+    effects = {n: EFFECTS[n] for n in names}
+    return ds.Diagnosis(diagnose(bench, Toy(POINTS), effects, pairs=list(pairs)))
 
 
 DELAY = (("delay_s", 0.08),)
@@ -62,6 +66,33 @@ def test_a_study_has_the_posterior_mean_and_its_draws_the_interval(tmp_path: Pat
     inside = ((drawn >= interval.low) & (drawn <= interval.high)).mean()
     assert inside == pytest.approx(0.9, abs=4.0 * np.sqrt(0.9 * 0.1 / 2000))
     assert made.study.config_hash == study.config_hash
+
+
+def test_another_set_of_effects_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
+    asked = "actuation_delay", "sleeve_friction"
+    found, path = _found(DELAY, pairs=(asked,)), tmp_path / "other.toml"
+    made = found.calibrated(path, draws=20, causes=asked)
+    assert set(made.hypothesis) == set(asked)
+    interval = found.inference.intervals[made.hypothesis]["friction_N"]
+    assert load_study(path).clutch.mechanism.friction == pytest.approx(interval.mean, rel=1e-5)
+    assert "; open (" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("causes", "words"),
+    [
+        (["sleeve_friction"], "actuation_delay is part of the cause in any case; name it too"),
+        (["actuation_delay", "sleeve_fricton"], "is no effect; did you mean 'sleeve_friction'"),
+        (["actuation_delay", "moving_mass", "sleeve_friction"], "just these together; name one"),
+    ],
+)
+def test_effects_that_cannot_be_written_are_refused(
+    tmp_path: Path, causes: list[str], words: str
+) -> None:
+    path = tmp_path / "refused.toml"
+    with pytest.raises(InputError, match=words):
+        _found(DELAY).calibrated(path, causes=causes)
+    assert not path.exists()
 
 
 def test_each_shift_is_later_by_the_dead_time_that_was_found(tmp_path: Path) -> None:

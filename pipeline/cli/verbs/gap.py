@@ -42,6 +42,13 @@ def gap(
         str | None,
         typer.Option(help="with --write: study that takes it; default: the bench's own clutch"),
     ] = None,
+    causes: Annotated[
+        str | None,
+        typer.Option(
+            metavar="EFFECTS",
+            help="with --write: effects, separated by commas, instead of the most probable ones",
+        ),
+    ] = None,
     draws: Annotated[
         int, typer.Option(min=1, max=100_000, help="with --write: draws from the posterior")
     ] = DRAWS,
@@ -63,6 +70,9 @@ def gap(
     """
     if base is not None and write is None:
         raise InputError(f"--base is '{base}', but no study is written; give --write FILE too")
+    if causes is not None and write is None:
+        raise InputError(f"--causes is '{causes}', but no study is written; give --write FILE too")
+    wanted = None if causes is None else [name.strip() for name in causes.split(",")]
     if write is not None:
         require_new_study(write, base)
     found = diagnose(
@@ -71,7 +81,7 @@ def gap(
     )  # fmt: skip
     record = found.to_dict()
     try:
-        made = None if write is None else found.calibrated(write, base, draws)
+        made = None if write is None else found.calibrated(write, base, draws, wanted)
     except (DogshapeError, OSError):
         # The diagnosis was long work and is an answer by itself.
         emit(record, json, lambda: diagnosis_table(found.inference, record))
