@@ -31,7 +31,7 @@ QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
 MOST_TRIALS = 10_000  #: designs of a search; at 28 points of 8 angles 15 GB of memory
 REPLICATE = 0.2  #: shifts of replication over those of the search, at most
-MIX_SHIFTS = 150_000  #: of a fit in two levels, at all operating points of designs
+MIX_SHIFTS = 135_000  #: of a fit in two levels, at all operating points of designs
 PAIR_ANGLES = 2  #: shifts of Drake at each operating point of a design in two levels
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
