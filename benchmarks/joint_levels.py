@@ -67,13 +67,13 @@ def main() -> None:
         level = _drawn(bank, acting, generator)
         joint = _about(bank, level, generator)
         known = emulator.with_levels(joint, _times(bank, joint))
-        rows.setdefault("pairs, from each alone", []).append(_missed(emulator, level))
-        rows.setdefault("the same, with joint levels", []).append(_missed(known, level))
+        rows.setdefault("pairs, from each alone", []).append(missed(emulator, level))
+        rows.setdefault("the same, with joint levels", []).append(missed(known, level))
     for acting in angled:
         level = _drawn(bank, (*acting, READ), generator)
-        rows.setdefault("one with uneven angles", []).append(_missed(emulator, level))
+        rows.setdefault("one with uneven angles", []).append(missed(emulator, level))
         alone = Level(acting, level.values[: len(EFFECTS[acting[0]].parameters)])
-        rows.setdefault("that one alone", []).append(_missed(emulator, alone))
+        rows.setdefault("that one alone", []).append(missed(emulator, alone))
     print(f"{bench.name}: {len(bank.settings)} operating points, median (largest) over draws")
     print("                              draws   of the mean time   of the stated error")
     for name, found in rows.items():
@@ -168,7 +168,7 @@ def _run(blocks: Sequence[Block]) -> list[list[Record]]:
     return [list(run_block(block)) for block in blocks]
 
 
-def _missed(emulator: BankEmulator, level: Level) -> Array:
+def missed(emulator: BankEmulator, level: Level) -> Array:
     """Compare emulated means with direct shifts: misses over plain mean time and stated error."""
     hypothesis = tuple(sorted(level.hypothesis))
     values = np.array([_in_order(level, hypothesis)])
@@ -187,6 +187,8 @@ def _missed(emulator: BankEmulator, level: Level) -> Array:
         miss = float(found.times.mean()) - true
         shares.append(miss / float(plain))
         scores.append(miss / float(np.hypot(found.error, found.common)[0]))
+    if not shares:
+        return np.full(2, np.nan)
     return np.sqrt(np.mean(np.square([shares, scores]), axis=1))
 
 

@@ -7,24 +7,25 @@ likelihood says, at 6 to 12 operating points of the published clutch at two shif
 of 3 to 50 shifts or 3 to 20 single ones. So probabilities have to hold what they say, and no other
 engine's data can be told apart better. Noncentrality is what the best refit by rivals leaves,
 squared standard errors with all errors, the discrepancy included. Finished sets are kept in FILE,
-from which a run that was stopped goes on. Half an hour of processor time for 250 sets.
+from which a run that was stopped goes on. An hour of processor time for 500 sets.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.stats import kstest
+from scipy.stats import kstest, sem
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
 from dogshape.sim.effects import load
 from dogshape.validation.blind.intervals import calibration, share
@@ -39,6 +40,7 @@ from dogshape.validation.self_consistency import (
     from_row,
     in_set,
     leading,
+    stratified,
 )
 
 FORCES = (235.2, 641.5)  #: N
@@ -93,7 +95,7 @@ def told(given: dict[str, float | int | None]) -> str:
     return f"{given['value']:.2f} ({given['low']:.2f} to {given['high']:.2f}){given['n']:>5}"
 
 
-def print_calibration(found: Sequence[Answer]) -> None:
+def print_calibration(found: Sequence[Answer], chances: Mapping[Hypothesis, float]) -> None:
     """Print what holds if probabilities are what they say, over all sets."""
     ranks = np.concatenate([a.ranks for a in found])
     tops = [max(a.raw, key=lambda h, a=a: a.raw[h]) for a in found]  # type: ignore[misc]
@@ -104,6 +106,17 @@ def print_calibration(found: Sequence[Answer]) -> None:
     print(f"  true cause in the 90 % set       {told(held)}")
     print(f"  leading one is the cause         {told(share(hit for _, hit in hits))}")
     print(f"  said on average                  {np.mean([p for p, _ in hits]):.2f}")
+    excess = np.array([too_sure(a) for a in found])
+    even = stratified(found, chances, too_sure)
+    numbers = [sum(len(a.cause) == k for a in found) for k in range(3)]
+    expected = [len(found) * sum(p for h, p in chances.items() if len(h) == k) for k in range(3)]
+    print(f"  too sure by                      {excess.mean():.3f} +- {sem(excess):.3f}")
+    print(f"  the same, numbers as expected    {even[0]:.3f} +- {even[1]:.3f}")
+    print(
+        "    (sets without an effect, of one, of two: "
+        + ", ".join(f"{n} of {e:.0f}" for n, e in zip(numbers, expected, strict=True))
+        + " expected)"
+    )
     print(
         f"  its calibration error, ten bins  {calibration([[pair] for pair in hits])['value']:.3f}"
     )
@@ -111,6 +124,12 @@ def print_calibration(found: Sequence[Answer]) -> None:
     print(f"  ranks uniform, p of Kolmogorov and Smirnov  {kstest(ranks, 'uniform').pvalue:.2f}")
     print(f"  predictive p of the cause below 0.05  {told(share(fits < 0.05))}")
     print(f"  predictive p of the cause below 0.01  {told(share(fits < 0.01))}")
+
+
+def too_sure(found: Answer) -> float:
+    """Return by how much the probability of what leads exceeds whether it is the cause."""
+    top = max(found.raw, key=lambda h: found.raw[h])
+    return found.raw[top] - (top == found.cause)
 
 
 def print_bands(found: Sequence[Answer]) -> None:
@@ -146,13 +165,13 @@ def print_bands(found: Sequence[Answer]) -> None:
 def main() -> None:
     """Draw, diagnose and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sets", type=int, default=250)
+    parser.add_argument("--sets", type=int, default=500)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kept", type=Path, default=KEPT)
     given = parser.parse_args()
     found = answers(given.sets, given.jobs, given.kept)
     print(f"{given.sets} sets drawn from the emulator and the priors, none or one effect or two")
-    print_calibration(found)
+    print_calibration(found, world().chances)
     print_bands(found)
 
 

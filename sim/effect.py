@@ -106,6 +106,7 @@ class Effect:
     test : what would measure it directly.
     aliases : what no data of shifts can tell from it, in words.
     title : name for people; its name without underscores by default.
+    before : the same before a range was last widened, None where none was.
     """
 
     name: str
@@ -115,6 +116,17 @@ class Effect:
     test: BenchTest
     aliases: tuple[str, ...] = ()
     title: str = ""
+    before: Effect | None = None
+
+    @property
+    def usual(self) -> Effect:
+        """The same with the ranges that it had at first."""
+        return self.before.usual if self.before else self
+
+    def with_range(self, wider: Parameter) -> Effect:
+        """Return the effect with a wider range of one of its parameters."""
+        mine = tuple(wider if p.name == wider.name else p for p in self.parameters)
+        return replace(self, parameters=mine, before=self)
 
     @property
     def plain(self) -> str:

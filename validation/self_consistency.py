@@ -17,7 +17,7 @@ ratio is half of it.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -75,6 +75,11 @@ class World:
         spaces = spaces_of(self.effects, setting_of(self.bench), priors=self.settings.priors)
         return tuple(s for s in spaces if REVERSED not in s.hypothesis)
 
+    @property
+    def chances(self) -> dict[Hypothesis, float]:
+        """Probabilities with which causes are drawn."""
+        return priors_of([s.hypothesis for s in self.spaces], "known", self.settings.priors)
+
 
 @dataclass(frozen=True)
 class Drawn:
@@ -115,8 +120,7 @@ class Answer:
 def draw(world: World, generator: np.random.Generator) -> Drawn:
     """Draw a set from the priors: cause, parameters, operating points, shifts, and their times."""
     spaces = {s.hypothesis: s for s in world.spaces}
-    chances = priors_of(list(spaces), "known", world.settings.priors)
-    cause = list(spaces)[int(generator.choice(len(spaces), p=list(chances.values())))]
+    cause = list(spaces)[int(generator.choice(len(spaces), p=list(world.chances.values())))]
     shares, values = _values(spaces[cause], generator)
     cells = len(world.bench.cells)
     number = int(generator.integers(POINTS[0], min(POINTS[1], cells) + 1))
@@ -188,6 +192,23 @@ def noncentrality(problem: Problem, one: Drawn, scored: Mapping[Hypothesis, Scor
     place = metric.of(truth)
     rivals = [s.rows.predicted for h, s in scored.items() if is_rival(h, one.cause)]
     return min(float(squared(metric.of(rows), place).min()) for rows in rivals)
+
+
+def stratified(
+    found: Sequence[Answer], chances: Mapping[Hypothesis, float], figure: Callable[[Answer], float]
+) -> tuple[float, float]:
+    """Average a figure as if each number of effects had been drawn as often as its prior says.
+
+    How many of the sets drawn have no effect is chance, and such a set is found far more often than
+    a pair. Returns the mean and its standard error (Cochran 1977, ch. 5).
+    """
+    mean, square = 0.0, 0.0
+    for number in sorted({len(a.cause) for a in found}):
+        mine = np.array([figure(a) for a in found if len(a.cause) == number], dtype=float)
+        weight = sum(p for h, p in chances.items() if len(h) == number)
+        mean += weight * float(mine.mean())
+        square += weight**2 * float(mine.var(ddof=1)) / mine.size
+    return mean, float(np.sqrt(square))
 
 
 def is_rival(hypothesis: Hypothesis, cause: Collection[str]) -> bool:

@@ -103,8 +103,7 @@ def widened(
         if wider is None:
             told.append(replace(one, remedy="bound"))
             continue
-        mine = tuple(wider if p.name == wider.name else p for p in effect.parameters)
-        changed[one.effect] = replace(effect, parameters=mine)
+        changed[one.effect] = effect.with_range(wider)
         moved = wider.high if one.upper else wider.low
         told.append(replace(one, remedy="widened", moved=moved))
     return changed, tuple(told)

@@ -11,10 +11,14 @@ Levels of one parameter are even in the share of the prior, ends included (of th
 which there is such a bench), without the one beside the neutral value if that lies within: the
 baseline stands there. Those of two parameters fill
 their plane: each next one is the candidate farthest from all before it, baseline included.
+
+A range that was widened keeps the levels that it had. Those of one parameter go on at the same
+spacing where values were added, those of two become as many more as the plane has grown by.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -78,13 +82,7 @@ def levels_of(effect: Effect, setting: Setting, along: int, plane: int) -> tuple
     if not effect.parameters:
         return (Level((name,)),) if effect.possible(setting, {}) else ()
     if len(effect.parameters) == 1:
-        only = effect.parameters[0]
-        real = [s for s in TICKS if effect.possible(setting, {only.name: only.at(float(s))})]
-        if not real:
-            return ()
-        even = np.linspace(real[0], real[-1], along)
-        shares = _but_neutral(even, only, only.neutral_of(setting))
-        return tuple(Level((name,), (only.at(float(share)),)) for share in shares)
+        return tuple(Level((name,), (value,)) for value in _line(effect, setting, along))
     return tuple(Level((name,), values) for values in _plane(effect, setting, plane))
 
 
@@ -114,7 +112,31 @@ def _but_neutral(shares: Array, parameter: Parameter, neutral: float) -> Array:
     return np.delete(shares, int(np.argmin(abs(shares - parameter.share(neutral)))))
 
 
+def _line(effect: Effect, setting: Setting, count: int) -> list[float]:
+    """Return the values of one parameter that are simulated, ascending."""
+    (only,) = effect.parameters
+    real = [s for s in TICKS if effect.possible(setting, {only.name: only.at(float(s))})]
+    if not real:
+        return []
+    kept = _line(effect.before, setting, count) if effect.before else []
+    if not kept or effect.before is None:
+        even = np.linspace(real[0], real[-1], count)
+        shares = _but_neutral(even, only, only.neutral_of(setting))
+        return [only.at(float(share)) for share in shares]
+    (first,), (last,) = effect.usual.parameters, effect.before.parameters
+    spacing = (only.share(first.high) - only.share(first.low)) / (count - 1)
+    near, end = (kept[-1], real[-1]) if only.high > last.high else (kept[0], real[0])
+    steps = math.ceil(round(abs(end - only.share(near)) / spacing, 6))
+    added = np.linspace(only.share(near), end, steps + 1)[1:]
+    neutral = only.neutral_of(setting)
+    if not last.low <= neutral <= last.high:
+        added = _but_neutral(added, only, neutral)
+    return sorted([*kept, *(only.at(float(share)) for share in added)])
+
+
 def _plane(effect: Effect, setting: Setting, count: int) -> list[tuple[float, ...]]:
+    """Return the values of several parameters that are simulated."""
+    kept = _plane(effect.before, setting, count) if effect.before else []
     size = len(effect.parameters)
     corners = np.stack(np.meshgrid(*[[0.0, 1.0]] * size), axis=-1).reshape(-1, size)
     inner = qmc.Sobol(size, scramble=False).random_base2(CANDIDATES)
@@ -125,16 +147,20 @@ def _plane(effect: Effect, setting: Setting, count: int) -> list[tuple[float, ..
     ]
     real = [v for v in found if effect.possible(setting, dict(zip(names, v, strict=True)))]
     axes = Axes.of(effect, setting)
-    return [real[k] for k in farthest(axes.at(np.array(real)), axes.neutral, count)]
+    begin = axes.at(np.array([axes.neutral_values, *kept]))
+    first = zip(effect.parameters, effect.usual.parameters, strict=True)
+    share = np.prod([p.share(usual.high) - p.share(usual.low) for p, usual in first])
+    more = round(count / float(share)) - len(kept)
+    return [*kept, *(real[k] for k in farthest(axes.at(np.array(real)), begin, more))]
 
 
 def farthest(places: Array, begin: Array, count: int) -> list[int]:
-    """Choose up to ``count`` places (m, d), each farthest from ``begin`` (d,) and all before.
+    """Choose up to ``count`` places (m, d), each farthest from ``begin`` and all before.
 
-    None is chosen where another already lies.
+    ``begin`` is one place (d,) or several (k, d). None is chosen where another already lies.
     """
     chosen = list[int]()
-    near = np.linalg.norm(places - begin, axis=1)
+    near = np.linalg.norm(places[:, None] - np.atleast_2d(begin), axis=2).min(axis=1)
     while len(chosen) < count and near.any():
         far = int(near.argmax())
         chosen.append(far)

@@ -26,6 +26,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import (
 )
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.setting import Setting
@@ -79,6 +80,52 @@ def test_levels_span_the_prior_and_leave_the_baseline_its_place(bench: Bench) ->
     assert len(set(pairs)) == 9
     assert all(dynamic <= static for static, dynamic in pairs)
     assert (0.45, 0.03) in pairs
+
+
+def _widened(effect: Effect, place: int, *, upper: bool) -> Effect:
+    return effect.with_range(effect.parameters[place].widened(0.5, upper=upper))
+
+
+def test_a_wider_range_keeps_its_levels_and_goes_on_at_their_spacing(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+
+    def values(effect: Effect) -> list[float]:
+        return [level.values[0] for level in levels_of(effect, setting, 5, 9)]
+
+    scale = EFFECTS["force_scale"]
+    once = _widened(scale, 0, upper=True)
+    assert values(once) == pytest.approx([0.5, 0.75, 1.25, 1.5, 1.75, 2.0])
+    assert values(once)[:4] == values(scale)
+    # 1.5 wide now, so half of that comes below.
+    twice = _widened(once, 0, upper=False)
+    assert values(twice)[-6:] == values(once)
+    assert min(values(twice)) == twice.parameters[0].low
+    assert np.diff(values(twice)).max() <= 0.5
+    friction = EFFECTS["sleeve_friction"]
+    logs = np.log(values(_widened(friction, 0, upper=True)))
+    # The range ends at 1000 N, in two steps of less than the usual ones.
+    assert np.diff(logs)[:4] == pytest.approx(np.full(4, np.log(200.0 / 3.0) / 4.0))
+    assert np.diff(logs)[4:] == pytest.approx(np.full(2, np.log(5.0) / 2.0))
+
+
+def test_a_new_level_beside_the_neutral_value_is_left_out(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    scale = EFFECTS["force_scale"]
+    (size,) = scale.parameters
+    above = replace(scale, parameters=(replace(size, low=1.1, high=1.5),))
+    below = above.with_range(replace(size, low=0.7, high=1.5))
+    found = [level.values[0] for level in levels_of(below, setting, 5, 9)]
+    assert found == pytest.approx([0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.4, 1.5])
+
+
+def test_a_wider_plane_keeps_its_levels_and_has_as_many_more_as_it_grew_by(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    detent = EFFECTS["detent_force"]
+    first = levels_of(detent, setting, 5, 12)
+    wider = levels_of(_widened(detent, 0, upper=True), setting, 5, 12)
+    assert wider[:12] == first
+    assert len(set(wider)) == len(wider) == 18
+    assert max(level.values[0] for level in wider[12:]) > detent.parameters[0].high
 
 
 def test_levels_that_no_bench_has_are_left_out(bench: Bench) -> None:
@@ -213,11 +260,8 @@ def test_the_bundled_bank_has_the_ranges_that_published_answers_were_widened_to(
     assert bool(ends) == (name == "stand")
     for end in (one for one in ends if one["remedy"] == "widened"):
         effect, moved = effects[end["effect"]], "high" if end["upper"] else "low"
-        mine = tuple(
-            replace(p, **{moved: end["moved"]}) if p.name == end["parameter"] else p
-            for p in effect.parameters
-        )
-        effects[end["effect"]] = replace(effect, parameters=mine)
+        (now,) = (p for p in effect.parameters if p.name == end["parameter"])
+        effects[end["effect"]] = effect.with_range(replace(now, **{moved: end["moved"]}))
     bench = with_bank_engine(load_bench(f"mq200_{name}"), effects, Means(tmp_path))
     assert bench.clutch.solver.engine == "planar"
     store = BankStore((brought(TIMES), tmp_path / TIMES))
