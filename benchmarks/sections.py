@@ -80,7 +80,7 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"clock \(2 h\)", "price in the menu of tests"),
             (r"A drag of\s+1 N m and more", "low end of the interval, rounded"),
             (r"within 4 ms\s+of it", "rounded from gap_stand.json"),
-            (r"2352 shifts more", "what the command announces"),
+            (r"2352 shifts more|168 shifts of each", "what the command announces"),
         ),
         "Does the diagnosis find what is there?": (
             (r"\d+ (?:sealed )?cases", "size of the set, in the labels of blind.txt"),

@@ -5,7 +5,8 @@ effect, at the same relative angles, which the search did not use. The study cho
 the effect. The cost of ignoring the effect is the time of that design less the time of the best
 design, both with the effect. Designs that only a search with the effect would have found are not
 among them, so the cost may be more; that the best is the best of several estimates makes it seem
-more.
+more. Landings count beside the times: an effect that makes blows harder than the dogs take leaves
+nothing of a quick design.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ import numpy as np
 
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect
@@ -31,6 +32,8 @@ from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
 from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record, result_of
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.landing import demand_checks
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
@@ -42,12 +45,17 @@ Params = Mapping[str, float]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A design with its expected shift time, at the sleeve, without and with the effect."""
+    """A design with its expected shift time, at the sleeve, without and with the effect.
+
+    ``landing`` and ``landing_with`` are the checks of its landings that have the least margin.
+    """
 
     name: str
     params: Params
     without: Expectation
     with_effect: Expectation
+    landing: Check
+    landing_with: Check
 
 
 @dataclass(frozen=True)
@@ -87,6 +95,29 @@ class Consequence:
     @property
     def sentence(self) -> str:
         """Consequence in words."""
+        return f"{self._times} {self._landings}".strip()
+
+    @property
+    def _landings(self) -> str:
+        """Write which designs land harder with the effect than they take; empty where none does."""
+        fail = [one for one in self.candidates if not one.landing_with.passed]
+        if not fail:
+            return ""
+        who = ", ".join(one.name for one in fail)
+        if len(fail) == len(self.candidates):
+            who = "all designs that were compared"
+        worst = min(fail, key=lambda one: one.landing_with.margin)
+        check, over = worst.landing_with.name.replace("_", " "), -worst.landing_with.margin
+        before = ", ".join(one.name for one in fail if not one.landing.passed)
+        return (
+            f"With it landings are harder than the dogs take, of {who}: "
+            f"{worst.name} by {over:.0%} ({check}). Without it "
+            f"{f'those of {before} are so too' if before else 'all of these hold'}."
+        )
+
+    @property
+    def _times(self) -> str:
+        """Write what the effect means for the order of the designs' times."""
         prototype, chosen, best = self.candidates[0], self.chosen, self.best
         gain = prototype.with_effect.mean - best.with_effect.mean
         gained = (
@@ -130,6 +161,9 @@ def _record(one: Candidate) -> dict[str, Any]:
         "without_standard_error_s": one.without.standard_error,
         "with_s": one.with_effect.mean,
         "with_standard_error_s": one.with_effect.standard_error,
+        "without_landing_margin": one.landing.margin,
+        "with_landing_margin": one.landing_with.margin,
+        "with_landing_check": one.landing_with.name,
     }
 
 
@@ -225,12 +259,16 @@ def consequence(
         _expectation(study, every[k : k + places], rows[k : k + places])
         for k in range(0, len(every), places)
     ]
+    landings = [
+        _landing(study, every[k], one, rows[k : k + places])
+        for k, one in zip(range(0, len(every), places), found, strict=True)
+    ]
     half = len(designs)
     return Consequence(
         study.name,
         level,
         tuple(
-            Candidate(name, params, found[k], found[half + k])
+            Candidate(name, params, found[k], found[half + k], landings[k], landings[half + k])
             for k, (name, params) in enumerate(designs.items())
         ),
     )
@@ -250,6 +288,14 @@ def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
     grid = (np.arange(GRID) + 0.5) / GRID * pitch
     below = np.cumsum(setting.weights(grid.tolist())) / GRID
     return tuple(np.interp(np.array(even) / pitch, below, grid).tolist())
+
+
+def _landing(
+    study: Setup, setting: Setting, found: Expectation, rows: Sequence[Sequence[Record]]
+) -> Check:
+    """Return the check of a design's landings that has the least margin."""
+    demand = demand_over(study, setting.clutch.dog, found, rows)
+    return min(demand_checks(demand, study.limits), key=lambda one: one.margin)
 
 
 def _expectation(

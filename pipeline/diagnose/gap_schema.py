@@ -380,6 +380,9 @@ class CandidateRow(Section):
     without_standard_error_s: float | None = key("its standard error", "s")
     with_s: float = key("expected shift time with the cause", "s")
     with_standard_error_s: float | None = key("its standard error", "s")
+    without_landing_margin: float = key("least margin of its landings in these few shifts, without")
+    with_landing_margin: float = key("least margin of its landings in these few shifts, with it")
+    with_landing_check: str = key("check of landings that has that margin")
 
 
 class ConsequenceRow(Section):

@@ -25,6 +25,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DataError
 from dogshape.sim.setting import Setting
+from dogshape.sim.shift.loads import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from tests.kept import kept_folder
@@ -45,7 +46,13 @@ def _run(blocks: Sequence[Block]) -> list[list[Record]]:
 def _row(block: Block) -> Record:
     dog, heavy = block.clutch.dog, block.clutch.mechanism.added_mass > 0.0
     time = dog.height * 10.0 + (0.1 * math.degrees(dog.chamfer) if heavy else 0.0)
-    return {"outcome": "engaged", "shift_time_s": time, "actuator_time_s": 9.0}
+    loads = [0.0] * (len(OVERLAPS) - 1) + [20000.0 if heavy and dog.height < 3.1e-3 else 1.0]
+    return {
+        "outcome": "engaged",
+        "shift_time_s": time,
+        "actuator_time_s": 9.0,
+        "landing_loads_N_mm": loads,
+    }
 
 
 def _designs(study: Setup) -> dict[str, dict[str, float]]:
@@ -58,6 +65,12 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     found = consequence(study, _designs(study), Level(("moving_mass",), (1.0,)), EFFECTS, _run)
     assert (found.chosen.name, found.best.name) == ("flat", "blunt")
     assert found.regret == pytest.approx((0.03 + 0.9) - (0.032 + 0.6))
+    # The lowest dogs land on a face that takes less than that.
+    margins = [one["with_landing_margin"] < 0.0 for one in found.record["candidates"]]
+    assert margins == [False, True, False]
+    assert all(one.landing.passed for one in found.candidates)
+    assert "With it landings are harder than the dogs take, of flat: flat by" in found.sentence
+    assert "Without it all of these hold." in found.sentence
     assert "ignoring it costs 298.0" in found.sentence
     assert found.record["best_with"] == "blunt"
 
