@@ -40,6 +40,8 @@ class _Contact(Section):
     dynamic_friction: float
     stiction_velocity_m_s: float
     friction_velocity_m_s: float
+    stiffness_Pa_m: float | None = None
+    dissipation_s_m: float | None = None
 
 
 class _Sensor(Section):
@@ -192,7 +194,13 @@ def _settings(path: Path) -> _BenchFile:
     try:
         data = read_toml(path)
     except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; a data set needs bench.toml") from error
+        hint = ""
+        if (path.parent / "study.toml").is_file():
+            hint = (
+                f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
+                f"{path.parent}' makes a data set of measured times"
+            )
+        raise DataError(f"there is no {path}; a data set needs bench.toml{hint}") from error
     except OSError as error:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
@@ -202,12 +210,16 @@ def _settings(path: Path) -> _BenchFile:
 
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.dog()
+    published, given = contact_set("adams2019"), file.contact
+    stiffness, dissipation = given.stiffness_Pa_m, given.dissipation_s_m
     contact = replace(
-        contact_set("adams2019"),
+        published,
         name="bench",
-        static_friction=file.contact.static_friction,
-        dynamic_friction=file.contact.dynamic_friction,
-        stiction_velocity=file.contact.stiction_velocity_m_s,
+        static_friction=given.static_friction,
+        dynamic_friction=given.dynamic_friction,
+        stiction_velocity=given.stiction_velocity_m_s,
+        stiffness=published.stiffness if stiffness is None else stiffness,
+        dissipation=published.dissipation if dissipation is None else dissipation,
     )
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:

@@ -31,9 +31,17 @@ def study_of(bench: Bench, name: str) -> Data:
         "static_friction": contact.static_friction,
         "dynamic_friction": contact.dynamic_friction,
         "stiction_velocity_m_s": contact.stiction_velocity,
+        "stiffness_Pa_m": contact.stiffness,
+        "dissipation_s_m": contact.dissipation,
     }
     plain = contact_set(CONTACT)
-    published = (plain.static_friction, plain.dynamic_friction, plain.stiction_velocity)
+    published = (
+        plain.static_friction,
+        plain.dynamic_friction,
+        plain.stiction_velocity,
+        plain.stiffness,
+        plain.dissipation,
+    )
     differing = {k: v for (k, v), p in zip(own.items(), published, strict=True) if v != p}
     rises = rises_of(bench)
     return {

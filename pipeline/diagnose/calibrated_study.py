@@ -229,18 +229,26 @@ def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
     )
 
 
+def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> None:
+    """Raise InputError unless all ``causes`` are names of ``effects``."""
+    for name in causes:
+        if name not in effects:
+            hint = did_you_mean(name, effects)
+            raise InputError(
+                f"--causes is '{', '.join(causes)}', but '{name}' is no effect; {hint}"
+            )
+
+
 def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
     """Return the hypothesis of some effects; InputError where it is none that can be written."""
+    require_effects(causes, found.effects)
     asked, named = ", ".join(causes), found.verdict.causes
     there = [h for h in found.scored if h and set(named) <= set(h)]
     there.sort(key=lambda h: -found.posterior.get(h, 0.0))
     for hypothesis in there:
         if set(hypothesis) == set(causes):
             return hypothesis
-    unknown = [name for name in causes if name not in found.effects]
-    if unknown:
-        rule = f"'{unknown[0]}' is no effect; {did_you_mean(unknown[0], list(found.effects))}"
-    elif lacking := [name for name in named if name not in causes]:
+    if lacking := [name for name in named if name not in causes]:
         rule = f"{' and '.join(lacking)} is part of the cause in any case; name it too"
     else:
         likely = "; ".join(", ".join(h) for h in there[:SHOWN])

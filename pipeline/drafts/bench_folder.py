@@ -305,7 +305,9 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path) -> tu
     if not any(key.startswith(("dog.", "sliding.", "output.")) for key in given):
         assumed.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
     if not any(key.startswith("contact.") for key in given):
-        assumed.append(f"friction is that of '{source.name}'")
+        assumed.append(f"the contact is that of '{source.name}'")
+    if source.left_out:
+        assumed.append(source.left_out)
     longest = max((row["time"] for row in rows if row["time"] is not None), default=0.0)
     if "timeout_s" not in given and longest > values["timeout_s"]:
         values["timeout_s"] = next((t for t in TIMEOUTS if t >= longest), TIMEOUTS[-1])

@@ -33,6 +33,8 @@ static_friction = 0.12
 dynamic_friction = 0.10
 stiction_velocity_m_s = 0.0002
 friction_velocity_m_s = 1.0 # read and not used
+stiffness_Pa_m = 5e11       # of the simulated contact, pressure per depth
+dissipation_s_m = 100.0     # what a blow loses, after Hunt and Crossley
 
 # Where the sensors sit, if the actuator does not act on the sleeve itself:
 # [sensor]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import DEG, MM, RPM
 
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
@@ -60,17 +61,38 @@ class Source:
 
     @property
     def bench_values(self) -> dict[str, Any]:
-        """Values of ``bench.toml`` by dotted key."""
-        contact = self.clutch.contact
+        """Values of ``bench.toml`` by dotted key; the ring has what moves along with it."""
+        contact, rings = self.clutch.contact, self.clutch.rings
         return {
             "timeout_s": self.clutch.timeout,
             "shift_travel_mm": _round(self.clutch.shift_travel / MM),
             **self.dog_values,
+            "sliding.mass_kg": _round(rings.mass + self.clutch.mechanism.added_mass),
             "sliding.initial_speed_rpm": _round(self.clutch.rings.initial_speed / RPM),
             "contact.static_friction": contact.static_friction,
             "contact.dynamic_friction": contact.dynamic_friction,
             "contact.stiction_velocity_m_s": contact.stiction_velocity,
+            "contact.stiffness_Pa_m": contact.stiffness,
+            "contact.dissipation_s_m": contact.dissipation,
         }
+
+    @property
+    def left_out(self) -> str:
+        """Describe the parts of a mechanism that a bench has no key for; empty where all is there.
+
+        Parts of a mechanism are what a diagnosis looks for, from none of them on.
+        """
+        mechanism = self.clutch.mechanism
+        rest = replace(mechanism, added_mass=0.0)
+        if mechanism == NOTHING:
+            return ""
+        said = f"of the [mechanism] of '{self.name}' "
+        if mechanism.added_mass:
+            said += f"{mechanism.added_mass:g} kg move along with the ring"
+            if rest == NOTHING:
+                return said
+            said += "; "
+        return f"{said}friction, drag and linkage are left for the diagnosis to find"
 
 
 def _round(value: float) -> float:

@@ -96,7 +96,8 @@ class StudyFolder:
         if apart := differing(comparable(stored.file), comparable(study.file)):
             raise StorageError(
                 f"{self.root} was started with another configuration ({'; '.join(apart)}); give "
-                "the one it was started with, or choose another --out"
+                "the one it was started with, remove that folder, or begin another: by --out, of "
+                "'fit' by another name of the study"
             )
 
     def stored_study(self) -> Setup:

@@ -102,12 +102,15 @@ def trace_of(
 def crossing(time: Series, displacement: Series, speed: Series, way: float) -> float | None:
     """Find the time at which a displacement first reaches ``way``, s; None where it never does.
 
-    Cubic between the two states (Hermite), solved by bisection. Series (n,).
+    Where the first state is there already, that is its time. Cubic between the two states
+    (Hermite), solved by bisection. Series (n,).
     """
     reached = displacement >= way
     last = int(np.argmax(reached))
     if not reached[last]:
         return None
+    if last == 0:
+        return float(time[0])
     pair = slice(last - 1, last + 1)
     # Plain numbers: the same arithmetic in a fraction of the time.
     (t0, t1), (x0, x1), (v0, v1) = (s[pair].tolist() for s in (time, displacement, speed))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import tomllib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,9 +16,12 @@ from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Column, matched
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.schema import StudyFile
+from dogshape.pipeline.config.study_file import build_study, load_study
+from dogshape.pipeline.diagnose.bench_study import study_of
 from dogshape.pipeline.drafts.values_in_place import with_values
 from dogshape.sim.bundled import bundled_root
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
 from tests.benches import GOOD
@@ -242,6 +246,27 @@ def test_a_bench_to_fill_in(dogshape: Call) -> None:
     assert said.status == 0
     assert "fill in shifts.csv" in said.out
     assert len(load_bench("my_bench").cells) == 28
+
+
+def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(dogshape: Call) -> None:
+    Path("m.csv").write_bytes(FOREIGN.encode())
+    said = dogshape("init", "bench", "m.csv", "--from", "mq200", "--json")
+    assert said.status == 0, said.err
+    bench, study = load_bench("m"), load_study("mq200")
+    assert bench.clutch.rings.mass == pytest.approx(0.3 + 0.3)
+    assert replace(bench.clutch.contact, name=study.clutch.contact.name) == study.clutch.contact
+    assumed = " ".join(said.json["assumed"])
+    assert "0.3 kg move along with the ring; friction, drag" in assumed
+    again = build_study(validate(StudyFile, study_of(bench, "back"), "back"))
+    assert again.clutch.contact.stiffness == study.clutch.contact.stiffness
+    assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
+
+
+def test_a_study_is_no_data_set_and_says_how_to_make_one(dogshape: Call) -> None:
+    assert dogshape("init", "study", "--out", "mine", "--yes").status == 0
+    said = dogshape("gap", "mine")
+    assert said.status == 2
+    assert "mine is a study, from which 'dogshape init bench TABLE --from mine'" in said.err
 
 
 def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
-from dogshape.diagnosis.prediction.flight import fly
+from dogshape.diagnosis.prediction.flight import fly, touch_time
 from dogshape.diagnosis.prediction.flight_table import FlightTables
 from dogshape.diagnosis.prediction.levels import Level
 from dogshape.sim.setting import Setting
@@ -88,6 +88,13 @@ def test_the_flight_is_that_of_a_shift_in_drake(plain: Setting, name: str, senso
         way, speed = trace.actuator_displacement, trace.actuator_speed
     drake = [crossing(trace.time, way, speed, level) for level in LEVELS]
     assert _fly(setting)[: len(WAYS)] == pytest.approx(drake, abs=5e-5)
+
+
+def test_a_ring_without_a_gap_touches_at_once(plain: Setting) -> None:
+    """A small clutch has less gap than the range of its error, and the ends have to be computed."""
+    assert touch_time(plain.with_dog(axial_gap=0.0)) == 0.0
+    near = touch_time(plain.with_dog(axial_gap=1e-6))
+    assert 0.0 < near < touch_time(plain.with_dog(axial_gap=1e-5)) < touch_time(plain)
 
 
 HYPOTHESES = [

@@ -14,7 +14,12 @@ from dogshape.pipeline.cli.options import Corrections, Jobs, Json
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
-from dogshape.pipeline.diagnose.calibrated_study import DRAWS, require_new_study
+from dogshape.pipeline.diagnose.calibrated_study import (
+    DRAWS,
+    require_effects,
+    require_new_study,
+)
+from dogshape.sim.effects import load
 from dogshape.sim.errors import DogshapeError, InputError
 
 
@@ -73,6 +78,9 @@ def gap(
     if causes is not None and write is None:
         raise InputError(f"--causes is '{causes}', but no study is written; give --write FILE too")
     wanted = None if causes is None else [name.strip() for name in causes.split(",")]
+    if wanted is not None:
+        # A misspelt name needs no diagnosis to be refused.
+        require_effects(wanted, load(effects))
     if write is not None:
         require_new_study(write, base)
     found = diagnose(
