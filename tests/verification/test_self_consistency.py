@@ -22,6 +22,7 @@ from dogshape.validation.self_consistency import (
     in_set,
     is_rival,
     leading,
+    stratified,
 )
 from tests.declared import Declared
 from tests.toy import EFFECTS, bench_of, points_of
@@ -96,3 +97,18 @@ def test_an_answer_is_kept_as_a_line_of_json() -> None:
     again = from_row(as_row(found))
     assert as_row(again) == as_row(found)
     assert again.ranks == pytest.approx(found.ranks)
+
+
+def test_a_number_of_effects_counts_as_often_as_its_prior_says() -> None:
+    """Three sets without an effect and one with it, of a prior that has both as often."""
+    found = [_empty(()), _empty(()), _empty(()), _empty(("force_scale",)), _empty(("force_scale",))]
+    values = iter([1.0, 0.0, 1.0, 0.0, 1.0])
+    figures = {id(one): next(values) for one in found}
+    chances = {(): 0.5, ("force_scale",): 0.3, ("sleeve_friction",): 0.2}
+    mean, error = stratified(found, chances, lambda one: figures[id(one)])
+    assert mean == pytest.approx(0.5 * 2.0 / 3.0 + 0.5 * 0.5)
+    assert error == pytest.approx(np.sqrt(0.25 * (1.0 / 3.0) / 3.0 + 0.25 * 0.5 / 2.0))
+
+
+def _empty(cause: tuple[str, ...]) -> Answer:
+    return Answer(cause, 0.0, {}, {}, "none", (), (), (), np.zeros(0))
