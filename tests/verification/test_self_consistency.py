@@ -100,7 +100,7 @@ def test_an_answer_is_kept_as_a_line_of_json() -> None:
 
 
 def test_a_number_of_effects_counts_as_often_as_its_prior_says() -> None:
-    """Three sets without an effect and one with it, of a prior that has both as often."""
+    """Three sets without an effect and two with one, of a prior that has both as often."""
     found = [_empty(()), _empty(()), _empty(()), _empty(("force_scale",)), _empty(("force_scale",))]
     values = iter([1.0, 0.0, 1.0, 0.0, 1.0])
     figures = {id(one): next(values) for one in found}
