@@ -5,14 +5,14 @@
     dogshape gap mq200_stand --write damped.toml --base mq200 \\
         --causes actuation_delay,drag_torque,viscous_damping
     dogshape study damped.toml --engine planar --set search.levels=1 --out results/damped
-    python -m benchmarks.stand_study damped.toml results/damped --also results/stand
+    python -m benchmarks.stand_study damped.toml results/damped --also results/stand \\
+        --draws stand.toml
 
 The prototype, the best design of the study with the stand's causes and that of the default study
 (``studies/mq200``) in the compiled engine, with these causes: at the posterior means, at the same
-96 angles of each operating point, and at the draws of ``STUDY-draws.csv`` at four, which have the
-third effect by its probability as far as the study has no key of it. Intervals hold 90 % of the
-draws, of which all designs have the same. What searches with another third effect found is said
-first. Five minutes on two cores.
+96 angles of each operating point, and at four at the draws beside ``--draws``, which have any third
+effect by its probability. Intervals hold 90 % of the draws, of which all designs have the same.
+What searches with another third effect found is said first. Five minutes on two cores.
 """
 
 from __future__ import annotations
@@ -46,6 +46,7 @@ def main() -> None:
     parser.add_argument("study", type=Path)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--also", type=Path, nargs="*", default=[])
+    parser.add_argument("--draws", type=Path)
     parser.add_argument("--jobs", type=int, default=0)
     given = parser.parse_args()
     for folder in given.also:
@@ -58,10 +59,11 @@ def main() -> None:
         shown = ", ".join(f"{key} {value:.4g}" for key, value in dog.items())
         time, error = (1e3 * one for one in (means[name].time_s, means[name].standard_error_s))
         print(f"{name:10s} {time:6.1f} +- {error:.1f} ms   {shown}".rstrip(), flush=True)
-    draws, times = given.study.with_name(f"{here}-draws.csv"), {}
+    drawn_study: Path = given.draws or given.study
+    draws, times = drawn_study.with_name(f"{drawn_study.stem}-draws.csv"), {}
     for name, dog in dogs.items():
         keys = {**COMPILED, **{f"dog.{key}": value for key, value in dog.items()}}
-        drawn = ds.expect_draws(given.study, draws, keys, angles=DRAWN, jobs=given.jobs)
+        drawn = ds.expect_draws(drawn_study, draws, keys, angles=DRAWN, jobs=given.jobs)
         times[name] = drawn.times
         print(f"{name:10s} over {len(drawn.times)} draws {_span(drawn.times)}", flush=True)
     for name in ("prototype", "default"):

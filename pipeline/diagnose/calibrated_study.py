@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,13 +39,14 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 
 DRAWS = 200  #: of the posterior
 LIKELY = 0.5  #: probability above which an open effect is likelier than not
 SHOWN = 5  #: hypotheses that an error names
-LEAST = 1e-9  #: probability of a set that was asked for, so that one can be drawn
+LEAST = 1e-9  #: probability of a set that was asked for, so that it can be drawn
 RARE = 0.005  #: probability below which a hypothesis is not drawn
 Data = dict[str, Any]  #: a TOML file as it is read
 
@@ -167,10 +169,17 @@ def calibrated_study(
     }
     gone = _clashing(data, taken, keys)
     remarks += [f"{key} of the study gives way to what the bench shows" for key in sorted(gone)]
-    data = _without(data, gone)
+    data, carried = _without(data, gone), _carried(found, clutch, gone)
+    if carried:
+        # What is found comes on top of a ring that had this mass already.
+        mass = rounded(found.bench.clutch.rings.mass)
+        data["sliding"] = {**data["sliding"], "mass_kg": mass}
+        remarks.append(
+            f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg that move along"
+        )
     for name, effect in taken.items():
         _put(data, keys.settings(effect, values[name]))
-    rivals = _rivals(found, hypothesis)
+    rivals = _rivals(found, hypothesis, () if causes is None else causes)
     kept = [h for h in rivals if not _clashing(data, _beside(found, h, hypothesis, keys), keys)]
     remarks += [
         f"{plain(h, found.effects)} ({chance(found.posterior[h])}) is not drawn: the study gives "
@@ -256,9 +265,12 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
     raise InputError(f"--causes is '{asked}', but {rule}")
 
 
-def _rivals(found: Diagnosis, chosen: Hypothesis) -> list[Hypothesis]:
-    """List the other hypotheses that hold the named effects and have the chosen sense."""
-    causes, turned = set(found.verdict.causes), REVERSED in chosen
+def _rivals(found: Diagnosis, chosen: Hypothesis, asked: Sequence[str] = ()) -> list[Hypothesis]:
+    """List the other hypotheses that hold the named effects and have the chosen sense.
+
+    What was asked for belongs to all of them: draws without it would be of another machine.
+    """
+    causes, turned = {*found.verdict.causes, *asked}, REVERSED in chosen
     return [
         h
         for h, p in found.posterior.items()
@@ -370,6 +382,15 @@ def _without(data: Data, gone: set[str]) -> Data:
         table, _, name = key.partition(".")
         found[table] = {k: v for k, v in found[table].items() if k != name}
     return found
+
+
+def _carried(found: Diagnosis, clutch: Clutch, gone: set[str]) -> float:
+    """Return the mass of a study's mechanism that the bench has in its ring, kg, else 0."""
+    carried = clutch.mechanism.added_mass
+    if "mechanism.added_mass_kg" not in gone or not carried:
+        return 0.0
+    there = math.isclose(found.bench.clutch.rings.mass, clutch.rings.mass + carried, rel_tol=1e-6)
+    return carried if there else 0.0
 
 
 def _put(data: Data, settings: Mapping[str, Any]) -> None:

@@ -76,8 +76,9 @@ class Consequence:
 
     @property
     def best(self) -> Candidate:
-        """Best candidate with the effect."""
-        return min(self.candidates, key=lambda one: one.with_effect.mean)
+        """Best candidate with the effect, of those whose dogs take its landings, if any do."""
+        lasting = [one for one in self.candidates if one.landing_with.passed]
+        return min(lasting or self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
     def regret(self) -> float:

@@ -306,8 +306,8 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path) -> tu
         assumed.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
     if not any(key.startswith("contact.") for key in given):
         assumed.append(f"the contact is that of '{source.name}'")
-    if source.left_out:
-        assumed.append(source.left_out)
+    moved = "" if "sliding.mass_kg" in given else source.moved_along
+    assumed += [said for said in (moved, source.left_out) if said]
     longest = max((row["time"] for row in rows if row["time"] is not None), default=0.0)
     if "timeout_s" not in given and longest > values["timeout_s"]:
         values["timeout_s"] = next((t for t in TIMEOUTS if t >= longest), TIMEOUTS[-1])

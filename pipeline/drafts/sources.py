@@ -16,6 +16,8 @@ from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import DEG, MM, RPM
 
+#: Parts of a mechanism that no effect looks for.
+SHAFTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 
 
@@ -54,6 +56,7 @@ class Source:
             "dog.count": dog.count,
             **{f"dog.{name}_deg": _round(getattr(dog, name) / DEG) for name in angles},
             **{f"dog.{name}_mm": _round(getattr(dog, name) / MM) for name in lengths},
+            **({"dog.edge_radius_mm": _round(dog.edge_radius / MM)} if dog.edge_radius else {}),
             "sliding.mass_kg": rings.mass,
             "sliding.inertia_kgm2": rings.sliding_inertia,
             "output.inertia_kgm2": rings.output_inertia,
@@ -80,19 +83,22 @@ class Source:
     def left_out(self) -> str:
         """Describe the parts of a mechanism that a bench has no key for; empty where all is there.
 
-        Parts of a mechanism are what a diagnosis looks for, from none of them on.
+        Parts of a mechanism are what a diagnosis looks for, from none of them on; shafts are none.
         """
         mechanism = self.clutch.mechanism
-        rest = replace(mechanism, added_mass=0.0)
-        if mechanism == NOTHING:
-            return ""
-        said = f"of the [mechanism] of '{self.name}' "
-        if mechanism.added_mass:
-            said += f"{mechanism.added_mass:g} kg move along with the ring"
-            if rest == NOTHING:
-                return said
-            said += "; "
-        return f"{said}friction, drag and linkage are left for the diagnosis to find"
+        shafts = any(getattr(mechanism, name) for name in SHAFTS)
+        plain = replace(mechanism, added_mass=0.0, **dict.fromkeys(SHAFTS, 0.0))
+        parts = ["friction, drag and linkage are left for the diagnosis to find"]
+        parts = parts if plain != NOTHING else []
+        if shafts:
+            parts.append("shafts that give way are left out")
+        return f"of the [mechanism] of '{self.name}' {' and '.join(parts)}" if parts else ""
+
+    @property
+    def moved_along(self) -> str:
+        """Describe what the mass of the ring has of the mechanism; empty where that is nothing."""
+        mass = self.clutch.mechanism.added_mass
+        return f"{mass:g} kg of the [mechanism] of '{self.name}' move with the ring" if mass else ""
 
 
 def _round(value: float) -> float:

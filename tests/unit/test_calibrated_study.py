@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -76,6 +77,32 @@ def test_another_set_of_effects_is_written_where_it_is_asked_for(tmp_path: Path)
     interval = found.inference.intervals[made.hypothesis]["friction_N"]
     assert load_study(path).clutch.mechanism.friction == pytest.approx(interval.mean, rel=1e-5)
     assert "; open (" in path.read_text(encoding="utf-8")
+
+
+def test_draws_have_what_was_asked_for(tmp_path: Path) -> None:
+    asked = "actuation_delay", "sleeve_friction"
+    found = _found(DELAY, pairs=(asked, ("actuation_delay", "moving_mass")))
+    made = found.calibrated(tmp_path / "rubbed.toml", draws=30, causes=asked)
+    assert {row["hypothesis"] for row in made.draws} == {"actuation_delay + sleeve_friction"}
+    assert all(float(row["effects.sleeve_friction"]) > 0.0 for row in made.draws)
+
+
+def test_a_mass_is_found_on_top_of_what_moved_along_on_the_bench(tmp_path: Path) -> None:
+    """The study's fork was in the mass of the bench's ring, and stays where a mass is found."""
+    found, base = _found((("added_mass_kg", 2.0),)), load_study("mq200")
+    carried = base.clutch.mechanism.added_mass
+    rings = replace(found.inference.bench.clutch.rings, mass=base.clutch.rings.mass + carried)
+    clutch = replace(found.inference.bench.clutch, rings=rings)
+    bench = replace(found.inference.bench, clutch=clutch)
+    made = ds.Diagnosis(replace(found.inference, bench=bench)).calibrated(
+        tmp_path / "heavy.toml", base="mq200"
+    )
+    mean = found.inference.intervals["moving_mass",]["added_mass_kg"].mean
+    one = made.study.clutch
+    whole = base.clutch.rings.mass + carried + mean
+    assert one.rings.mass + one.mechanism.added_mass == pytest.approx(whole, rel=1e-5)
+    other = found.calibrated(tmp_path / "light.toml", base="mq200").study.clutch
+    assert other.rings.mass == base.clutch.rings.mass
 
 
 @pytest.mark.parametrize(

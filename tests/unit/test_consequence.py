@@ -71,6 +71,14 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     assert all(one.landing.passed for one in found.candidates)
     assert "With it landings are harder than the dogs take, of flat: flat by" in found.sentence
     assert "Without it all of these hold." in found.sentence
+
+
+def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
+    low = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 5.0}
+    designs = {**_designs(study), "low": low}
+    found = consequence(study, designs, Level(("moving_mass",), (1.0,)), EFFECTS, _run)
+    fastest = min(found.candidates, key=lambda one: one.with_effect.mean)
+    assert (fastest.name, found.best.name) == ("low", "blunt")
     assert "ignoring it costs 298.0" in found.sentence
     assert found.record["best_with"] == "blunt"
 

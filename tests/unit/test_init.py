@@ -256,10 +256,18 @@ def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(dogsh
     assert bench.clutch.rings.mass == pytest.approx(0.3 + 0.3)
     assert replace(bench.clutch.contact, name=study.clutch.contact.name) == study.clutch.contact
     assumed = " ".join(said.json["assumed"])
-    assert "0.3 kg move along with the ring; friction, drag" in assumed
+    assert "0.3 kg of the [mechanism] of 'mq200' move with the ring" in assumed
+    assert "friction, drag and linkage are left for the diagnosis" in assumed
     again = build_study(validate(StudyFile, study_of(bench, "back"), "back"))
     assert again.clutch.contact.stiffness == study.clutch.contact.stiffness
     assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
+
+
+def test_a_bench_from_a_study_has_its_rounded_crests(dogshape: Call) -> None:
+    rounded = ("--set", "dog.edge_radius_mm=0.3")
+    assert dogshape("init", "study", "--out", "mine", "--yes", *rounded).status == 0
+    assert dogshape("init", "bench", "--from", "mine", "--out", "b").status == 0
+    assert load_bench("b").clutch.dog.edge_radius == pytest.approx(0.3e-3)
 
 
 def test_a_study_is_no_data_set_and_says_how_to_make_one(dogshape: Call) -> None:
