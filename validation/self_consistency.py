@@ -17,6 +17,7 @@ ratio is half of it.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -200,10 +201,14 @@ def stratified(
     """Average a figure as if each number of effects had been drawn as often as its prior says.
 
     How many of the sets drawn have no effect is chance, and such a set is found far more often than
-    a pair. Returns the mean and its standard error (Cochran 1977, ch. 5).
+    a pair. Returns the mean and its standard error (Cochran 1977, ch. 5). Raises ValueError where
+    fewer than two sets have a number that causes may have.
     """
     mean, square = 0.0, 0.0
-    for number in sorted({len(a.cause) for a in found}):
+    counts = Counter(len(a.cause) for a in found)
+    for number in sorted({len(h) for h, p in chances.items() if p > 0.0}):
+        if counts[number] < 2:
+            raise ValueError(f"{counts[number]} sets have {number} effects, but two are needed")
         mine = np.array([figure(a) for a in found if len(a.cause) == number], dtype=float)
         weight = sum(p for h, p in chances.items() if len(h) == number)
         mean += weight * float(mine.mean())

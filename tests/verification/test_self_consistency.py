@@ -107,6 +107,8 @@ def test_a_number_of_effects_counts_as_often_as_its_prior_says() -> None:
     chances = {(): 0.5, ("force_scale",): 0.3, ("sleeve_friction",): 0.2}
     mean, error = stratified(found, chances, lambda one: figures[id(one)])
     assert mean == pytest.approx(0.5 * 2.0 / 3.0 + 0.5 * 0.5)
+    with pytest.raises(ValueError, match="1 sets have 1 effects"):
+        stratified(found[:4], chances, lambda one: figures[id(one)])
     assert error == pytest.approx(np.sqrt(0.25 * (1.0 / 3.0) / 3.0 + 0.25 * 0.5 / 2.0))
 
 
