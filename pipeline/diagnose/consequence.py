@@ -127,6 +127,11 @@ class Consequence:
         )
         if chosen is best:
             return f"The chosen design stays the best ({chosen.name}); {gained}."
+        if self.regret < 0.0:  # The best is one that lasts, and the chosen design does not.
+            return (
+                f"Without the effect the study chose {chosen.name}, whose dogs do not take its "
+                f"landings with it; of those that do {best.name} is best; {gained}."
+            )
         cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
         if self.regret < SURE * self.standard_error:
             return (

@@ -71,6 +71,8 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     assert all(one.landing.passed for one in found.candidates)
     assert "With it landings are harder than the dogs take, of flat: flat by" in found.sentence
     assert "Without it all of these hold." in found.sentence
+    assert "ignoring it costs 298.0" in found.sentence
+    assert found.record["best_with"] == "blunt"
 
 
 def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
@@ -79,8 +81,12 @@ def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
     found = consequence(study, designs, Level(("moving_mass",), (1.0,)), EFFECTS, _run)
     fastest = min(found.candidates, key=lambda one: one.with_effect.mean)
     assert (fastest.name, found.best.name) == ("low", "blunt")
-    assert "ignoring it costs 298.0" in found.sentence
-    assert found.record["best_with"] == "blunt"
+    # A chosen design that is quicker but does not last costs no time: it is none.
+    chosen = {"prototype": designs["prototype"], "low": low, "blunt": designs["blunt"]}
+    found = consequence(study, chosen, Level(("moving_mass",), (1.0,)), EFFECTS, _run)
+    assert (found.chosen.name, found.best.name) == ("low", "blunt")
+    assert "chose low, whose dogs do not take its landings with it" in found.sentence
+    assert "faster" not in found.sentence
 
 
 def test_a_dead_time_moves_every_time_and_no_choice(study: Setup) -> None:
