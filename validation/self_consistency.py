@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -70,13 +71,13 @@ class World:
     effects: Mapping[str, Effect]
     settings: Settings = USUAL
 
-    @property
+    @cached_property
     def spaces(self) -> tuple[Space, ...]:
         """Hypotheses that a set is drawn from: none, each effect, and all pairs."""
         spaces = spaces_of(self.effects, setting_of(self.bench), priors=self.settings.priors)
         return tuple(s for s in spaces if REVERSED not in s.hypothesis)
 
-    @property
+    @cached_property
     def chances(self) -> dict[Hypothesis, float]:
         """Probabilities with which causes are drawn."""
         return priors_of([s.hypothesis for s in self.spaces], "known", self.settings.priors)

@@ -16,6 +16,14 @@ CONTACT = "adams2019"  #: set that a data set's coefficients of friction replace
 #: Search ranges of angles, deg, and those of height and number over the bench's own.
 ANGLES = {"chamfer_deg": [0.0, 20.0], "traction_deg": [4.0, 30.0], "braking_deg": [4.0, 30.0]}
 SHARES = (0.45, 1.6)
+#: Keys of ``[contact]`` by what they set of a contact set.
+OWN_CONTACT = {
+    "static_friction": "static_friction",
+    "dynamic_friction": "dynamic_friction",
+    "stiction_velocity_m_s": "stiction_velocity",
+    "stiffness_Pa_m": "stiffness",
+    "dissipation_s_m": "dissipation",
+}
 
 
 def study_of(bench: Bench, name: str) -> Data:
@@ -27,22 +35,12 @@ def study_of(bench: Bench, name: str) -> Data:
     """
     clutch = bench.clutch
     dog, rings, contact = clutch.dog, clutch.rings, clutch.contact
-    own = {
-        "static_friction": contact.static_friction,
-        "dynamic_friction": contact.dynamic_friction,
-        "stiction_velocity_m_s": contact.stiction_velocity,
-        "stiffness_Pa_m": contact.stiffness,
-        "dissipation_s_m": contact.dissipation,
-    }
     plain = contact_set(CONTACT)
-    published = (
-        plain.static_friction,
-        plain.dynamic_friction,
-        plain.stiction_velocity,
-        plain.stiffness,
-        plain.dissipation,
-    )
-    differing = {k: v for (k, v), p in zip(own.items(), published, strict=True) if v != p}
+    differing = {
+        key: getattr(contact, field)
+        for key, field in OWN_CONTACT.items()
+        if getattr(contact, field) != getattr(plain, field)
+    }
     rises = rises_of(bench)
     return {
         "format": FORMAT,
