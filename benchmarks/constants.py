@@ -123,6 +123,7 @@ NUMERICAL = {
     "likelihood.cell_likelihood": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
+    "likelihood.likely_offsets": "LEFT of the variance",
     "likelihood.drift": "ROUNDS rounds",
     "likelihood.scores": "IMPOSSIBLE nat",
     "likelihood.flight_likelihood": "SCALES values",

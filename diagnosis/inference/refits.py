@@ -27,9 +27,9 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
     CellPredictions,
     log_engaged,
     log_sum,
-    timed,
 )
 from dogshape.diagnosis.likelihood.discrepancy import marginals
+from dogshape.diagnosis.likelihood.likely_offsets import timed_together
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -74,7 +74,7 @@ class Refits:
 
     def log_evidence(self, seen: Observed) -> float:
         """Compute the logarithm of the evidence of some data, flights left out."""
-        times = timed(seen, self.predicted)
+        times = timed_together(seen, self.predicted, self.problem.discrepancy)
         table = (times.log + log_engaged(seen, self.predicted, seen.failed)).T
         joint = np.nan_to_num(self.predicted.common.T)
         together = marginals(times.slopes, self.problem.discrepancy, joint).log

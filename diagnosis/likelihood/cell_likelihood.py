@@ -23,8 +23,9 @@ Their number of outliers is beta-binomial, and each of these has a heavy tail,
 :math:`(1/\tau)(1 + (t - t_0)/\tau)^{-2}` from the least quantile on.
 
 What cells err in common (``diagnosis.likelihood.discrepancy``) need slope and curvature of all
-this over an offset. Shares engaged are beta-binomial with the error of the emulated share. Unknown
-shifts are left out, or counted as failed on request.
+this over an offset, at one that is likely (``diagnosis.likelihood.likely_offsets``). Shares engaged
+are beta-binomial with the error of the emulated share. Unknown shifts are left out, or counted as
+failed on request.
 """
 
 from __future__ import annotations
@@ -153,10 +154,19 @@ class Timed:
         return Slopes(self.first.T.copy(), self.second.T.copy())
 
 
-def timed(seen: Observed, predicted: CellPredictions) -> Timed:
-    """Return the logarithm of the density of each cell's times, with its slopes."""
+def timed(
+    seen: Observed,
+    predicted: CellPredictions,
+    of_means: tuple[Array, Array, Array] | None = None,
+) -> Timed:
+    """Return the logarithm of the density of each cell's times, with its slopes.
+
+    ``of_means`` are log density, slope and curvature of the means, (cells, m) each, those without
+    an offset by default (``diagnosis.likelihood.likely_offsets`` has others).
+    """
     having = (seen.n > 0)[:, None]
-    log, first, second = (np.where(having, part, 0.0) for part in _timed_mean(seen, predicted))
+    parts = MeanDensity.of(seen, predicted).at() if of_means is None else of_means
+    log, first, second = (np.where(having, part, 0.0) for part in parts)
     log = log + _log_outliers(seen, predicted)
     # A hypothesis by which nothing engages has no times; any time is then as good as another.
     anyhow = seen.shifts[:, None] * np.log(predicted.rules.late_anything / seen.timeout)
@@ -260,25 +270,66 @@ def _log_tail(seen: Observed, predicted: CellPredictions, place: int) -> Array:
     return np.log((1.0 - anything) * tail + anything / seen.timeout).sum(axis=1)
 
 
-def _timed_mean(seen: Observed, predicted: CellPredictions) -> tuple[Array, Array, Array]:
-    """Return the log density of means with slope and curvature, (cells, m) each."""
-    sampled = _sampled(seen, predicted)
-    share, score, width = _waits(seen, predicted, sampled)
-    parts = share - 0.5 * score**2 - np.log(width * ROOT)
-    if seen.freedom.any():
-        parts += _log_spread(seen, predicted, sampled)
-    log = log_sum(parts, axis=2)
-    weight, steep = np.exp(parts - log[..., None]), score / width
-    first = (weight * steep).sum(axis=2)
-    second = (weight * (width**-2.0 - (steep - first[..., None]) ** 2)).sum(axis=2)
-    # Between two modes the curve bends upwards; a parabola must not rise above the modes.
-    most = parts[..., 0] - share[..., 0] + 0.5 * score[..., 0] ** 2
-    below = np.maximum(most - log, 0.5)
-    # The number of outliers that are found already implies that there are no more.
-    missed = np.log1p(-np.clip(predicted.missed, 1e-12, 0.5)) if predicted.missed.any() else 0.0
-    found = ((seen.freedom > 0) & (seen.in_means == 0))[:, None]
-    log = log - np.where(found, share[..., 0] - missed, 0.0)
-    return log, first, np.maximum(second, 0.5 * first**2 / below)
+@dataclass(frozen=True)
+class MeanDensity:
+    """Densities of cells' means, mixtures of normal parts, over an offset of the prediction.
+
+    Parameters
+    ----------
+    log_share, score, width : of each part, (cells, m, parts): with the density of the spread beside
+        it, residual in its widths without an offset, and width, s.
+    chance : logarithm of the share of the first part, (cells, m).
+    found : logarithm that is taken off, (cells, m).
+    """
+
+    log_share: Array
+    score: Array
+    width: Array
+    chance: Array
+    found: Array
+
+    @classmethod
+    def of(cls, seen: Observed, predicted: CellPredictions) -> Self:
+        """Gather the parts of all cells: 0, 1, ... late shifts, and last an odd cell."""
+        sampled = _sampled(seen, predicted)
+        share, score, width = _waits(seen, predicted, sampled)
+        logs = share
+        if seen.freedom.any():
+            logs = share + _log_spread(seen, predicted, sampled)
+        # The number of outliers that are found already implies that there are no more.
+        missed = np.log1p(-np.clip(predicted.missed, 1e-12, 0.5)) if predicted.missed.any() else 0.0
+        found = ((seen.freedom > 0) & (seen.in_means == 0))[:, None]
+        chance = share[..., 0]
+        return cls(logs, score, width, chance, np.where(found, chance - missed, 0.0))
+
+    def at(self, offset: Array | None = None) -> tuple[Array, Array, Array]:
+        """Return the log density with slope and curvature at an offset, s, (cells, m) each."""
+        score = self._score(offset)
+        parts = self.log_share - 0.5 * score**2 - np.log(self.width * ROOT)
+        log = log_sum(parts, axis=2)
+        weight, steep = np.exp(parts - log[..., None]), score / self.width
+        first = (weight * steep).sum(axis=2)
+        second = (weight * (self.width**-2.0 - (steep - first[..., None]) ** 2)).sum(axis=2)
+        # Between two modes the curve bends upwards; a parabola must not rise above the modes.
+        most = parts[..., 0] - self.chance + 0.5 * score[..., 0] ** 2
+        below = np.maximum(most - log, 0.5)
+        return log - self.found, first, np.maximum(second, 0.5 * first**2 / below)
+
+    def near(self, offset: Array, variance: Array) -> tuple[Array, Array]:
+        """Return slope and curvature at an offset that is known within a variance, (cells, m) each.
+
+        Each part counts by its probability with such an error of the offset, s^2, (cells, m): a
+        cell that it may explain is not odd.
+        """
+        score = self._score(offset)
+        wide = np.sqrt(self.width**2 + variance[..., None])
+        parts = self.log_share - 0.5 * (score * self.width / wide) ** 2 - np.log(wide)
+        weight = np.exp(parts - log_sum(parts, axis=2)[..., None])
+        first: Array = (weight * score / self.width).sum(axis=2)
+        return first, (weight * self.width**-2.0).sum(axis=2)
+
+    def _score(self, offset: Array | None) -> Array:
+        return self.score if offset is None else self.score - offset[..., None] / self.width
 
 
 def _waits(

@@ -103,7 +103,15 @@ class Discrepancy:
     @property
     def covariance(self) -> Array:
         """Covariance of the offsets of all cells before the data, s^2, (cells, cells)."""
-        squares = self.prior @ self.amplitudes**2
+        return self._covariance(self.prior @ self.amplitudes**2)
+
+    @property
+    def widest(self) -> Array:
+        """Covariance of these offsets at the largest amplitude, s^2, (cells, cells)."""
+        return self._covariance(self.prior.sum(axis=1) * self.amplitudes[-1] ** 2)
+
+    def _covariance(self, squares: Array) -> Array:
+        """Add the covariances of all shapes, by so much each, and what else cells err in."""
         parts = [s * root @ root.T for s, root in zip(squares, self.roots, strict=True)]
         if self.beside is not None:
             parts.append(self.beside @ self.beside.T)

@@ -21,7 +21,6 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
     log_as_failed,
     log_engaged,
     log_sum,
-    timed,
 )
 from dogshape.diagnosis.likelihood.discrepancy import (
     Discrepancy,
@@ -35,6 +34,7 @@ from dogshape.diagnosis.likelihood.flight_likelihood import (
     log_flights,
     to_cells,
 )
+from dogshape.diagnosis.likelihood.likely_offsets import timed_together
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
@@ -231,7 +231,7 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     values = space.values(shares)
     predicted = problem.predictions(space.hypothesis, values)
     flown = problem.flown(space.hypothesis, values)
-    times = timed(problem.seen, predicted)
+    times = timed_together(problem.seen, predicted, problem.discrepancy)
     engaged = log_engaged(problem.seen, predicted, problem.seen.failed)
     table = (times.log + engaged).T.copy()
     if flown:
