@@ -16,7 +16,32 @@ def _wide(label: str) -> Callable[[], Sequence[float]]:
     return lambda: [PERCENT * one for one in numbers("blind_wide", label)[:3]]
 
 
+def _held(name: str, place: int) -> Callable[[], Sequence[float]]:
+    """Give how many 90 % intervals hold what was drawn, in percent, and of how many sizes."""
+
+    def found() -> Sequence[float]:
+        row = numbers("common_errors", "90 % intervals that hold", name)[4 * place :]
+        return [PERCENT * one for one in row[:3]] + row[3:4]
+
+    return found
+
+
 ENTRIES: list[Entry] = [
+    Entry(
+        PAGE,
+        "the truth in {:.0f} % ({:.0f} to {:.0f}) of {:.0f} sizes of one effect",
+        _held("at likely offsets", 0),
+    ),
+    Entry(
+        PAGE,
+        "without an offset have {:.0f} % ({:.0f} to {:.0f}) on the same",
+        lambda: _held("without an offset", 0)()[:3],
+    ),
+    Entry(
+        PAGE,
+        "data, and in {:.0f} % ({:.0f} to {:.0f}) of {:.0f} of two",
+        _held("at likely offsets", 1),
+    ),
     Entry(
         PAGE,
         "they are {:.2f} apart (root mean square)",

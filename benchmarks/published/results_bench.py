@@ -137,7 +137,7 @@ ENTRIES: list[Entry] = [
     Entry(PAGE, "end of its range, {:.0f} kg, which is widened to {:.0f} kg", _widened_mass),
     Entry(
         PAGE,
-        "Now {:.0f} ms are left there, and {:.0f} ms with the damping",
+        "where nothing was fitted, {:.0f} ms with the mass and {:.0f} ms with the damping",
         lambda: [
             MS * gap("stand")["gap"][name] for name in ("heldout_rmse_s", "rival_heldout_rmse_s")
         ],
@@ -194,6 +194,11 @@ ENTRIES: list[Entry] = [
         PAGE,
         "published simulation is {:.1f} ms off, where chance makes {:.0f} ms",
         lambda: [MS * gap("adams")["gap"][k] for k in ("baseline_rmse_s", "floor_rmse_s")],
+    ),
+    Entry(
+        PAGE,
+        "No effect leads ({:.0f} %) before friction",
+        lambda: [PERCENT * gap("adams")["hypotheses"][0]["probability"]],
     ),
     Entry(PAGE, "oil damping of {:.0f} N s/m", _adams("viscous_damping", "damping_Ns_m")),
     Entry(PAGE, "dry friction of {:.0f} N that", _adams("sleeve_friction", "friction_N")),
