@@ -73,10 +73,6 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"more than 99 %", "bounds on inclusion in gap_stand.json"),
             (r"121 ms longer", "mean of both tables in studies/bench"),
             (r"90 s of processor time", "measured once; another on each machine"),
-            (
-                r"slow rise at 71 %|mass at\s+19 %|left 34 ms",
-                "the answer before, in the history of gap_stand.json",
-            ),
             (r"clock \(2 h\)", "price in the menu of tests"),
             (r"A drag of\s+1 N m and more", "low end of the interval, rounded"),
             (r"within 4 ms\s+of it", "rounded from gap_stand.json"),
