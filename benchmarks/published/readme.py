@@ -193,10 +193,12 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "all {:.0f} single effects, {:.0f} of {:.0f} pairs, and no three was clear;",
+        "{:.0f} of {:.0f} single effects, {:.0f} of {:.0f} beyond their prior, {:.0f} of {:.0f} "
+        "pairs, {:.0f} of {:.0f} threes;",
         lambda: [
-            numbers("blind_field", "clear, single: cause or class right")[-1],
-            *_cases("clear, pair: cause or class right"),
+            one
+            for kind in ("single", "beyond", "pair", "three")
+            for one in _cases(f"clear, {kind}: cause or class right")
         ],
     ),
 ]
