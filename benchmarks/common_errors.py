@@ -27,11 +27,10 @@ from dogshape.diagnosis.likelihood import scores
 from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Timed, timed
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, marginals
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
-from dogshape.diagnosis.likelihood.observations import Observed, observe
-from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.terms import Array
 from dogshape.validation.blind.intervals import share
-from dogshape.validation.self_consistency import Drawn, draw
+from dogshape.validation.self_consistency import draw, problem_of
 
 DRAWS = 800  #: of a member, by importance
 FREEDOM = 6.0  #: of the Student distributions that they come from
@@ -39,13 +38,15 @@ WIDER = 1.5  #: than the normal approximation, in variance
 FOLLOWED = 8  #: steps of Newton to the offset that a member leaves
 FIRST = 1000  #: seed of the first set
 
-Timing = Callable[[Observed, CellPredictions, Discrepancy], Timed]
+Timing = Callable[[Observed, CellPredictions, Discrepancy], tuple[Timed, Array]]
 
 
-def without_offset(seen: Observed, predicted: CellPredictions, prior: Discrepancy) -> Timed:
+def without_offset(
+    seen: Observed, predicted: CellPredictions, prior: Discrepancy
+) -> tuple[Timed, Array]:
     """Expand the log likelihoods of cells where they err in nothing."""
-    del prior
-    return timed(seen, predicted)
+    cells = timed(seen, predicted)
+    return cells, marginals(cells.slopes, prior, np.nan_to_num(predicted.common.T)).log
 
 
 def by_importance(
@@ -78,14 +79,8 @@ def by_importance(
 
 def expanded(how: Timing, seen: Observed, predicted: CellPredictions, prior: Discrepancy) -> float:
     """Compute the same by parabolas."""
-    cells = how(seen, predicted, prior)
-    nothing = np.zeros((1, seen.cells))
-    return float(cells.log.sum() + marginals(cells.slopes, prior, nothing).log[0])
-
-
-def problem_of(one: Drawn) -> Problem:
-    """Pose the inference problem of a set."""
-    return Problem(observe(one.bench), one.emulator, world().settings)
+    cells, together = how(seen, predicted, prior)
+    return float(cells.log.sum() + together[0])
 
 
 def differences(count: int) -> Array:
@@ -97,7 +92,7 @@ def differences(count: int) -> Array:
         seed += 1
         if len(one.cause) != 1:
             continue
-        problem = problem_of(one)
+        problem = problem_of(world(), one)
         predicted = problem.predictions(one.cause, one.values[None])
         parts = problem.seen, predicted, problem.discrepancy
         once, again = (by_importance(*parts, generator) for _ in range(2))
@@ -116,7 +111,7 @@ def held(count: int, how: Timing) -> tuple[list[bool], list[bool]]:
             if not one.cause:
                 continue
             space = spaces[one.cause]
-            ranges = intervals(evidences.evidence(problem_of(one), space))
+            ranges = intervals(evidences.evidence(problem_of(world(), one), space))
             for parameter, value in zip(space.parameters, one.values, strict=True):
                 inside = ranges[parameter.name]
                 found[len(one.cause) - 1].append(bool(inside.low <= value <= inside.high))

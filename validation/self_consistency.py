@@ -162,7 +162,7 @@ def _values(space: Space, generator: np.random.Generator) -> tuple[Array, Array]
 def answer(world: World, one: Drawn) -> Answer:
     """Diagnose a set, and say what its rivals leave of its cause."""
     found = diagnose(one.bench, one.emulator, world.effects, settings=world.settings)
-    problem = Problem(observe(one.bench), one.emulator, world.settings)
+    problem = problem_of(world, one)
     known = {h: p for h, p in found.raw.items() if h != UNKNOWN and REVERSED not in h}
     mine = found.scored[one.cause]
     weights = mine.weights()
@@ -179,6 +179,11 @@ def answer(world: World, one: Drawn) -> Answer:
         ranks=weights @ below if one.cause else np.zeros(0),
         fit=found.fits.get(one.cause),
     )
+
+
+def problem_of(world: World, one: Drawn) -> Problem:
+    """Pose the inference problem of a set."""
+    return Problem(observe(one.bench), one.emulator, world.settings)
 
 
 def noncentrality(problem: Problem, one: Drawn, scored: Mapping[Hypothesis, Scored]) -> float:

@@ -28,7 +28,6 @@ from dogshape.diagnosis.likelihood.cell_likelihood import (
     log_engaged,
     log_sum,
 )
-from dogshape.diagnosis.likelihood.discrepancy import marginals
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
@@ -74,10 +73,8 @@ class Refits:
 
     def log_evidence(self, seen: Observed) -> float:
         """Compute the logarithm of the evidence of some data, flights left out."""
-        times = timed_together(seen, self.predicted, self.problem.discrepancy)
+        times, together = timed_together(seen, self.predicted, self.problem.discrepancy)
         table = (times.log + log_engaged(seen, self.predicted, seen.failed)).T
-        joint = np.nan_to_num(self.predicted.common.T)
-        together = marginals(times.slopes, self.problem.discrepancy, joint).log
         return float(log_sum(self.log_prior + table.sum(axis=1) + together, axis=0))
 
     def replicate(self, bench: Bench, generator: np.random.Generator) -> Observed:

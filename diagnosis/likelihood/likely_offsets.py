@@ -38,23 +38,27 @@ LEFT = (1.0, 0.1, 0.01)
 Parabola = tuple[Array, Array, Array]  # at the offset zero: logarithm, slope, curvature downwards
 
 
-def timed_together(seen: Observed, predicted: CellPredictions, prior: Discrepancy) -> Timed:
-    """Return the logarithm of the density of each cell's times for the offsets that are likely.
+def timed_together(
+    seen: Observed, predicted: CellPredictions, prior: Discrepancy
+) -> tuple[Timed, Array]:
+    """Return log densities of each cell's times for the offsets that are likely, and what joins.
 
-    Log densities and slopes are those of the parabolas at the offset zero, which only their sum
-    with ``marginals`` makes a likelihood. Where cells err in nothing together they are exact.
+    Log densities and slopes are those of the parabolas at the offset zero. Only their sum with the
+    second, (m,), what ``marginals`` says of these slopes, is a log likelihood. Where cells err in
+    nothing together it is zero, and the densities are exact.
     """
     common = np.nan_to_num(predicted.common)
     if prior.absent and not common.any():
-        return timed(seen, predicted)
+        return timed(seen, predicted), np.zeros(common.shape[1])
     density = MeanDensity.of(seen, predicted)
     known = (seen.n > 0)[:, None] & np.isfinite(predicted.mean)
     usual = prior.covariance
     found = _expanded(density, usual, usual, common, known)
     other = _expanded(density, prior.widest, usual, common, known)
-    better = _together(other, prior, common) > _together(found, prior, common)
-    best = tuple(np.where(better, b, a) for a, b in zip(found, other, strict=True))
-    return timed(seen, predicted, (best[0], best[1], best[2]))
+    gain, more = (marginals(_slopes(one), prior, common.T).log for one in (found, other))
+    better = other[0].sum(axis=0) + more > found[0].sum(axis=0) + gain
+    log, first, second = (np.where(better, b, a) for a, b in zip(found, other, strict=True))
+    return timed(seen, predicted, (log, first, second)), np.where(better, more, gain)
 
 
 def _expanded(
@@ -80,11 +84,9 @@ def _of(known: np.ndarray, *parts: Array) -> tuple[Array, ...]:
     return tuple(np.where(known, np.nan_to_num(part), 0.0) for part in parts)
 
 
-def _together(found: Parabola, prior: Discrepancy, common: Array) -> Array:
-    """Compute the log likelihood of all means together, (m,)."""
-    log, first, second = found
-    whole: Array = log.sum(axis=0) + marginals(Slopes(first.T, second.T), prior, common.T).log
-    return whole
+def _slopes(found: Parabola) -> Slopes:
+    """Turn slopes and curvatures value by value."""
+    return Slopes(found[1].T.copy(), found[2].T.copy())
 
 
 def likely_offsets(slopes: Slopes, covariance: Array, joint: Array) -> Array:

@@ -231,7 +231,7 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     values = space.values(shares)
     predicted = problem.predictions(space.hypothesis, values)
     flown = problem.flown(space.hypothesis, values)
-    times = timed_together(problem.seen, predicted, problem.discrepancy)
+    times, together = timed_together(problem.seen, predicted, problem.discrepancy)
     engaged = log_engaged(problem.seen, predicted, problem.seen.failed)
     table = (times.log + engaged).T.copy()
     if flown:
@@ -241,7 +241,8 @@ def score(problem: Problem, space: Space, shares: Array) -> Rows:
     table[~space.possible(values)] = IMPOSSIBLE
     as_failed = log_as_failed(problem.seen, predicted, engaged).T
     errors = times.slopes, problem.discrepancy, np.nan_to_num(predicted.common.T)
-    return Rows(shares, table, as_failed, summary_of(predicted, flown), *errors)
+    rows = Rows(shares, table, as_failed, summary_of(predicted, flown), *errors)
+    return rows.summing(table.sum(axis=1) + together)
 
 
 def summary_of(

@@ -19,8 +19,6 @@ from tests.toy import bench_of, points_of
 CELLS, SHIFTS = 6, 20
 MEAN, SD = 0.1, 0.004
 WIDTH = float(np.hypot(SD / np.sqrt(SHIFTS), 0.01 * MEAN))  #: of a mean, with 1 % of any simulation
-
-
 SCATTER = np.array([0.3, -1.1, 0.8, 1.5, -0.4, -0.9])
 
 
@@ -54,9 +52,18 @@ def _summed(seen: Observed, prior: Discrepancy) -> float:
 
 def _found(seen: Observed, prior: Discrepancy, *, at_zero: bool = False) -> float:
     said = _said()
-    cells = timed(seen, said) if at_zero else timed_together(seen, said, prior)
-    gain = marginals(cells.slopes, prior, np.zeros((1, CELLS))).log[0]
-    return float(cells.log.sum() + gain)
+    cells, gain = timed_together(seen, said, prior)
+    if at_zero:
+        cells = timed(seen, said)
+        gain = marginals(cells.slopes, prior, np.zeros((1, CELLS))).log
+    return float(cells.log.sum() + gain[0])
+
+
+def test_what_joins_is_what_the_slopes_say() -> None:
+    seen, prior = _seen(SCATTER + 10.0), _alike(10.0 * WIDTH)
+    cells, gain = timed_together(seen, _said(), prior)
+    own = marginals(cells.slopes, prior, np.zeros((1, CELLS))).log
+    assert gain == pytest.approx(own, abs=1e-9)
 
 
 @pytest.mark.parametrize("off", [0.0, 2.0, -5.0, 10.0, 20.0])
@@ -81,7 +88,8 @@ def test_an_odd_cell_beside_it_does_not_pull_the_others(off: float, odd: float) 
 
 def test_where_cells_err_in_nothing_together_nothing_changes() -> None:
     seen, prior = _seen(np.arange(6.0)), _alike(0.0)
-    found, plain = timed_together(seen, _said(), prior), timed(seen, _said())
+    (found, gain), plain = timed_together(seen, _said(), prior), timed(seen, _said())
+    assert not gain.any()
     np.testing.assert_array_equal(found.log, plain.log)
     np.testing.assert_array_equal(found.first, plain.first)
 
