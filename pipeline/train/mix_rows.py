@@ -27,7 +27,7 @@ from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import append, drop_torn_line
 from dogshape.pipeline.train.filling import filling_designs, first_designs
 from dogshape.pipeline.train.training_rows import row_record, study_mix, with_rows
-from dogshape.sim.errors import StorageError
+from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.bisection import halves, mean_round_the_pitch
 from dogshape.sim.statistics.blocks import Block, even_block
@@ -37,6 +37,7 @@ from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, row_of
 from dogshape.surrogate.mix_learning import fitted, mix_times
 from dogshape.surrogate.mix_times import MixTimes
+from dogshape.surrogate.model import MIN_DESIGNS
 
 POOL = 60_000  #: added to the seed of the surrogate's data for designs of which the best are taken
 LEAST = 16  #: angles of an operating point, at least
@@ -62,6 +63,17 @@ def angles_of(study: Setup) -> int:
 def count_of(study: Setup) -> int:
     """Count the designs that the study's ``mix_shifts`` are enough for, ``MOST`` at most."""
     return min(MOST, study.file.surrogate.mix_shifts // (angles_of(study) * len(study.points)))
+
+
+def require_mix(study: Setup) -> None:
+    """Raise InputError if ``mix_shifts``, unless 0, is not enough for the designs of a fit."""
+    given, each = study.file.surrogate.mix_shifts, angles_of(study) * len(study.points)
+    if given and count_of(study) < MIN_DESIGNS:
+        raise InputError(
+            f"surrogate.mix_shifts = {given} is enough for {count_of(study)} designs of {each} "
+            f"shifts, but the expected time over the study's operating points needs {MIN_DESIGNS} "
+            f"at least; give {MIN_DESIGNS * each} or more, or 0 to learn it from single points"
+        )
 
 
 def halved(study: Setup) -> tuple[int, ...]:

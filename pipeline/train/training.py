@@ -30,6 +30,7 @@ from dogshape.pipeline.train.mix_rows import (
     angles_of,
     count_of,
     expected,
+    require_mix,
     simulate_mix_rows,
 )
 from dogshape.pipeline.train.reference_designs import (
@@ -146,6 +147,7 @@ def _require_shapes_alone(study: Setup) -> None:
 def _fill_in_two_levels(
     study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, progress: Progress
 ) -> None:
+    require_mix(study)
     connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)

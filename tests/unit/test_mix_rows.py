@@ -15,8 +15,10 @@ from dogshape.pipeline.train.mix_rows import (
     count_of,
     halved,
     mix_blocks,
+    require_mix,
 )
 from dogshape.pipeline.train.two_level_rows import APIECE, compiled, paired
+from dogshape.sim.errors import InputError
 
 ONE = {"operating.mismatch_rpm": [25.0], "operating.force_N": [469.0]}
 EIGHT = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0], "operating.force_N": [235.2, 641.5]}
@@ -39,6 +41,18 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
 
 def test_no_more_designs_than_are_worth_asking() -> None:
     assert count_of(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})) == MOST
+
+
+@pytest.mark.parametrize("shifts", [1, 10 * 128 - 1])
+def test_fewer_designs_than_a_fit_needs_are_refused_before_any_is_simulated(shifts: int) -> None:
+    study = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts})
+    with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1280 or more, or 0"):
+        require_mix(study)
+
+
+@pytest.mark.parametrize("shifts", [0, 10 * 128])
+def test_enough_designs_and_none_are_taken(shifts: int) -> None:
+    require_mix(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts}))
 
 
 def test_what_is_uncertain_has_even_angles() -> None:
