@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.prediction.emulator import BankEmulator
 from dogshape.diagnosis.prediction.sense_bank import SenseEmulator
 from dogshape.diagnosis.settings import Rules

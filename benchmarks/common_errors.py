@@ -24,7 +24,8 @@ from benchmarks.self_consistency import told, world
 from dogshape.diagnosis.inference import evidence as evidences
 from dogshape.diagnosis.inference.parameter_intervals import intervals
 from dogshape.diagnosis.likelihood import scores
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, Timed, timed
+from dogshape.diagnosis.likelihood.cell_likelihood import Timed, timed
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, marginals
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
 from dogshape.diagnosis.likelihood.observations import Observed

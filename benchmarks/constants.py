@@ -120,7 +120,7 @@ NUMERICAL = {
     "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
     "prediction.flight": "TIGHT m/s, CLOSE m, FIRST s, STEP s, ROOM steps, ASIDE m",
-    "likelihood.cell_likelihood": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
+    "likelihood.mean_density": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
     "likelihood.likely_offsets": "LEFT of the variance",
@@ -145,8 +145,7 @@ NUMERICAL = {
     "inference.classes": "DRAWN values",
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",
-    "inference.refits": "VALUES values, FLAT power, MOST replicates, ENOUGH replicates, "
-    "DOUBTFUL p-value",
+    "inference.refits": "VALUES values, FLAT power, MOST replicates, ENOUGH replicates",
     "inference.static_readings": "SURE standard errors",
     "inference.next_test": "LEAST probability, FLOWN hypotheses",
     "inference.outcome": "DRAWN outcomes",
@@ -163,7 +162,7 @@ OTHERS = {
     "prediction.bank_store.LATE": "a mark in a file",
     "prediction.bank_store.FORMAT": "a version",
     "prediction.level_curves.ROOT5": "of mathematics",
-    "likelihood.cell_likelihood.ROOT": "of mathematics",
+    "likelihood.mean_density.ROOT": "of mathematics",
     "likelihood.flight_likelihood.SHARES": "follows from WAYS and FORCES",
     "inference.sense_posterior.SHOWN": "length of a list in the record",
 }

@@ -15,11 +15,9 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    beta_of,
-    outlier_beta,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import beta_of
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
+from dogshape.diagnosis.likelihood.mean_density import outlier_beta
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.prediction import Array, Hypothesis, Prediction

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.scores import summary_of
 from dogshape.diagnosis.likelihood.signature import VISIBLE
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, log_odds, pairs_of

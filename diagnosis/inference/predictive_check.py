@@ -15,15 +15,12 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import betabinom, chi2
 
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    beta_of,
-    outlier_beta,
-    spread_score,
-    time_score,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import beta_of
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Marginals, Slopes, marginals
 from dogshape.diagnosis.likelihood.flight_likelihood import flight_scores
+from dogshape.diagnosis.likelihood.likely_offsets import likely_offset
+from dogshape.diagnosis.likelihood.mean_density import outlier_beta, time_scores
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
@@ -42,32 +39,29 @@ def p_value(problem: Problem, found: Scored) -> float:
     values = found.space.values(found.rows.shares[rows])
     predicted = problem.predictions(found.hypothesis, values)
     seen = problem.seen
-    outliers = np.array([times.size for times in seen.outlier_times], dtype=float)
-    few = seen.tried <= FEW
+    few, alone = seen.tried <= FEW, seen.single <= FEW
     # All of them: only those where a shift failed would be the worst of them.
-    telling = seen.tried > 0
-    timely = time_score(seen, predicted)[seen.shifts > 0]
+    telling, single = seen.tried > 0, seen.single > 0
+    offset = likely_offset(seen, predicted, problem.discrepancy)
+    means, spreads, late = time_scores(seen, predicted, offset)
+    timely, off = _of_means(problem, predicted, means, offset)
+    engaged = (seen.tried, seen.engaged[:, None], *beta_of(predicted))
+    outliers = (seen.single, late, *outlier_beta(predicted))
     scores = np.vstack(
         [
             timely,
-            spread_score(seen, predicted)[seen.freedom > 0],
-            _count_score(
-                *(a[telling & ~few] for a in (seen.tried, seen.engaged, *beta_of(predicted)))
-            ),
-            _count_score(
-                *(a[seen.single > FEW] for a in (seen.single, outliers, *outlier_beta(predicted)))
-            ),
+            spreads[seen.freedom > 0],
+            _count_score(*(a[telling & ~few] for a in engaged)),
+            _count_score(*(a[single & ~alone] for a in outliers)),
             _marks(problem, found, values),
         ]
     )
-    alone = (seen.single > 0) & (seen.single <= FEW)
     counts = [
-        _counted(*(a[telling & few] for a in (seen.tried, seen.engaged, *beta_of(predicted)))),
-        _counted(*(a[alone] for a in (seen.single, outliers, *outlier_beta(predicted)))),
+        _counted(*(a[telling & few] for a in engaged)),
+        _counted(*(a[single & alone] for a in outliers)),
     ]
     if not len(scores) and not any(len(one.seen) for one in counts):
         return 1.0
-    off = _discrepancy(problem, predicted, timely)
     rest: Array = np.zeros((len(values), 1))
     for one in counts:
         mine: Array = (one.seen**2).sum(axis=0)
@@ -107,30 +101,38 @@ class _Counted:
 
 
 def _count_score(tried: Array, seen: Array, a: Array, b: Array) -> Array:
-    """Score counts (cells,) at the middle of their probability, (cells, m)."""
+    """Score counts (cells, m) or (cells, 1) at the middle of their probability, (cells, m)."""
     law = betabinom(tried[:, None], a, b)
-    middle = law.cdf(seen[:, None]) - 0.5 * law.pmf(seen[:, None])
+    middle = law.cdf(seen) - 0.5 * law.pmf(seen)
     return ndtri(np.clip(middle, MOST, 1.0 - MOST))
 
 
 def _counted(tried: Array, seen: Array, a: Array, b: Array) -> _Counted:
-    """Score counts (cells,) that are beta-binomial, at the middle of their probability."""
+    """Score beta-binomial counts (cells, m) or (cells, 1) at the middle of their probability."""
     numbers = np.arange(int(tried.max(initial=0.0)) + 1.0)
     law = betabinom(tried[:, None, None], a[..., None], b[..., None])
     chances = np.where(numbers <= tried[:, None, None], law.pmf(numbers), 0.0)
     middle = np.cumsum(chances, axis=2) - 0.5 * chances
     every = ndtri(np.clip(middle, MOST, 1.0 - MOST))
-    place = np.broadcast_to(seen.astype(int)[:, None, None], (*every.shape[:2], 1))
+    place = np.broadcast_to(seen.astype(int)[..., None], (*every.shape[:2], 1))
     return _Counted(np.take_along_axis(every, place, axis=2)[..., 0], every, chances)
 
 
-def _discrepancy(problem: Problem, predicted: CellPredictions, scores: Array) -> Marginals:
-    """Compute what the discrepancy explains of the scores of cells with times, (cells, m)."""
+def _of_means(
+    problem: Problem, predicted: CellPredictions, scores: Array, offset: Array
+) -> tuple[Array, Marginals]:
+    """Score the means of cells with times, (cells, m), with what the discrepancy explains of it.
+
+    A mean far off is an odd one, whose score says little of how far it is. So scores are taken
+    where the offsets are that the data leave, and carried back along a straight line.
+    """
     seen = problem.seen
     having = seen.shifts > 0
     squares = predicted.sd[having] ** 2 / seen.shifts[having, None] + predicted.error[having] ** 2
     # What says nothing of a cell's times errs there with nothing in common.
-    precision = np.nan_to_num(1.0 / squares.T)
-    slopes = Slopes(scores.T * np.sqrt(precision), precision)
-    joint = np.broadcast_to(np.nan_to_num(predicted.common[having].T), slopes.first.shape)
-    return marginals(slopes, problem.discrepancy.of(having), joint)
+    precision = np.nan_to_num(1.0 / squares)
+    root = np.sqrt(precision)
+    at_none = scores[having] + root * offset[having]
+    joint = np.broadcast_to(np.nan_to_num(predicted.common[having]), at_none.shape)
+    slopes = Slopes((at_none * root).T, precision.T)
+    return at_none, marginals(slopes, problem.discrepancy.of(having), joint.T)

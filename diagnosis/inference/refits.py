@@ -23,12 +23,10 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.inference.predictive_check import p_value
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    log_engaged,
-    log_sum,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
+from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -38,7 +36,6 @@ VALUES = 80  #: values of a hypothesis that replicates are fitted by, at most
 FLAT = 0.5  #: power of the posterior from which these are drawn: it has to hold refits as well
 MOST = 400  #: replicates of a hypothesis
 ENOUGH = 6  #: of them with no more evidence than the data
-DOUBTFUL = 0.2  #: p-value at values of the posterior from which nothing is fitted anew
 
 
 @dataclass(frozen=True)
@@ -90,11 +87,10 @@ def checked(problem: Problem, one: Scored) -> float:
     """Compute the predictive p-value of a hypothesis: the smaller of two.
 
     That at values of the posterior (``diagnosis.inference.predictive_check``) sees spreads that are
-    too narrow, that of refits has more power besides. Where the first is no cause for doubt it is
-    taken alone.
+    too narrow. That of refits has more power: an error that no smooth curve has may pass the
+    first by a large amplitude of the discrepancy, which it takes from the same data.
     """
-    first = p_value(problem, one)
-    return first if first > DOUBTFUL else min(first, calibrated_p(problem, one))
+    return min(p_value(problem, one), calibrated_p(problem, one))
 
 
 def calibrated_p(problem: Problem, one: Scored, seed: int = 1) -> float:

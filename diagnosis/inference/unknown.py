@@ -23,13 +23,10 @@ from functools import cached_property
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    log_engaged,
-    log_sum,
-    log_times,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged, log_times
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
+from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.settings import Unlisted

@@ -20,15 +20,14 @@ together is taken, value by value.
 
 from __future__ import annotations
 
+from dataclasses import astuple, dataclass
+
 import numpy as np
 
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    MeanDensity,
-    Timed,
-    timed,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import Timed, timed
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes, marginals
+from dogshape.diagnosis.likelihood.mean_density import MeanDensity
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.terms import Array
 
@@ -50,23 +49,58 @@ def timed_together(
     common = np.nan_to_num(predicted.common)
     if prior.absent and not common.any():
         return timed(seen, predicted), np.zeros(common.shape[1])
+    found, gain = _likelier(seen, predicted, prior)
+    return timed(seen, predicted, found.parts), gain
+
+
+def likely_offset(seen: Observed, predicted: CellPredictions, prior: Discrepancy) -> Array:
+    """Return the offset of each cell's mean that the data leave, s, (cells, m).
+
+    Zero where cells err in nothing together.
+    """
+    common = np.nan_to_num(predicted.common)
+    if prior.absent and not common.any():
+        return np.zeros_like(common)
+    return _likelier(seen, predicted, prior)[0].offset
+
+
+@dataclass(frozen=True)
+class _Expansion:
+    """Parabolas of each cell's log density, (cells, m): where they touch it, and at no offset."""
+
+    offset: Array
+    log: Array
+    first: Array
+    second: Array
+
+    @property
+    def parts(self) -> Parabola:
+        """Logarithm, slope and curvature at the offset zero."""
+        return self.log, self.first, self.second
+
+
+def _likelier(
+    seen: Observed, predicted: CellPredictions, prior: Discrepancy
+) -> tuple[_Expansion, Array]:
+    """Return the likelier of two expansions, value by value, and what its integral adds, (m,)."""
+    common = np.nan_to_num(predicted.common)
     density = MeanDensity.of(seen, predicted)
     known = (seen.n > 0)[:, None] & np.isfinite(predicted.mean)
     usual = prior.covariance
     found = _expanded(density, usual, usual, common, known)
     other = _expanded(density, prior.widest, usual, common, known)
     gain, more = (marginals(_slopes(one), prior, common.T).log for one in (found, other))
-    better = other[0].sum(axis=0) + more > found[0].sum(axis=0) + gain
-    log, first, second = (np.where(better, b, a) for a, b in zip(found, other, strict=True))
-    return timed(seen, predicted, (log, first, second)), np.where(better, more, gain)
+    better = other.log.sum(axis=0) + more > found.log.sum(axis=0) + gain
+    both = zip(astuple(found), astuple(other), strict=True)
+    return _Expansion(*(np.where(better, b, a) for a, b in both)), np.where(better, more, gain)
 
 
 def _expanded(
     density: MeanDensity, first: Array, then: Array, common: Array, known: np.ndarray
-) -> Parabola:
+) -> _Expansion:
     """Follow the offsets to where they end, with one covariance first and another one then.
 
-    Returns zeros where nothing is ``known``, (cells, m).
+    Parabolas are zero where nothing is ``known``.
     """
     variance = np.diag(first)[:, None] + common**2
     offset, covariance = np.zeros_like(variance), first
@@ -76,7 +110,8 @@ def _expanded(
         offset, covariance = likely_offsets(slopes, covariance, common.T).T, then
     log, slope, curvature = _of(known, *density.at(offset))
     at_zero = slope + curvature * offset
-    return log - offset * (at_zero - 0.5 * curvature * offset), at_zero, curvature
+    at_no_offset = log - offset * (at_zero - 0.5 * curvature * offset)
+    return _Expansion(offset, at_no_offset, at_zero, curvature)
 
 
 def _of(known: np.ndarray, *parts: Array) -> tuple[Array, ...]:
@@ -84,9 +119,9 @@ def _of(known: np.ndarray, *parts: Array) -> tuple[Array, ...]:
     return tuple(np.where(known, np.nan_to_num(part), 0.0) for part in parts)
 
 
-def _slopes(found: Parabola) -> Slopes:
+def _slopes(found: _Expansion) -> Slopes:
     """Turn slopes and curvatures value by value."""
-    return Slopes(found[1].T.copy(), found[2].T.copy())
+    return Slopes(found.first.T.copy(), found.second.T.copy())
 
 
 def likely_offsets(slopes: Slopes, covariance: Array, joint: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -61,6 +62,28 @@ class Observed:
     flights: tuple[SeenFlight, ...] = ()
     drift: Drift | None = None
     inputs: NominalInputs | None = None
+
+    @cached_property
+    def undivided(self) -> Self:
+        """The same with outliers among single shifts counted with the others.
+
+        Only of cells that have single shifts alone: else it is the same.
+        """
+        every = {name: getattr(self, name).copy() for name in ("mean", "n", "log_sd", "freedom")}
+        found = [*self.outlier_times]
+        for place in np.flatnonzero(self.divided):
+            times = self.singles[place]
+            found[place] = times[:0]
+            every["mean"][place], every["n"][place] = times.mean(), times.size
+            every["freedom"][place] = times.size - 1.0
+            every["log_sd"][place] = np.log(max(LEAST, times.std(ddof=1)))
+        return replace(self, **every, outlier_times=tuple(found))
+
+    @cached_property
+    def divided(self) -> np.ndarray:
+        """Mark the cells with outliers among single shifts and no other readings, (cells,)."""
+        apart = np.array([times.size for times in self.outlier_times])
+        return (apart > 0) & (self.n + apart == self.single) & (self.beside == 0)
 
     def of(self, cells: np.ndarray) -> Self:
         """Select some cells, (cells,) true or false; the marks of flights stay."""

@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.reading import Cell, Reading
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, beta_of, outlier_beta
+from dogshape.diagnosis.likelihood.cell_likelihood import beta_of
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
+from dogshape.diagnosis.likelihood.mean_density import outlier_beta
 from dogshape.diagnosis.terms import Array
 
 

@@ -16,12 +16,8 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight
 from dogshape.diagnosis.bench.sense import Sense
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    log_as_failed,
-    log_engaged,
-    log_sum,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import log_as_failed, log_engaged
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import (
     Discrepancy,
     Slopes,
@@ -35,6 +31,7 @@ from dogshape.diagnosis.likelihood.flight_likelihood import (
     to_cells,
 )
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
+from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks

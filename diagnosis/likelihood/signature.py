@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.likelihood.cell_likelihood import sample_spread
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
+from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary
 from dogshape.diagnosis.settings import USUAL

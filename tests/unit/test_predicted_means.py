@@ -18,7 +18,7 @@ from dogshape.diagnosis.inference.joint_posterior import (
     window_of,
 )
 from dogshape.diagnosis.inference.predicted_means import SHARES, predicted_means
-from dogshape.diagnosis.likelihood.cell_likelihood import outlier_delay
+from dogshape.diagnosis.likelihood.mean_density import outlier_delay
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.prediction.hypotheses import NONE, spaces_for

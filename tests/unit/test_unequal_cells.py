@@ -13,7 +13,8 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, log_times
+from dogshape.diagnosis.likelihood.cell_likelihood import log_times
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.settings import Rules

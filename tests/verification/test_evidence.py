@@ -15,12 +15,10 @@ from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.inference.classes import Confusion
 from dogshape.diagnosis.inference.evidence import Sum, evidence, quadrature, sampled
 from dogshape.diagnosis.inference.outcome import Decision, Outcome
-from dogshape.diagnosis.likelihood.cell_likelihood import (
-    CellPredictions,
-    log_times,
-    sample_spread,
-)
+from dogshape.diagnosis.likelihood.cell_likelihood import log_times
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes
+from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Rows
 from dogshape.diagnosis.likelihood.signature import squared

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import kstest, multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, time_score
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
+from dogshape.diagnosis.likelihood.mean_density import time_scores
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.settings import Rules
@@ -54,7 +55,7 @@ def test_means_with_late_shifts_are_scored_evenly(n: int) -> None:
     variance = said.sd[:, 0] ** 2 / n + late * WIDE**2 / n**2 + said.error[:, 0] ** 2
     means = said.mean[:, 0] + late * BEHIND / n
     means += np.sqrt(variance) * generator.standard_normal(CELLS)
-    scores = time_score(_seen(means, n), said)[:, 0]
+    scores = time_scores(_seen(means, n), said, np.zeros_like(said.mean))[0][:, 0]
     assert (scores**2).mean() == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / CELLS))
     assert kstest(norm.cdf(scores), "uniform").pvalue > 0.001
 
@@ -62,7 +63,8 @@ def test_means_with_late_shifts_are_scored_evenly(n: int) -> None:
 def test_a_mean_of_a_million_shifts_is_cheap() -> None:
     said = _said()
     whole, _ = said.whole
-    assert np.isfinite(time_score(_seen(whole[:, 0], 1_000_000), said)).all()
+    scores, *_ = time_scores(_seen(whole[:, 0], 1_000_000), said, np.zeros_like(said.mean))
+    assert np.isfinite(scores).all()
 
 
 def test_plain_fits_have_the_whole_likelihood() -> None:

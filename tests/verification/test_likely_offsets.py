@@ -7,7 +7,8 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, timed
+from dogshape.diagnosis.likelihood.cell_likelihood import timed
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes, marginals
 from dogshape.diagnosis.likelihood.likely_offsets import likely_offsets, timed_together
 from dogshape.diagnosis.likelihood.observations import Observed, observe

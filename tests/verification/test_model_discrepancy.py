@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, timed
+from dogshape.diagnosis.likelihood.cell_likelihood import timed
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import (
     Discrepancy,
     Slopes,

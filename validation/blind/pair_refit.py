@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import discrepancy_prior
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator

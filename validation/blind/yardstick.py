@@ -34,13 +34,14 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.stats import qmc
 
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.likelihood.cell_likelihood import CellPredictions, sample_spread
+from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import (
     Discrepancy,
     Slopes,
     discrepancy_prior,
     posterior_draws,
 )
+from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
