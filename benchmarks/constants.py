@@ -120,7 +120,7 @@ NUMERICAL = {
     "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",
     "prediction.flight": "TIGHT m/s, CLOSE m, FIRST s, STEP s, ROOM steps, ASIDE m",
-    "likelihood.mean_density": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
+    "likelihood.time_parts": "LEAST_FREEDOM degrees of freedom, HIDDEN shifts, "
     "RARE probability, CROWD shifts",
     "likelihood.discrepancy": "JITTER of the variance, NODES of the scale",
     "likelihood.likely_offsets": "LEFT of the variance",
@@ -162,7 +162,8 @@ OTHERS = {
     "prediction.bank_store.LATE": "a mark in a file",
     "prediction.bank_store.FORMAT": "a version",
     "prediction.level_curves.ROOT5": "of mathematics",
-    "likelihood.mean_density.ROOT": "of mathematics",
+    "likelihood.time_parts.ROOT": "of mathematics",
+    "likelihood.observations.ROUNDING": "of arithmetic",
     "likelihood.flight_likelihood.SHARES": "follows from WAYS and FORCES",
     "inference.sense_posterior.SHOWN": "length of a list in the record",
 }

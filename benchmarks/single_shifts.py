@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.self_consistency import World, world
 from dogshape.diagnosis.bench.bench_data import setting_of
-from dogshape.diagnosis.likelihood import mean_density
+from dogshape.diagnosis.likelihood import time_parts
 from dogshape.diagnosis.likelihood.cell_likelihood import log_times
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.mean_density import log_sphere, time_scores
@@ -93,7 +93,7 @@ def main() -> None:
         with ExitStack() as stack:
             if plain:
                 patch = mock.patch.object
-                stack.enter_context(patch(mean_density, "_with_modes", lambda found, *_: found))
+                stack.enter_context(patch(time_parts, "_with_modes", lambda found, *_: found))
                 nowhere = property(lambda seen: np.zeros(seen.cells, dtype=bool))
                 stack.enter_context(patch(Observed, "divided", nowhere))
             rows, logs = scored(sets)

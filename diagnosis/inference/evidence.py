@@ -18,8 +18,8 @@ import numpy as np
 from scipy.special import gammaln
 from scipy.stats import qmc
 
-from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.scores import IMPOSSIBLE, Problem, Rows, Scored, score
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.prediction.hypotheses import Space, log_odds
 from dogshape.diagnosis.terms import Array, Hypothesis
 

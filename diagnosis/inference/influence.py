@@ -25,8 +25,8 @@ from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.ranking import Ranking
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.likelihood.left_out import totals_without
-from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
 from dogshape.diagnosis.terms import Array, Hypothesis
 

@@ -18,8 +18,8 @@ from dogshape.diagnosis.inference.influence import heavy_rows
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
 from dogshape.diagnosis.likelihood.left_out import left_out
-from dogshape.diagnosis.likelihood.mean_density import outlier_delay
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.likelihood.time_parts import outlier_delay
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWN = 2000  #: values at each operating point

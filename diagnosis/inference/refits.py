@@ -26,10 +26,10 @@ from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
-from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.terms import Array
 
 VALUES = 80  #: values of a hypothesis that replicates are fitted by, at most

@@ -27,9 +27,9 @@ from scipy.stats import qmc
 
 from dogshape.diagnosis.inference.classes import APART
 from dogshape.diagnosis.inference.next_test import SETUP, SHIFT
-from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem
 from dogshape.diagnosis.likelihood.signature import squared
+from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect

@@ -26,9 +26,10 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged, log_times
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
-from dogshape.diagnosis.likelihood.mean_density import log_sum
+from dogshape.diagnosis.likelihood.mean_density import MeanDensity, log_outliers
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.settings import Unlisted
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
@@ -201,7 +202,7 @@ def unknown(problem: Problem, bench: Bench) -> Unknown:
     models, prior = [], problem.settings.unlisted
     kernels = _kernels(places, means, prior)
     for stretch, shape, weight in prior.stretches:
-        offsets = _offsets(seen, _stretched(predicted, stretch, shape))
+        offsets = offsets_of_cells(seen, _stretched(predicted, stretch, shape))
         log_prior = float(np.log(weight)) - float(np.log(len(kernels)))
         models += [Model(k + problem.discrepancy.covariance, offsets, log_prior) for k in kernels]
     plain, failed = (_free_share(seen, predicted, extra) for extra in (0.0, 1.0))
@@ -231,7 +232,7 @@ def _stretched(predicted: CellPredictions, factor: float, shape: float | None) -
     return replace(predicted, times=times, sd=factor * predicted.sd, shape=error)
 
 
-def _offsets(seen: Observed, predicted: CellPredictions) -> tuple[Offset | None, ...]:
+def offsets_of_cells(seen: Observed, predicted: CellPredictions) -> tuple[Offset | None, ...]:
     """Return each cell's likelihood over its offset in the form of a normal density."""
     # A cell's own offset is no jump that the emulator missed.
     plain = replace(predicted, missed=np.zeros_like(predicted.missed))
@@ -239,10 +240,26 @@ def _offsets(seen: Observed, predicted: CellPredictions) -> tuple[Offset | None,
     offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
     log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
     known = (seen.n > 0) & np.isfinite(plain.mean[:, 0])
+    # Where spreads are seen parts of the density may be narrower than steps of the offset.
+    narrow = _exact(seen, plain) if seen.freedom.any() else ()
     return tuple(
-        _offset(row, line) if there else None
-        for row, line, there in zip(offsets, log, known, strict=True)
+        None if not known[k] else narrow[k] if seen.freedom[k] > 0 else _offset(row, line)
+        for k, (row, line) in enumerate(zip(offsets, log, strict=True))
     )
+
+
+def _exact(seen: Observed, predicted: CellPredictions) -> tuple[Offset, ...]:
+    """Return the same in closed form: the density is a mixture of normal ones of the offset."""
+    density = MeanDensity.of(seen, predicted)
+    logs = density.log_share[:, 0]
+    sizes = log_sum(logs, axis=1)
+    weights = np.exp(logs - sizes[:, None])
+    centres, widths = density.score[:, 0] * density.width[:, 0], density.width[:, 0]
+    means = (weights * centres).sum(axis=1)
+    variances = (weights * (widths**2 + (centres - means[:, None]) ** 2)).sum(axis=1)
+    sizes = sizes - density.found[:, 0] + log_outliers(seen, predicted)[:, 0]
+    every = zip(sizes.tolist(), means.tolist(), variances.tolist(), strict=True)
+    return tuple(itertools.starmap(Offset, every))
 
 
 def _offset(offsets: Array, log: Array) -> Offset:

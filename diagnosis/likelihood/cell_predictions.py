@@ -24,6 +24,7 @@ class CellPredictions(Prediction):
     model : part of ``error`` that any simulation of the operating points has, s.
     shape : error of the logarithm of ``sd``.
     kurtosis : of ``times``.
+    simulated : mean without what has no error, s.
     missed, jump : share of cells that are odd, and by how much their mean is off, s.
     rules : errors that are assumed of any simulation.
     """
@@ -33,6 +34,7 @@ class CellPredictions(Prediction):
     model: Array
     shape: Array
     kurtosis: Array
+    simulated: Array
     missed: Array
     jump: Array
     rules: Rules
@@ -64,7 +66,7 @@ class CellPredictions(Prediction):
         odd = np.full_like(mean, rules.odd_share), rules.odd_size * simulated
         return cls(
             **every, mean=mean, sd=sd, model=model, shape=shape, kurtosis=kurtosis,
-            missed=odd[0], jump=odd[1], rules=rules,
+            simulated=simulated, missed=odd[0], jump=odd[1], rules=rules,
         )  # fmt: skip
 
     def moved(self, offsets: Array) -> CellPredictions:

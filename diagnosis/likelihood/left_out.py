@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes, curvatures
-from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.scores import Rows
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.terms import Array
 
 

@@ -31,8 +31,8 @@ from dogshape.diagnosis.likelihood.flight_likelihood import (
     to_cells,
 )
 from dogshape.diagnosis.likelihood.likely_offsets import timed_together
-from dogshape.diagnosis.likelihood.mean_density import log_sum
 from dogshape.diagnosis.likelihood.observations import Observed
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space
 from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator, Marks
 from dogshape.diagnosis.settings import Settings

@@ -18,9 +18,9 @@ import numpy as np
 
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
 from dogshape.diagnosis.likelihood.flight_likelihood import whitening
-from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary
+from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 

@@ -9,7 +9,7 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy
-from dogshape.diagnosis.likelihood.mean_density import sample_spread
+from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.prediction.bank import settings_of
 from dogshape.diagnosis.prediction.hypotheses import NONE
 from dogshape.diagnosis.prediction.prediction import Prediction

@@ -18,9 +18,9 @@ from dogshape.diagnosis.inference.joint_posterior import (
     window_of,
 )
 from dogshape.diagnosis.inference.predicted_means import SHARES, predicted_means
-from dogshape.diagnosis.likelihood.mean_density import outlier_delay
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
+from dogshape.diagnosis.likelihood.time_parts import outlier_delay
 from dogshape.diagnosis.prediction.hypotheses import NONE, spaces_for
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import Hypothesis

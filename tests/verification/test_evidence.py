@@ -18,10 +18,10 @@ from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.likelihood.cell_likelihood import log_times
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes
-from dogshape.diagnosis.likelihood.mean_density import sample_spread
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Rows
 from dogshape.diagnosis.likelihood.signature import squared
+from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, spaces_of
 from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.settings import USUAL, Rules

@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
+from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Reading, gather
-from dogshape.diagnosis.likelihood.cell_likelihood import timed
+from dogshape.diagnosis.inference.unknown import offsets_of_cells
+from dogshape.diagnosis.likelihood.cell_likelihood import log_times, timed
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
-from dogshape.diagnosis.likelihood.mean_density import log_sphere, time_scores
+from dogshape.diagnosis.likelihood.mean_density import (
+    MeanDensity,
+    log_outliers,
+    log_sphere,
+    time_scores,
+)
 from dogshape.diagnosis.likelihood.modes import modes_of
 from dogshape.diagnosis.likelihood.observations import Observed, observe
 from dogshape.diagnosis.prediction.outliers import bulk
@@ -44,11 +53,26 @@ def _seen(sample: Array) -> Observed:
     return observe(_bench(sample))
 
 
+def _many(samples: Array) -> Observed:
+    """Observe samples (m, n), each as an operating point of its own."""
+    found = [_seen(sample) for sample in samples]
+    every = {}
+    for name, value in vars(found[0]).items():
+        if isinstance(value, np.ndarray) and name != "divided":
+            every[name] = np.concatenate([getattr(one, name) for one in found])
+    for name in ("singles", "outlier_times"):
+        every[name] = tuple(getattr(one, name)[0] for one in found)
+    return replace(found[0], **every)
+
+
 def _said(times: Array, rules: Rules, late: float = 1e-9) -> CellPredictions:
+    return CellPredictions.of([_prediction(times, late)], rules)
+
+
+def _prediction(times: Array, late: float = 1e-9) -> Prediction:
     one = np.ones(1)
     whole = Prediction.plain(np.sort(times)[None], one, 1e-9 * one, 0.0 * one)
-    every = {**vars(whole), "outlier_share": late * one, "behind": one, "behind_sd": one}
-    return CellPredictions.of([Prediction(**every)], rules)
+    return replace(whole, outlier_share=late * one, behind=one, behind_sd=one)
 
 
 def _two_modes(share: float) -> Array:
@@ -134,3 +158,58 @@ def test_both_readings_add_up_to_the_product_over_all_times() -> None:
     ours = timed(seen, said).log[0, 0] - log_sphere(seen)[0]
     # The logarithm of a deviation counts as normal, which at 39 degrees of freedom it nearly is.
     assert ours == pytest.approx(norm.logpdf(sample, 0.1, said.sd[0, 0]).sum(), abs=0.3)
+
+
+@pytest.mark.parametrize("share", [0.5, 0.8, 0.95])
+@pytest.mark.parametrize("n", [3, 6, 8])
+def test_densities_of_all_that_can_be_seen_add_up_to_one(share: float, n: int) -> None:
+    """Integrated by importance sampling: from both modes, each shift by itself, or one normal."""
+    generator, times = np.random.default_rng(n), _two_modes(share)
+    rules = replace(SURE, spread_share=0.05)
+    modes = modes_of(np.sort(times)[None], 1e-4)
+    shares, means, widths = modes.share[0], modes.mean[0], 1.2 * modes.sd[0]
+    middle, wide, count = times.mean(), 1.2 * times.std(), 4000
+    place = (generator.random((count, n)) > shares[0]).astype(int)
+    apart = means[place] + widths[place] * generator.standard_t(5.0, (count, n))
+    whole = middle + wide * generator.standard_t(5.0, (count, n))
+    samples = np.where(generator.random((count, 1)) < 0.5, apart, whole)
+    each = [
+        s * student.pdf((samples - m) / w, 5.0) / w
+        for s, m, w in zip(shares, means, widths, strict=True)
+    ]
+    drawn = 0.5 * np.sum(each, axis=0).prod(axis=1)
+    drawn += 0.5 * (student.pdf((samples - middle) / wide, 5.0) / wide).prod(axis=1)
+    seen = _many(samples)
+    said = CellPredictions.of([_prediction(times)] * count, rules)
+    ratios = np.exp(log_times(seen, said)[:, 0] - log_sphere(seen)) / drawn
+    error = ratios.std() / np.sqrt(count)
+    assert error < 0.06
+    # A normal law of ln s and normal modes are approximations.
+    assert ratios.mean() == pytest.approx(1.0, abs=0.04 + 3.0 * error)
+
+
+def test_slow_shifts_move_with_the_offset() -> None:
+    """The density at an offset is that of a prediction which is moved by it."""
+    sample = np.array([0.395, 0.398, 0.4, 0.401, 0.402, 0.405, 0.6])
+    times = _two_modes(0.8) + 0.34
+    times = np.where(times > 0.5, times + 0.06, times)
+    seen, said = _seen(sample), _said(times, Rules(odd_share=0.0))
+    density, late = MeanDensity.of(seen, said), log_outliers(seen, said)[0, 0]
+    for offset in (-0.02, 0.01, 0.03):
+        moved = np.full((1, 1), offset)
+        at = density.at(moved)[0][0, 0] + late
+        assert at == pytest.approx(timed(seen, said.moved(moved)).log[0, 0], abs=1e-3)
+
+
+def test_unknown_counts_narrow_modes_as_a_fine_grid_does() -> None:
+    sample = np.array([0.058, 0.059, 0.06, 0.061])
+    seen, said = _seen(sample), _said(_two_modes(0.5), Rules())
+    (found,) = offsets_of_cells(seen, said)
+    assert found is not None
+    grid = np.linspace(-1.0, 1.0, 40_001)[None]
+    plain = replace(said, missed=np.zeros_like(said.missed))
+    logs = timed(seen, plain.moved(grid)).log[0] + np.log(grid[0, 1] - grid[0, 0])
+    weights = np.exp(logs - logs.max())
+    mean = float(weights @ grid[0] / weights.sum())
+    assert found.log_size == pytest.approx(logs.max() + np.log(weights.sum()), abs=1e-3)
+    assert found.mean == pytest.approx(mean, abs=1e-4)

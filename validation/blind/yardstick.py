@@ -41,7 +41,7 @@ from dogshape.diagnosis.likelihood.discrepancy import (
     discrepancy_prior,
     posterior_draws,
 )
-from dogshape.diagnosis.likelihood.mean_density import sample_spread
+from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
