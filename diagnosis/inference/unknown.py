@@ -236,16 +236,23 @@ def offsets_of_cells(seen: Observed, predicted: CellPredictions) -> tuple[Offset
     """Return each cell's likelihood over its offset in the form of a normal density."""
     # A cell's own offset is no jump that the emulator missed.
     plain = replace(predicted, missed=np.zeros_like(predicted.missed))
-    step = np.hypot(plain.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), plain.error[:, 0])
-    offsets = (seen.mean - plain.mean[:, 0])[:, None] + step[:, None] * OFFSETS
-    log = log_times(seen, plain.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
     known = (seen.n > 0) & np.isfinite(plain.mean[:, 0])
     # Where spreads are seen parts of the density may be narrower than steps of the offset.
-    narrow = _exact(seen, plain) if seen.freedom.any() else ()
+    narrow = seen.freedom > 0
+    exact = _exact(seen, plain) if narrow.any() else ()
+    wide = np.flatnonzero(known & ~narrow)
+    summed = _summed(seen, plain, wide) if wide.size else {}
     return tuple(
-        None if not known[k] else narrow[k] if seen.freedom[k] > 0 else _offset(row, line)
-        for k, (row, line) in enumerate(zip(offsets, log, strict=True))
+        None if not there else exact[k] if narrow[k] else summed[k] for k, there in enumerate(known)
     )
+
+
+def _summed(seen: Observed, predicted: CellPredictions, cells: np.ndarray) -> dict[int, Offset]:
+    """Return the offsets of some cells, by their places, summed over steps of the offset."""
+    step = np.hypot(predicted.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), predicted.error[:, 0])
+    offsets = (seen.mean - predicted.mean[:, 0])[:, None] + step[:, None] * OFFSETS
+    log = log_times(seen, predicted.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
+    return {int(k): _offset(offsets[k], log[k]) for k in cells}
 
 
 def _exact(seen: Observed, predicted: CellPredictions) -> tuple[Offset, ...]:

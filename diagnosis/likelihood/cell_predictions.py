@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Self
 
 import numpy as np
 
+from dogshape.diagnosis.likelihood.modes import Modes, modes_of
 from dogshape.diagnosis.likelihood.observations import LEAST
 from dogshape.diagnosis.prediction.outliers import added
 from dogshape.diagnosis.prediction.prediction import Prediction
@@ -81,6 +83,11 @@ class CellPredictions(Prediction):
         """Select one of the values, (cells, 1)."""
         every = {f.name: getattr(self, f.name) for f in fields(self) if f.name != "rules"}
         return type(self)(**{n: part[:, [place]] for n, part in every.items()}, rules=self.rules)
+
+    @cached_property
+    def modes(self) -> Modes:
+        """Both modes of the times, (cells, m)."""
+        return modes_of(self.times, LEAST)
 
     @property
     def whole(self) -> tuple[Array, Array]:

@@ -12,10 +12,9 @@ from scipy.special import digamma, gammaln, ndtr, ndtri, polygamma
 from scipy.stats import binom
 
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
-from dogshape.diagnosis.likelihood.modes import Modes, modes_of
-from dogshape.diagnosis.likelihood.observations import LEAST, ROUNDING, Observed
-from dogshape.diagnosis.prediction.outliers import FAR, MOST
-from dogshape.diagnosis.prediction.outliers import LEAST as APART
+from dogshape.diagnosis.likelihood.modes import Modes
+from dogshape.diagnosis.likelihood.observations import ROUNDING, Observed
+from dogshape.diagnosis.prediction.outliers import FAR, LEAST, MOST
 from dogshape.diagnosis.terms import Array
 
 LEAST_FREEDOM = 0.5  #: degrees of freedom
@@ -188,7 +187,7 @@ def _with_modes(found: Parts, seen: Observed, predicted: CellPredictions) -> Par
 
     Only those shifts whose spread is seen have to be; means beside them are as they are.
     """
-    modes = modes_of(predicted.times, LEAST)
+    modes = predicted.modes
     count = np.minimum(seen.n, seen.freedom + 1.0)[:, None, None]
     rest = np.maximum(1.0, seen.n)[:, None, None] - count
     there = (seen.freedom > 0)[:, None] & ~_crowded(seen, predicted)[..., 0]
@@ -223,7 +222,7 @@ def _divided_share(seen: Observed, modes: Modes) -> Array:
     most = np.floor((1.0 - MOST) * (n - 1.0) + ROUNDING)
     fast, slow = np.moveaxis(np.log(modes.share), 2, 0)
     # The quantile of a normal faster mode, by which outliers are told.
-    far = np.maximum(FAR * ndtri(MOST) * modes.sd[..., 0], APART)
+    far = np.maximum(FAR * ndtri(MOST) * modes.sd[..., 0], LEAST)
     told = ndtr((modes.mean[..., 1] - modes.mean[..., 0] - far) / modes.sd[..., 1])
     found = np.zeros_like(fast)
     for k in range(1, int(most.max(initial=0.0)) + 1):
@@ -276,7 +275,7 @@ def slow_parts(parts: Parts, seen: Observed, predicted: CellPredictions) -> Part
     It is a normal density of the offset that outliers and the mean of the others leave together:
     the error of the simulated mean is one for all of them.
     """
-    modes, fast = modes_of(predicted.times, LEAST), parts.fast
+    modes, fast = predicted.modes, parts.fast
     common = predicted.error**2
     own = fast.width[..., 0] ** 2 - common
     place = modes.mean[..., 1] - predicted.mean
