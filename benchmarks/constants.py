@@ -136,7 +136,7 @@ NUMERICAL = {
     "inference.series_drift": "DRAWN values",
     "inference.influence": "DEEP nat, NEAR nat, UNEVEN 1, MOVED of the weight, "
     "WEIGHTY probability, DOUBTFUL of the limit, RISEN probability, WITHIN probability, "
-    "LIKELY probability",
+    "LIKELY probability, REPLICATES 1",
     "inference.further_shifts": "DRAWN values",
     "inference.predicted_means": "DRAWN values, SHARES of the distribution",
     "inference.joint_posterior": "DRAWN values, CELLS points, ROOM standard deviations, "

@@ -6,13 +6,16 @@ weights: the likelihood of the other cells, discrepancy included, is in closed f
 the cell given all others, whose sum over the cells is the elpd (Vehtari, Gelman and Gabry 2017),
 and its difference of two hypotheses is what the cell adds to their log Bayes factor. Where the
 weights of rows become too uneven (:math:`\hat k` above 0.7; of a quadrature, where less than half
-of the weight stays in place) the evidence is computed anew without the cell.
+of the weight stays in place) the evidence is computed anew without the cell. A cell without which
+the answer would be another is confirmed by replicates that are fitted anew
+(``diagnosis.inference.refits``), as the answer of all data was.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +26,7 @@ from dogshape.diagnosis.inference.pareto_tail import tail_shape
 from dogshape.diagnosis.inference.posterior import Probabilities, judged, probabilities
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.ranking import Ranking
+from dogshape.diagnosis.inference.refits import checked
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.likelihood.left_out import totals_without
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -39,6 +43,7 @@ DOUBTFUL = 3.0  #: times the limit of the p-value, below which it is computed an
 RISEN = 0.1  #: probability without a cell from which a hypothesis without a p-value gets one
 WITHIN = 0.4, 0.98  #: probabilities to be within the margin between which it is computed anew
 LIKELY = 0.003  #: probability from which a hypothesis counts in that
+REPLICATES = 100  #: that confirm another verdict without a cell: if all fit better, p is below 0.01
 
 Settle = Callable[[Probabilities, Mapping[Hypothesis, float], float], Verdict]
 
@@ -108,11 +113,10 @@ class Influence:
     @property
     def changing(self) -> tuple[int, ...]:
         """Places of the cells without any one of which the verdict would be another."""
-        mine = self.verdict.kind, self.verdict.causes
         return tuple(
             place
             for place, one in enumerate(self.cells)
-            if one is not None and (one.verdict.kind, one.verdict.causes) != mine
+            if one is not None and one.verdict.answer != self.verdict.answer
         )
 
     @property
@@ -228,7 +232,7 @@ def influence(
     found = _all_without(problem, ranking, rival)
     free = _unknown_without(problem, ranking)
     rivals = found[rival].elpd if rival != UNKNOWN else free
-    whole = _Whole(problem, ranking, settle, same, found, free)
+    whole = _Whole(problem, ranking, settle, verdict, same, found, free)
     cells: list[CellInfluence | None] = []
     mine = found[ranking.leading]
     for place in range(seen.cells):
@@ -311,6 +315,7 @@ class _Whole:
     problem: Problem
     ranking: Ranking
     settle: Settle
+    verdict: Verdict
     same: Equivalence | None
     found: Mapping[Hypothesis, Without]
     free: Array  #: log predictive density of each cell by the hypothesis unknown
@@ -326,15 +331,27 @@ class _Whole:
         logs[UNKNOWN] = ranking.free.log_evidence - float(self.free[place])
         raw = probabilities(logs, sense=problem.sense, before=problem.settings.priors)
         cells = np.arange(problem.seen.cells) != place
-        folded = ranking.fold.fold(raw)
-        fits = self._fits(folded, cells)
-        posterior = judged(folded, fits, ranking.limits.adequate)
+        found = self._judged(raw, cells, p_value)
+        if found[1].answer == self.verdict.answer:
+            return found
+        # Refits see more than the check at the posterior, by which a cell left out looks too good.
+        return self._judged(raw, cells, partial(checked, most=REPLICATES))
+
+    def _judged(
+        self, raw: Probabilities, cells: np.ndarray, check: Callable[[Problem, Scored], float]
+    ) -> tuple[Probabilities, Verdict]:
+        """Decide from the evidence without a cell by one of the predictive checks."""
+        folded = self.ranking.fold.fold(raw)
+        fits = self._fits(folded, cells, check)
+        posterior = judged(folded, fits, self.ranking.limits.adequate)
         within = self.same.probability if self.same else 0.0
         if WITHIN[0] < within < WITHIN[1]:
             within = self._within(raw, cells, posterior.get(UNKNOWN, 0.0))
         return posterior, self.settle(posterior, fits, within)
 
-    def _fits(self, folded: Probabilities, cells: np.ndarray) -> dict[Hypothesis, float]:
+    def _fits(
+        self, folded: Probabilities, cells: np.ndarray, check: Callable[[Problem, Scored], float]
+    ) -> dict[Hypothesis, float]:
         """Return p-values of the plausible hypotheses, anew for those that may pass the limit."""
         limits, found = self.ranking.limits, {}
         for hypothesis, probability in folded.items():
@@ -343,7 +360,7 @@ class _Whole:
             if hypothesis == UNKNOWN or probability <= least:
                 continue
             if fit is None or fit < DOUBTFUL * limits.adequate:
-                fit = p_value(self.problem.of(cells), self._given(hypothesis, cells))
+                fit = check(self.problem.of(cells), self._given(hypothesis, cells))
             found[hypothesis] = fit
         return found
 

@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.nominal_errors import NominalErrors
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
@@ -80,21 +81,23 @@ class Refits:
         said = self.predicted.at_value(place)
         offsets = offsets_of(said, self.problem.discrepancy, generator)
         cells = replicate(said, bench.cells, offsets, generator)
-        return observe(replace(bench, cells=cells), self.problem.settings.likelihood)
+        # What nominal values err in is part of the prediction already.
+        drawn = replace(bench, cells=cells, errors=NominalErrors())
+        return observe(drawn, self.problem.settings.likelihood)
 
 
-def checked(problem: Problem, one: Scored) -> float:
+def checked(problem: Problem, one: Scored, most: int = MOST) -> float:
     """Compute the predictive p-value of a hypothesis: the smaller of two.
 
     That at values of the posterior (``diagnosis.inference.predictive_check``) sees spreads that are
     too narrow. That of refits has more power: an error that no smooth curve has may pass the
     first by a large amplitude of the discrepancy, which it takes from the same data.
     """
-    return min(p_value(problem, one), calibrated_p(problem, one))
+    return min(p_value(problem, one), calibrated_p(problem, one, most=most))
 
 
-def calibrated_p(problem: Problem, one: Scored, seed: int = 1) -> float:
-    """Compute the p-value of a hypothesis by replicates that are fitted anew.
+def calibrated_p(problem: Problem, one: Scored, seed: int = 1, most: int = MOST) -> float:
+    """Compute the p-value of a hypothesis by replicates that are fitted anew, ``most`` at most.
 
     1 where the problem has no data set that they could be like.
     """
@@ -103,8 +106,8 @@ def calibrated_p(problem: Problem, one: Scored, seed: int = 1) -> float:
     generator = np.random.default_rng(seed)
     refits = Refits.of(problem, one, generator)
     own, less = refits.log_evidence(problem.seen), 0
-    for count in range(1, MOST + 1):
+    for count in range(1, most + 1):
         less += refits.log_evidence(refits.replicate(problem.bench, generator)) <= own
         if less == ENOUGH:
             return less / count
-    return (less + 1) / (MOST + 1)
+    return (less + 1) / (most + 1)

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged, log_times
+from dogshape.diagnosis.likelihood.cell_likelihood import log_engaged
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.flight_likelihood import log_unknown
 from dogshape.diagnosis.likelihood.mean_density import MeanDensity, log_outliers
@@ -233,48 +233,25 @@ def _stretched(predicted: CellPredictions, factor: float, shape: float | None) -
 
 
 def offsets_of_cells(seen: Observed, predicted: CellPredictions) -> tuple[Offset | None, ...]:
-    """Return each cell's likelihood over its offset in the form of a normal density."""
+    """Return each cell's likelihood over its offset in the form of a normal density.
+
+    The likelihood is a mixture of normal parts, whose mass, mean and variance are summed.
+    """
     # A cell's own offset is no jump that the emulator missed.
     plain = replace(predicted, missed=np.zeros_like(predicted.missed))
     known = (seen.n > 0) & np.isfinite(plain.mean[:, 0])
-    # Where spreads are seen parts of the density may be narrower than steps of the offset.
-    narrow = seen.freedom > 0
-    exact = _exact(seen, plain) if narrow.any() else ()
-    wide = np.flatnonzero(known & ~narrow)
-    summed = _summed(seen, plain, wide) if wide.size else {}
-    return tuple(
-        None if not there else exact[k] if narrow[k] else summed[k] for k, there in enumerate(known)
-    )
-
-
-def _summed(seen: Observed, predicted: CellPredictions, cells: np.ndarray) -> dict[int, Offset]:
-    """Return the offsets of some cells, by their places, summed over steps of the offset."""
-    step = np.hypot(predicted.sd[:, 0] / np.sqrt(np.maximum(1, seen.n)), predicted.error[:, 0])
-    offsets = (seen.mean - predicted.mean[:, 0])[:, None] + step[:, None] * OFFSETS
-    log = log_times(seen, predicted.moved(offsets)) + np.log(np.gradient(OFFSETS) * step[:, None])
-    return {int(k): _offset(offsets[k], log[k]) for k in cells}
-
-
-def _exact(seen: Observed, predicted: CellPredictions) -> tuple[Offset, ...]:
-    """Return the same in closed form: the density is a mixture of normal ones of the offset."""
-    density = MeanDensity.of(seen, predicted)
+    density = MeanDensity.of(seen, plain)
     logs = density.log_share[:, 0]
     sizes = log_sum(logs, axis=1)
     weights = np.exp(logs - sizes[:, None])
     centres, widths = density.score[:, 0] * density.width[:, 0], density.width[:, 0]
     means = (weights * centres).sum(axis=1)
     variances = (weights * (widths**2 + (centres - means[:, None]) ** 2)).sum(axis=1)
-    sizes = sizes - density.found[:, 0] + log_outliers(seen, predicted)[:, 0]
+    sizes = sizes - density.found[:, 0] + log_outliers(seen, plain)[:, 0]
     every = zip(sizes.tolist(), means.tolist(), variances.tolist(), strict=True)
-    return tuple(itertools.starmap(Offset, every))
-
-
-def _offset(offsets: Array, log: Array) -> Offset:
-    weights = np.exp(log - log.max())
-    whole = weights.sum()
-    mean = float(weights @ offsets / whole)
-    variance = float(weights @ (offsets - mean) ** 2 / whole)
-    return Offset(float(log.max() + np.log(whole)), mean, max(variance, 1e-10))
+    return tuple(
+        Offset(*one) if there else None for there, one in zip(known.tolist(), every, strict=True)
+    )
 
 
 def _free_share(seen: Observed, predicted: CellPredictions, extra: float) -> Array:

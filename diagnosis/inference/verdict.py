@@ -56,6 +56,11 @@ class Verdict:
     group: tuple[Hypothesis, ...]
     group_probability: float
 
+    @property
+    def answer(self) -> tuple[Kind, tuple[str, ...]]:
+        """What is said: two verdicts with the same answer differ in probabilities at most."""
+        return self.kind, self.causes
+
 
 def decide(
     posterior: Probabilities,

@@ -125,6 +125,10 @@ class Discrepancy:
             return False
         return not any(root.any() for root in self.roots) or not self.amplitudes.any()
 
+    def absent_beside(self, joint: Array) -> bool:
+        """Test that cells err in nothing together, nor in a further error of values, s."""
+        return self.absent and not joint.any()
+
     def of(self, cells: np.ndarray) -> Discrepancy:
         """Select some cells."""
         beside = None if self.beside is None else self.beside[cells]

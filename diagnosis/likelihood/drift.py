@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.stats import spearmanr
@@ -46,7 +47,7 @@ class Drift:
     repeated : share of the prior's variance that these have taken.
     direction : offset of each cell for one ``sd``, s, (cells,).
     time : mean time of all shifts, s.
-    order_of : what the operating points were run in the order of, with its rank correlation.
+    cells : of the data set.
     """
 
     first: float
@@ -57,7 +58,12 @@ class Drift:
     repeated: float
     direction: Array
     time: float
-    order_of: dict[str, float]
+    cells: tuple[Cell, ...]
+
+    @cached_property
+    def order_of(self) -> dict[str, float]:
+        """What the operating points were run in the order of, with its rank correlation."""
+        return _order_of(self.cells)
 
     def places(self, readings: Sequence[Reading]) -> Array:
         """Return the places of readings in the series, of which the whole is one long, (k,)."""
@@ -94,12 +100,12 @@ class _Repeats:
     squares: float
     freedom: float
 
-    @property
+    @cached_property
     def mean(self) -> float:
         """Mean time of all shifts, s."""
         return float(np.average(self.time, weights=self.n))
 
-    @property
+    @cached_property
     def centre(self) -> float:
         """Mean place of all shifts."""
         return float(np.average(self.place, weights=self.n))
@@ -145,8 +151,8 @@ def drift_of(cells: Sequence[Cell], rules: Rules) -> Drift | None:
     whole = sum(float(one.n.sum()) for one in having)
     time = sum(float((one.n * one.time).sum()) for one in having) / whole
     taken = 1.0 - variance / rules.drift**2
-    order = _order_of(cells)
-    return Drift(first, last, float(middle), mean, sd, taken, sd * np.array(direction), time, order)
+    offsets = sd * np.array(direction)
+    return Drift(first, last, float(middle), mean, sd, taken, offsets, time, tuple(cells))
 
 
 def _placed(readings: Sequence[Reading], first: float, last: float) -> Array:

@@ -104,6 +104,6 @@ def _downdated(
 def totals_without(rows: Rows) -> Array:
     """Compute the log likelihood of all cells but each, together, (m, cells)."""
     alone: Array = rows.log_likelihood.sum(axis=1)[:, None] - rows.log_likelihood
-    if rows.discrepancy.absent and not rows.joint.any():
+    if rows.discrepancy.absent_beside(rows.joint):
         return alone
     return alone + left_out(rows.slopes, rows.discrepancy, rows.joint).log

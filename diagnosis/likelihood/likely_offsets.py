@@ -47,7 +47,7 @@ def timed_together(
     nothing together it is zero, and the densities are exact.
     """
     common = np.nan_to_num(predicted.common)
-    if prior.absent and not common.any():
+    if prior.absent_beside(common):
         return timed(seen, predicted), np.zeros(common.shape[1])
     found, gain = _likelier(seen, predicted, prior)
     return timed(seen, predicted, found.parts), gain
@@ -59,7 +59,7 @@ def likely_offset(seen: Observed, predicted: CellPredictions, prior: Discrepancy
     Zero where cells err in nothing together.
     """
     common = np.nan_to_num(predicted.common)
-    if prior.absent and not common.any():
+    if prior.absent_beside(common):
         return np.zeros_like(common)
     return _likelier(seen, predicted, prior)[0].offset
 

@@ -66,14 +66,13 @@ def _drawn(
     if reading.engaged is None:
         return [reading]
     times = law.times(reading.n, generator) + offset
-    bare = replace(reading, trace=None, sd=None)
     found = []
     if times.size:
         sd = float(times.std(ddof=1)) if reading.sd is not None and times.size > 1 else None
         mean = float(times.mean())
-        found.append(replace(bare, n=times.size, time=mean, engaged=True, sd=sd))
+        found.append(replace(reading, n=times.size, time=mean, engaged=True, trace=None, sd=sd))
     if failed := reading.n - times.size:
-        found.append(replace(bare, n=failed, time=None, engaged=False))
+        found.append(replace(reading, n=failed, time=None, engaged=False, trace=None, sd=None))
     return found
 
 

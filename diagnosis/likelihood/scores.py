@@ -91,7 +91,7 @@ class Rows(Table):
     def whole(self) -> Array:
         """Log likelihood of all cells together, (m,)."""
         added: Array = self.log_likelihood.sum(axis=1)
-        if self.discrepancy.absent and not self.joint.any():
+        if self.discrepancy.absent_beside(self.joint):
             return added
         return added + marginals(self.slopes, self.discrepancy, self.joint).log
 

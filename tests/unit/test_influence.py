@@ -15,6 +15,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.influence import UNEVEN, refitted, without_each
 from dogshape.diagnosis.inference.pareto_tail import pareto_shape, tail_shape
+from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.ranking import rank
 from dogshape.diagnosis.likelihood.discrepancy import Discrepancy, Slopes, marginals
 from dogshape.diagnosis.likelihood.left_out import left_out, totals_without
@@ -158,6 +159,27 @@ def test_one_wrong_entry_is_named(bench: Bench) -> None:
     ranking = rank(problem, odd, EFFECT, [PAIR])
     single = without_each(ranking.scored["actuation_delay",])
     assert int(np.argmin(single.elpd)) == len(POINTS) - 1
+
+
+def test_what_only_refits_refuse_is_refused_without_a_cell_too() -> None:
+    """Cells that err each on its own: the check at the posterior alone lets the effect pass."""
+    generator = np.random.default_rng(3)
+    generator.random()
+    odd = 0.004 * generator.standard_normal(len(POINTS))
+    odd[3] = 0.02 + 0.03 * np.random.default_rng(3).random()
+    wild = bench_of({"delay_s": 0.04}, generator, shifts=15, extra=odd, points=POINTS)
+    here = diagnose(wild, Toy(POINTS), EFFECT).influence
+    assert here is not None
+    assert here.verdict.kind == "ambiguous"
+    for place in (0, 1):
+        fewer = _without(wild, place)
+        points = tuple(cell.point for cell in fewer.cells)
+        again = diagnose(fewer, Toy(points), EFFECT)
+        one, hypothesis = here.cells[place], ("actuation_delay",)
+        assert one is not None
+        assert one.verdict.answer == again.verdict.answer
+        by_posterior = p_value(_problem(fewer), again.scored[hypothesis])
+        assert by_posterior > USUAL.decision.adequate > again.fits[hypothesis]
 
 
 def test_points_without_data_and_single_points_have_none(bench: Bench, found: Diagnosis) -> None:
