@@ -13,21 +13,19 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.drawn_sets import source
 from benchmarks.self_consistency import World, world
 from dogshape.diagnosis.bench.bench_data import setting_of
 from dogshape.diagnosis.inference.evidence import evidence
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.refits import calibrated_p
-from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.replicates import offsets_of, replicate
+from dogshape.diagnosis.likelihood.replicates import offsets_of
 from dogshape.diagnosis.likelihood.scores import Problem
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
 from dogshape.diagnosis.terms import Array, Hypothesis
-from dogshape.validation.self_consistency import blank_cell
 
 SHIFTS = 10  #: at each operating point
 OFF = 0.05  #: of the mean time
@@ -37,15 +35,11 @@ CAUSES: tuple[Hypothesis, ...] = (NONE, ("sleeve_friction",), ("contact_friction
 def drawn(whole: World, space: Space, seed: int, *, single: bool, off: float) -> Problem:
     """Draw a data set of a hypothesis, at values of its prior."""
     generator = np.random.default_rng(seed)
-    cells = [blank_cell(cell.point, SHIFTS, single=single) for cell in whole.bench.cells]
-    bench = replace(whole.bench, cells=tuple(cells))
-    problem = Problem(observe(bench), whole.emulator, whole.settings)
-    values = space.values(generator.random((1, len(space.parameters))))
-    said = problem.predictions(space.hypothesis, values)
-    offsets = offsets_of(said, problem.discrepancy, generator)
-    offsets = offsets + off * said.mean[:, 0] * generator.standard_normal(len(bench.cells))
-    bench = replace(bench, cells=replicate(said, bench.cells, offsets, generator))
-    return Problem(observe(bench), whole.emulator, whole.settings, bench=bench)
+    one = source(whole, space, SHIFTS, generator, single=single)
+    mean = one.said.mean[:, 0]
+    offsets = offsets_of(one.said, one.blank.discrepancy, generator)
+    offsets = offsets + off * mean * generator.standard_normal(mean.size)
+    return one.drawn(offsets, generator)
 
 
 def p_values(problems: Sequence[Problem], space: Space) -> Array:

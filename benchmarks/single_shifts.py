@@ -15,23 +15,20 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import replace
 from unittest import mock
 
 import numpy as np
 
+from benchmarks.drawn_sets import source
 from benchmarks.self_consistency import World, world
 from dogshape.diagnosis.bench.bench_data import setting_of
 from dogshape.diagnosis.likelihood import time_parts
 from dogshape.diagnosis.likelihood.cell_likelihood import log_times
 from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
 from dogshape.diagnosis.likelihood.mean_density import log_sphere, time_scores
-from dogshape.diagnosis.likelihood.observations import Observed, observe
-from dogshape.diagnosis.likelihood.replicates import replicate
-from dogshape.diagnosis.likelihood.scores import Problem
+from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.prediction.hypotheses import NONE, spaces_for
 from dogshape.diagnosis.terms import Array, Hypothesis
-from dogshape.validation.self_consistency import blank_cell
 
 FEWEST, MOST = 3, 16  #: shifts at an operating point
 CAUSES: tuple[Hypothesis, ...] = (
@@ -50,14 +47,9 @@ def drawn(whole: World, cause: Hypothesis, seed: int) -> Drawn:
     (space,) = spaces_for((cause,), whole.effects, setting_of(whole.bench))
     generator = np.random.default_rng(seed)
     count = int(generator.integers(FEWEST, MOST + 1))
-    cells = [blank_cell(cell.point, count, single=True) for cell in whole.bench.cells]
-    bench = replace(whole.bench, cells=tuple(cells))
-    problem = Problem(observe(bench), whole.emulator, whole.settings)
-    values = space.values(generator.random((1, len(space.parameters))))
-    said = problem.predictions(cause, values)
-    errors = said.error[:, 0] * generator.standard_normal(len(cells))
-    made = replicate(said, bench.cells, errors, generator)
-    return observe(replace(bench, cells=made)), said
+    one = source(whole, space, count, generator, single=True)
+    error = one.said.error[:, 0]
+    return one.drawn(error * generator.standard_normal(error.size), generator).seen, one.said
 
 
 def scored(sets: Sequence[Drawn]) -> tuple[Array, Array]:
