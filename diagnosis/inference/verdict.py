@@ -58,7 +58,7 @@ class Verdict:
 
     @property
     def answer(self) -> tuple[Kind, tuple[str, ...]]:
-        """What is said: two verdicts with the same answer differ in probabilities at most."""
+        """Kind and causes: two verdicts with the same answer differ in probabilities at most."""
         return self.kind, self.causes
 
 

@@ -62,7 +62,7 @@ class Drift:
 
     @cached_property
     def order_of(self) -> dict[str, float]:
-        """What the operating points were run in the order of, with its rank correlation."""
+        """Rank correlations of the series with what its operating points may be in order of."""
         return _order_of(self.cells)
 
     def places(self, readings: Sequence[Reading]) -> Array:
