@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import typer
 
 from dogshape.pipeline.cli.progress_bar import say
@@ -42,7 +44,30 @@ def ask_number(question: str, default: Any) -> Any:
         say("that is no " + ("whole number" if isinstance(default, int) else "number"))
 
 
-def ask_changed(values: dict[str, Any], words: dict[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys; give those that differ from their defaults."""
-    found = {key: ask_number(words.get(key, key), value) for key, value in values.items()}
-    return {key: value for key, value in found.items() if value != values[key]}
+def ask_numbers(question: str, default: Sequence[float]) -> list[float]:
+    """Ask for one number and more, with blanks between them."""
+    while True:
+        words = ask_text(question, " ".join(f"{one:g}" for one in default)).split()
+        found = [meant_number(word.rstrip(";")) for word in words]
+        numbers = [one for one in found if one is not None]
+        if numbers and len(numbers) == len(found):
+            return numbers
+        say("that are no numbers with blanks between them")
+
+
+def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Ask for values by their keys: a number, or a list of them where the default is one."""
+    found = {}
+    for key, value in values.items():
+        ask = ask_numbers if isinstance(value, (list, tuple)) else ask_number
+        found[key] = ask(words.get(key, key), value)
+    return found
+
+
+def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the values that differ from their defaults."""
+    return {
+        key: value
+        for key, value in found.items()
+        if not np.array_equal(np.asarray(value), np.asarray(values[key]))
+    }

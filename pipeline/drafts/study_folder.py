@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +67,20 @@ def write_study(
         "operating_points": len(study.points),
         "dogs": own.count,
     }
+
+
+def use_of(origin: str, keys: Iterable[str]) -> Row:
+    """Return the numbers, or lists of them, that a draft would have at dotted keys."""
+    text, taken, _, _ = _begun(origin)
+    tables = tomllib.loads(text)
+    found = {}
+    for key in keys:
+        table, _, name = key.rpartition(".")
+        value = taken.get(key, tables.get(table, {}).get(name))
+        parts = value if isinstance(value, list) else [value]
+        if all(isinstance(part, (int, float)) for part in parts):
+            found[key] = [float(part) for part in parts] if isinstance(value, list) else value
+    return found
 
 
 def _kept_of(text: str, given: Mapping[str, Any], whence: str) -> list[str]:

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Column, matched
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
+from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.schema import StudyFile
@@ -326,7 +327,7 @@ def test_a_study_that_is_none_is_not_written(
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    answers = "\n18\n\n\n\n3,2\n\n\n\n\n\n\n"
+    answers = "\n18\n\n\n\n3,2\n\n\n\n\n\n\n" + 5 * "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=answers)
     assert done.exit_code == 0, done.stderr
     dog = load_study("mine").clutch.dog
@@ -341,6 +342,41 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert bench.readings[0].time == pytest.approx(0.19)
     quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])
     assert quiet.exit_code == 0
+
+
+def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    # The outer diameter is first less than the inner one, a word is no number, a rise is missing.
+    answers = [
+        {
+            "dog.count": "18",
+            "dog.height_mm": "3,2",
+            "dog.outer_diameter_mm": "40",
+            "load.torque_Nm": "150",
+            "actuation.force_N": "200 600",
+            "actuation.rise_s": "0.2",
+            "operating.mismatch_rpm": "x\n20 80",
+        },
+        {
+            "dog.outer_diameter_mm": "52",
+            "actuation.rise_s": "0,25 0.15",
+            "operating.force_N": "200 600",
+        },
+    ]
+    lines = [one.get(key, "") for one in answers for key in [*CLUTCH, *USE]]
+    said = "\n".join(["", *lines]) + "\n"
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=said)
+    assert done.exit_code == 0, done.stderr
+    assert "nothing is written yet" in done.stderr
+    assert "no numbers with blanks" in done.stderr
+    study = load_study("mine")
+    assert (study.clutch.dog.count, study.clutch.dog.height) == (18, pytest.approx(3.2e-3))
+    assert study.actuation.table.rises == (0.25, 0.15)
+    assert tomllib.loads(Path("mine/study.toml").read_text())["load"]["torque_Nm"] == 150.0
+    assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
 
 
 def test_questions_that_are_stopped_write_nothing(

@@ -9,7 +9,9 @@ import typer
 
 from dogshape.drafts import (
     CLUTCH,
+    USE,
     BenchDraft,
+    default_use,
     default_values,
     guessed,
     require_free,
@@ -19,7 +21,14 @@ from dogshape.drafts import (
 from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Json, Sets
 from dogshape.pipeline.cli.progress_bar import say
-from dogshape.pipeline.cli.questions import ask_changed, ask_number, ask_text, ask_yes, may_ask
+from dogshape.pipeline.cli.questions import (
+    ask_number,
+    ask_text,
+    ask_values,
+    ask_yes,
+    changed,
+    may_ask,
+)
 from dogshape.pipeline.cli.tables.init_tables import bench_text, study_text
 from dogshape.pipeline.config.study_file import key_and_value
 from dogshape.sim.errors import InputError
@@ -56,11 +65,25 @@ def study(
     require_free(out, force)
     values = dict(key_and_value(text) for text in set_ or [])
     if may_ask(yes):
-        origin = ask_text("begin from (a study, or the folder of a bench)", origin)
-        defaults = default_values(origin) | {k: v for k, v in values.items() if k in CLUTCH}
-        values |= ask_changed(defaults, CLUTCH)
-    found = write_study(out, origin, values, force=force)
+        found = _asked_study(out, origin, values, force=force)
+    else:
+        found = write_study(out, origin, values, force=force)
     emit(found, json, lambda: study_text(found))
+
+
+def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
+    """Ask about clutch and use until they make a study; what was answered is the next default."""
+    origin = ask_text("begin from (a study, or the folder of a bench)", origin)
+    words = CLUTCH | USE
+    before = default_values(origin) | default_use(origin)
+    answers = before | {key: value for key, value in values.items() if key in words}
+    while True:
+        answers = ask_values(answers, words)
+        try:
+            return write_study(out, origin, values | changed(answers, before), force=force)
+        except InputError as error:
+            say(str(error))
+            say("nothing is written yet; the same questions again, with what you answered")
 
 
 @init.command()
@@ -137,7 +160,8 @@ def _asked(
     values = {"source": ask_text("who measured it, and when", "not said")} | values
     origin = ask_text("clutch of the stand, as in (study or bench)", origin)
     if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
-        values = ask_changed(default_values(origin), CLUTCH) | values
+        before = default_values(origin)
+        values = changed(ask_values(before, CLUTCH), before) | values
     if "mismatch_sense" not in values and ask_yes(
         "was it noted which way the rings turned past each other (docs/mismatch.md)?", default=False
     ):
