@@ -50,8 +50,11 @@ def _said_and_so(kind: str) -> list[float]:
 
 
 def _cases(label: str) -> tuple[float, float]:
-    """Give a share of the field set as a number of cases, and of how many."""
-    share, *_, count = numbers("blind_field", label)
+    """Give a share of the field set as a number of cases, and of how many; none without a row."""
+    try:
+        share, *_, count = numbers("blind_field", label)
+    except LookupError:  # no case of that kind was drawn
+        return 0.0, 0.0
     return share * count, count
 
 
@@ -194,10 +197,10 @@ ENTRIES: list[Entry] = [
     Entry(
         PAGE,
         "{:.0f} of {:.0f} single effects, {:.0f} of {:.0f} beyond their prior, {:.0f} of {:.0f} "
-        "pairs, {:.0f} of {:.0f} threes;",
+        "threes, {:.0f} of {:.0f} pairs (",
         lambda: [
             one
-            for kind in ("single", "beyond", "pair", "three")
+            for kind in ("single", "beyond", "three", "pair")
             for one in _cases(f"clear, {kind}: cause or class right")
         ],
     ),
