@@ -448,4 +448,7 @@ def _in_place(found: Diagnosis, hypothesis: Hypothesis) -> list[str]:
         for h in _rivals(found, hypothesis)
     ]
     rest = tuple(sorted(set(hypothesis) - set(causes)))
-    return [f"In place of {plain(rest, found.effects)}: {', '.join(others)}."] if others else []
+    if not others:
+        return []
+    instead = f"In place of {plain(rest, found.effects)}" if rest else "There may also be"
+    return [f"{instead}: {', '.join(others)}."]
