@@ -105,12 +105,13 @@ def main() -> None:
         for found in (results, beside)
     ]
     print(f"{len(names)} cases of {given.folder.name}, key opened before")
-    print(f"{'figure':62s}{'not told':>22s}{'told':>22s}      n")
+    print(f"{'figure':62s}{'not told':>22s}{'n':>6s}{'told':>22s}{'n':>6s}")
     for one in HEADLINES:
         bare, with_it = (column[one.name] for column in columns)
         if bare["n"]:
             print(
-                f"{one.words:62s}{figure_text(bare):>22s}{figure_text(with_it):>22s}{bare['n']:>7d}"
+                f"{one.words:62s}{figure_text(bare):>22s}{bare['n']:>6d}"
+                f"{figure_text(with_it):>22s}{with_it['n']:>6d}"
             )
 
 
