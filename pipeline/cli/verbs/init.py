@@ -77,13 +77,25 @@ def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool)
     words = CLUTCH | USE
     before = default_values(origin) | default_use(origin)
     answers = before | {key: value for key, value in values.items() if key in words}
+    asked = answers
     while True:
-        answers = ask_values(answers, words)
+        answers = answers | ask_values(asked, words)
         try:
             return write_study(out, origin, values | changed(answers, before), force=force)
         except InputError as error:
             say(str(error))
-            say("nothing is written yet; the same questions again, with what you answered")
+            say("nothing is written yet; your other answers are kept")
+            asked = _named(answers, str(error))
+
+
+def _named(answers: dict[str, Any], fault: str) -> dict[str, Any]:
+    """Return the answers that a fault names, all of them where it names none.
+
+    Forces stand in two tables, which have to agree.
+    """
+    forces = {key for key in answers if key.endswith("force_N") and "force" in fault}
+    found = {key: answers[key] for key in answers if key in fault or key in forces}
+    return found or answers
 
 
 @init.command()
