@@ -1,4 +1,4 @@
-"""What data sets that the diagnosis itself could have made are drawn from."""
+"""Draw data sets that the diagnosis itself could have made, at values of a cause's priors."""
 
 from __future__ import annotations
 

@@ -19,10 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dogshape.diagnosis.inference.posterior import inclusion
 from dogshape.diagnosis.inference.verdict import PART
-from dogshape.diagnosis.prediction.hypotheses import UNKNOWN
 from dogshape.validation.blind.advised_test import KINDS, Advised
-from dogshape.validation.blind.case_marks import Names, names_of
+from dogshape.validation.blind.case_marks import Names
 from dogshape.validation.blind.field_score import advised_test, chance_to_settle, field_mark
 from dogshape.validation.blind.sealed import opened, results_of
 
@@ -55,8 +55,7 @@ def rows_of(folder: Path) -> list[Row]:
 
 def _named(chances: Mapping[Names, float], truths: Sequence[Names]) -> bool:
     """Test that the effects of a truth, and no others, are part of the cause in any case."""
-    effects = {name for cause in chances for name in cause if cause != names_of(UNKNOWN)}
-    sure = {n for n in effects if sum(p for cause, p in chances.items() if n in cause) > PART}
+    sure = {name for name, chance in inclusion(chances).items() if chance > PART}
     return bool(sure) and any(sure == set(truth) for truth in truths)
 
 

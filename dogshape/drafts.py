@@ -6,13 +6,14 @@ from typing import Any
 
 from dogshape.pipeline.drafts.bench_folder import BenchDraft, guessed, write_bench
 from dogshape.pipeline.drafts.sources import source_of
-from dogshape.pipeline.drafts.study_folder import use_of, write_study
+from dogshape.pipeline.drafts.study_folder import askable, use_of, write_study
 from dogshape.pipeline.drafts.targets import require_free
 
 __all__ = [
     "CLUTCH",
     "USE",
     "BenchDraft",
+    "askable",
     "default_use",
     "default_values",
     "guessed",

@@ -49,12 +49,13 @@ def _said_and_so(kind: str) -> list[float]:
     return [numbers("blind_field", f"{kind}: {row}")[0] for row in rows]
 
 
-def _cases(label: str) -> tuple[float, float]:
-    """Give a share of the field set as a number of cases, and of how many; none without a row."""
+def _leading(kind: str) -> tuple[float, float]:
+    """Give the clear cases of a kind whose cause leads, and all; none where none was drawn."""
     try:
-        share, *_, count = numbers("blind_field", label)
-    except LookupError:  # no case of that kind was drawn
+        numbers("blind_field", f"clear, {kind}: ")
+    except LookupError:
         return 0.0, 0.0
+    share, *_, count = numbers("blind_field", f"clear, {kind}: cause or class right")
     return share * count, count
 
 
@@ -198,10 +199,6 @@ ENTRIES: list[Entry] = [
         PAGE,
         "{:.0f} of {:.0f} single effects, {:.0f} of {:.0f} beyond their prior, {:.0f} of {:.0f} "
         "threes, {:.0f} of {:.0f} pairs (",
-        lambda: [
-            one
-            for kind in ("single", "beyond", "three", "pair")
-            for one in _cases(f"clear, {kind}: cause or class right")
-        ],
+        lambda: [one for kind in ("single", "beyond", "three", "pair") for one in _leading(kind)],
     ),
 ]

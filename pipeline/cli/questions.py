@@ -6,7 +6,6 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import typer
 
 from dogshape.pipeline.cli.progress_bar import say
@@ -66,8 +65,4 @@ def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str,
 
 def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Give the values that differ from their defaults."""
-    return {
-        key: value
-        for key, value in found.items()
-        if not np.array_equal(np.asarray(value), np.asarray(values[key]))
-    }
+    return {key: value for key, value in found.items() if value != values[key]}

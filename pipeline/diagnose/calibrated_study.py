@@ -450,5 +450,5 @@ def _in_place(found: Diagnosis, hypothesis: Hypothesis) -> list[str]:
     rest = tuple(sorted(set(hypothesis) - set(causes)))
     if not others:
         return []
-    instead = f"In place of {plain(rest, found.effects)}" if rest else "There may also be"
-    return [f"{instead}: {', '.join(others)}."]
+    begun = f"In place of {plain(rest, found.effects)}" if rest else "There may also be"
+    return [f"{begun}: {', '.join(others)}."]

@@ -77,10 +77,15 @@ def use_of(origin: str, keys: Iterable[str]) -> Row:
     for key in keys:
         table, _, name = key.rpartition(".")
         value = taken.get(key, tables.get(table, {}).get(name))
-        parts = value if isinstance(value, list) else [value]
-        if all(isinstance(part, (int, float)) for part in parts):
-            found[key] = [float(part) for part in parts] if isinstance(value, list) else value
+        if askable(value):
+            found[key] = value
     return found
+
+
+def askable(value: Any) -> bool:
+    """Test that a value is a number or a list of numbers."""
+    parts = value if isinstance(value, list) else [value]
+    return all(isinstance(part, (int, float)) for part in parts)
 
 
 def _kept_of(text: str, given: Mapping[str, Any], whence: str) -> list[str]:

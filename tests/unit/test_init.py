@@ -375,6 +375,20 @@ def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
     assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
 
 
+def test_an_answer_goes_before_what_was_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where it is what the origin has."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    said = "\n15" + 16 * "\n"
+    sets = ["--set", "dog.count=20", "--set", "dog.height_mm=3.2"]
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine", *sets], input=said)
+    assert done.exit_code == 0, done.stderr
+    dog = load_study("mine").clutch.dog
+    assert (dog.count, dog.height) == (15, pytest.approx(3.2e-3))
+
+
 def test_questions_that_are_stopped_write_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

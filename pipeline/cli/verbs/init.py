@@ -11,6 +11,7 @@ from dogshape.drafts import (
     CLUTCH,
     USE,
     BenchDraft,
+    askable,
     default_use,
     default_values,
     guessed,
@@ -76,8 +77,8 @@ def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool)
     origin = ask_text("begin from (a study, or the folder of a bench)", origin)
     words = CLUTCH | USE
     before = default_values(origin) | default_use(origin)
-    answers = before | {key: value for key, value in values.items() if key in words}
-    asked = answers
+    before |= {key: value for key, value in values.items() if key in words and askable(value)}
+    answers = asked = before
     while True:
         answers = answers | ask_values(asked, words)
         try:
