@@ -130,7 +130,9 @@ def _line(effect: Effect, setting: Setting, count: int) -> list[float]:
     added = np.linspace(only.share(near), end, steps + 1)[1:]
     neutral = only.neutral_of(setting)
     if not last.low <= neutral <= last.high:
-        added = _but_neutral(added, only, neutral)
+        # The baseline stands for a level beside it, but not for the end of what was added.
+        inner = _but_neutral(added, only, neutral)
+        added = inner if end in inner or only.at(end) == neutral else added
     return sorted([*kept, *(only.at(float(share)) for share in added)])
 
 
@@ -151,7 +153,10 @@ def _plane(effect: Effect, setting: Setting, count: int) -> list[tuple[float, ..
     first = zip(effect.parameters, effect.usual.parameters, strict=True)
     share = np.prod([p.share(usual.high) - p.share(usual.low) for p, usual in first])
     more = round(count / float(share)) - len(kept)
-    return [*kept, *(real[k] for k in farthest(axes.at(np.array(real)), begin, more))]
+    every = [*kept, *(real[k] for k in farthest(axes.at(np.array(real)), begin, more))]
+    # In the order in which they fill the plane as it is now, from which places are chosen.
+    order = farthest(axes.at(np.array(every)), axes.neutral, len(every))
+    return [every[k] for k in order]
 
 
 def farthest(places: Array, begin: Array, count: int) -> list[int]:

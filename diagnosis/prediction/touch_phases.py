@@ -4,6 +4,11 @@ The phase is :math:`\phi = \Omega \tau / p`, with the mismatch :math:`\Omega`, t
 :math:`\tau` of the flight and the pitch *p*. The flight (``diagnosis.prediction.flight``) meets
 neither contact nor relative angle, so it is simulated at a grid of an effect's values, with splines
 between. Changes by several effects add up.
+
+Where a prior reaches to where no axial gap is left, or beyond, the nodes lie over the part of which
+there is a bench. Near that end the flight is short, and its duration goes with the fourth root of
+what is left (:math:`x \propto t^4`, as a force rises that starts smoothly; with the square root
+where it is there at once): nodes and splines are even in the fourth root.
 """
 
 from __future__ import annotations
@@ -31,26 +36,52 @@ from dogshape.sim.shift.actuation import ForceProfile
 
 NODES = {1: 17, 2: 9}  #: along each parameter of an effect, by their number
 MANY = 5  #: along each of more than two
+HALVINGS = 40  #: to the end of the part of a prior of which there is a bench
+SHORT = 0.5  #: of the flight without the effect, below which an end of a prior is beside that part
+ROOT = 4  #: of what is left beside that end, in which nodes are even
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Places from 0 to 1 along a parameter, at shares ``start`` to ``end`` of its prior.
+
+    They are even in the share of the way by the power ``1 / root``.
+    """
+
+    start: float = 0.0
+    end: float = 1.0
+    root: int = 1
+
+    def shares(self, places: Array) -> Array:
+        """Return the shares of the prior at places (m,)."""
+        return self.start + (self.end - self.start) * places**self.root
+
+    def places(self, shares: Array) -> Array:
+        """Return the places of shares of the prior (m,)."""
+        way = (shares - self.start) / (self.end - self.start)
+        return way if self.root == 1 else np.clip(way, 0.0, 1.0) ** (1.0 / self.root)
 
 
 @dataclass(frozen=True)
 class _Grid:
     """Changes by one effect at the nodes of its parameters, at C operating points.
 
-    ``times`` of the flight in s and ``speeds`` in rad/s, (n1, n2, ..., C) each.
+    ``nodes`` are places along ``lines``, one for each parameter. ``times`` of the flight in s and
+    ``speeds`` in rad/s, (n1, n2, ..., C) each.
     """
 
     effect: Effect
+    lines: tuple[_Line, ...]
     nodes: tuple[Array, ...]
     times: Array
     speeds: Array
 
     def at(self, values: Array) -> tuple[Array, Array]:
         """Return the changes at values (m, p), (C, m) each."""
-        columns = zip(self.effect.parameters, self.nodes, strict=True)
+        columns = zip(self.effect.parameters, self.lines, self.nodes, strict=True)
         smooth = [
-            spline_weights(nodes, shares_below(p, values[:, k]), 3)
-            for k, (p, nodes) in enumerate(columns)
+            spline_weights(nodes, line.places(shares_below(p, values[:, k])), 3)
+            for k, (p, line, nodes) in enumerate(columns)
         ]
         if not smooth:
             ones = np.ones((len(values), 1))
@@ -82,12 +113,39 @@ class _Flights:
         """Let the ring fly with an effect at all nodes."""
         sizes = [NODES.get(len(effect.parameters), MANY)] * len(effect.parameters)
         nodes = tuple(np.linspace(0.0, 1.0, size) for size in sizes)
+        alone = len(sizes) == 1
+        lines = (self._line(effect),) if alone else (_Line(),) * len(sizes)
+        flown = (line.shares(places) for line, places in zip(lines, nodes, strict=True))
         rows = [
             [self._changed(effect, shares, cell) for cell in range(len(self.settings))]
-            for shares in itertools.product(*nodes)
+            for shares in itertools.product(*flown)
         ]
         times, speeds = np.moveaxis(filled(np.array(rows).reshape(*sizes, -1, 2)), -1, 0)
-        return _Grid(effect, nodes, times, speeds)
+        return _Grid(effect, lines, nodes, times, speeds)
+
+    def _line(self, effect: Effect) -> _Line:
+        """Return the places of an effect's only parameter, over the part that is a bench."""
+        (only,) = effect.parameters
+
+        def there(share: float) -> bool:
+            return effect.possible(self.settings[0], {only.name: only.at(share)})
+
+        shares = np.linspace(0.0, 1.0, NODES[1]).tolist()
+        real = [share for share in shares if there(share)]
+        for gone, far in ((0.0, 1.0), (1.0, 0.0)):
+            if not real or not there(far):
+                continue
+            if there(gone):
+                later, _ = self._changed(effect, [gone], 0)
+                if self.still[0] + later < SHORT * self.still[0]:
+                    return _Line(gone, far, ROOT)
+                continue
+            near = min(real, key=lambda share: abs(share - gone))
+            for _ in range(HALVINGS):
+                middle = 0.5 * (gone + near)
+                gone, near = (gone, middle) if there(middle) else (middle, near)
+            return _Line(near, far, ROOT)
+        return _Line()
 
     def _changed(self, effect: Effect, shares: Sequence[float], cell: int) -> tuple[float, float]:
         """Compute the changes of a flight's time and of the speed; NaN where no such bench is."""

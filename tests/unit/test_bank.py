@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, settings_of
 from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
 from dogshape.diagnosis.prediction.emulator import BankEmulator
-from dogshape.diagnosis.prediction.levels import Axes, levels_of, only_read
+from dogshape.diagnosis.prediction.levels import Axes, check_level, levels_of, only_read
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     PLANAR,
     TIMES,
@@ -123,9 +123,26 @@ def test_a_wider_plane_keeps_its_levels_and_has_as_many_more_as_it_grew_by(bench
     detent = EFFECTS["detent_force"]
     first = levels_of(detent, setting, 5, 12)
     wider = levels_of(_widened(detent, 0, upper=True), setting, 5, 12)
-    assert wider[:12] == first
+    assert set(first) < set(wider)
     assert len(set(wider)) == len(wider) == 18
-    assert max(level.values[0] for level in wider[12:]) > detent.parameters[0].high
+    high = detent.parameters[0].high
+    assert max(level.values[0] for level in set(wider) - set(first)) > high
+    # Where it is simulated with others lies in what was added.
+    assert check_level(("detent_force",), {"detent_force": first}).values == first[1].values
+    assert check_level(("detent_force",), {"detent_force": wider}).values[0] > high
+
+
+def test_the_end_of_a_range_stays_beside_the_neutral_value(bench: Bench) -> None:
+    setting = settings_of(bench)[0]
+    scale = EFFECTS["force_scale"]
+    (size,) = scale.parameters
+    above = replace(scale, parameters=(replace(size, low=1.1, high=1.5),))
+    below = above.with_range(replace(size, low=0.98, high=1.5))
+    found = [level.values[0] for level in levels_of(below, setting, 5, 9)]
+    assert found == pytest.approx([0.98, 1.04, 1.1, 1.2, 1.3, 1.4, 1.5])
+    last = above.with_range(replace(size, low=1.0, high=1.5))
+    found = [level.values[0] for level in levels_of(last, setting, 5, 9)]
+    assert found == pytest.approx([1.1, 1.2, 1.3, 1.4, 1.5])
 
 
 def test_levels_that_no_bench_has_are_left_out(bench: Bench) -> None:

@@ -155,6 +155,19 @@ def test_phases_between_nodes_are_those_of_flights(bench: Bench) -> None:
                 assert found[cell, place] == pytest.approx(phases.of(changed), abs=0.01)
 
 
+@pytest.mark.parametrize("gap_mm", [0.3, 0.8, 0.82])
+def test_phases_are_those_of_flights_down_to_no_gap_at_all(bench: Bench, gap_mm: float) -> None:
+    settings = [one.with_dog(axial_gap=1e-3 * gap_mm) for one in settings_of(bench)]
+    left = np.array([0.02, 0.05, 0.1, 0.15, 0.25])  # mm
+    offsets = np.array([*(left - gap_mm), 0.05, 0.7])
+    found = TouchPhases(EFFECTS, settings)
+    phases = found.at({"axial_gap": offsets[:, None]}, len(offsets))
+    for cell, setting in enumerate(settings):
+        for place, offset in enumerate(offsets):
+            changed = Level(("axial_gap",), (offset,)).setting(EFFECTS, setting)
+            assert phases[cell, place] == pytest.approx(found.of(changed), abs=0.002)
+
+
 def test_times_are_laid_over_the_pitch_periodically() -> None:
     times = np.array([0.1, 0.2, np.inf, 0.4])
     logs, engaged = laid(times, np.array([0.9, 1.15, 1.4, 1.65]), np.array([0.15, 0.4, 0.025]))
