@@ -115,7 +115,8 @@ NUMERICAL = {
     "prediction.hypotheses": "TRIED values",
     "prediction.emulator": "PROBES values",
     "prediction.level_fit": "SHARES shares, LEAST of a mean, NONE of a mean",
-    "prediction.touch_phases": "NODES nodes, MANY nodes, HALVINGS steps, ROOT 1, SHORT of the flight",
+    "prediction.touch_phases": "NODES nodes, MANY nodes, HALVINGS steps, ROOT 1, "
+    "SHORT of the flight",
     "inference.joint_refinement": "DRAWS draws, GRID steps",
     "prediction.levels": "CANDIDATES power of two, TICKS of the prior, TOGETHER of the prior",
     "prediction.flight_table": "NODES nodes, MANY nodes, ALONE nodes, TRIED of the prior",

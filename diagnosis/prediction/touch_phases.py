@@ -130,21 +130,19 @@ class _Flights:
         def there(share: float) -> bool:
             return effect.possible(self.settings[0], {only.name: only.at(share)})
 
-        shares = np.linspace(0.0, 1.0, NODES[1]).tolist()
-        real = [share for share in shares if there(share)]
-        for gone, far in ((0.0, 1.0), (1.0, 0.0)):
+        real = [s for s in np.linspace(0.0, 1.0, NODES[1]).tolist() if there(s)]
+        for end, far in ((0.0, 1.0), (1.0, 0.0)):
             if not real or not there(far):
                 continue
-            if there(gone):
-                later, _ = self._changed(effect, [gone], 0)
-                if self.still[0] + later < SHORT * self.still[0]:
-                    return _Line(gone, far, ROOT)
-                continue
-            near = min(real, key=lambda share: abs(share - gone))
-            for _ in range(HALVINGS):
-                middle = 0.5 * (gone + near)
-                gone, near = (gone, middle) if there(middle) else (middle, near)
-            return _Line(near, far, ROOT)
+            if not there(end):
+                gone, near = end, min(real, key=lambda share: abs(share - end))
+                for _ in range(HALVINGS):
+                    middle = 0.5 * (gone + near)
+                    gone, near = (gone, middle) if there(middle) else (middle, near)
+                return _Line(near, far, ROOT)
+            later, _ = self._changed(effect, [end], 0)
+            if self.still[0] + later < SHORT * self.still[0]:
+                return _Line(end, far, ROOT)
         return _Line()
 
     def _changed(self, effect: Effect, shares: Sequence[float], cell: int) -> tuple[float, float]:
