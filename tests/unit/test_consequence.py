@@ -89,6 +89,26 @@ def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
     assert "faster" not in found.sentence
 
 
+def test_a_blow_on_an_edge_has_the_energy_of_the_bed_that_was_simulated() -> None:
+    def on_edges(blocks: Sequence[Block]) -> list[list[Record]]:
+        loads = [2000.0] + [0.0] * (len(OVERLAPS) - 1)
+        return [[{**_row(b), "landing_loads_N_mm": loads}] * len(b.angles) for b in blocks]
+
+    def margins(stiffness: float, *changes: str) -> tuple[float, float]:
+        given = load_study("mq200_paper", ["load.edge_contact=line", *changes])
+        level = Level(("contact_stiffness",), (stiffness,))
+        only = {"prototype": dict(given.prototype)}
+        (one,) = consequence(given, only, level, EFFECTS, on_edges).candidates
+        assert one.landing_with.name == "edge_pressure_impact"
+        return one.landing.margin, one.landing_with.margin
+
+    soft, hard = 3e11, 8e12
+    before, less = margins(soft)
+    assert less < before < margins(hard)[1]
+    # With a study of that bed it is the margin without any effect.
+    assert margins(hard, f"contact.stiffness_Pa_m={soft}")[0] == pytest.approx(less)
+
+
 def test_a_dead_time_moves_every_time_and_no_choice(study: Setup) -> None:
     found = consequence(study, _designs(study), Level(("actuation_delay",), (0.1,)), EFFECTS, _run)
     assert found.chosen is found.best
