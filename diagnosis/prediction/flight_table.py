@@ -18,7 +18,7 @@ from scipy.interpolate import make_interp_spline
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from dogshape.diagnosis.bench.flight_marks import SIZE, WAYS
-from dogshape.diagnosis.prediction.flight import Flight, changes_flight, fly
+from dogshape.diagnosis.prediction.flight import FIRST, Flight, changes_flight, fly
 from dogshape.diagnosis.prediction.flight_store import FlightStore, key_of
 from dogshape.diagnosis.prediction.levels import Level, columns_of
 from dogshape.diagnosis.prediction.prediction import Marks
@@ -114,7 +114,8 @@ def _row(named: Mapping[str, Effect], values: tuple[float, ...], setting: Settin
     except DogshapeError:
         return np.full((3, SIZE), np.nan)
     flight = fly(changed, setting.clutch.dog.axial_gap, setting.point.profile.force)
-    return np.array([np.log(flight.times), flight.creep, flight.margin])
+    # Without an axial gap the ring passes its shares at once, sooner than a step can tell.
+    return np.array([np.log(np.maximum(flight.times, FIRST)), flight.creep, flight.margin])
 
 
 def filled(whole: Array) -> Array:

@@ -127,3 +127,17 @@ def test_marks_between_nodes_err_no_more_than_they_say(
     score = (said.times - flown) / np.hypot(own, 5e-5)
     assert np.sqrt((score**2).mean()) < 1.0
     assert np.median(abs(said.times - flown)) < 1e-4
+
+
+def test_a_ring_without_an_axial_gap_passes_its_shares_at_once(plain: Setting) -> None:
+    """What is left of the flight is the force, which an effect moves as it does elsewhere."""
+    close = plain.with_dog(axial_gap=0.0)
+    values = np.array([[0.05], [0.2]])
+    near, far = (
+        FlightTables(EFFECTS, (one,)).at(("actuation_lag",), values, plain.point.profile)
+        for one in (close, plain)
+    )
+    assert np.isfinite(near.times).all()
+    assert np.isfinite(near.error).all()
+    assert near.times[:, : len(WAYS)].max() < 1e-4
+    assert near.times[:, len(WAYS) :] == pytest.approx(far.times[:, len(WAYS) :], rel=1e-9)
