@@ -16,7 +16,6 @@ from dogshape.diagnosis.report.examined import examined_record
 from dogshape.diagnosis.report.wording import headline
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
-    DRAWS,
     CalibratedStudy,
     calibrated_study,
     require_new_study,
@@ -25,6 +24,7 @@ from dogshape.pipeline.diagnose.consequence import Consequence, studied
 from dogshape.pipeline.diagnose.extras import Extras, so_what
 from dogshape.pipeline.diagnose.gap_update import require_no_updates
 from dogshape.pipeline.diagnose.joined_bench import keep_data
+from dogshape.pipeline.diagnose.posterior_draws import DRAWS
 from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.before_after import before_figure

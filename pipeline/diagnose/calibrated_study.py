@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.posterior import inclusion
@@ -31,6 +29,13 @@ from dogshape.pipeline.config.study_file import Setup, build_study, find_study, 
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.bench_study import operating_of, rounded, study_of
 from dogshape.pipeline.diagnose.effect_keys import EffectKeys
+from dogshape.pipeline.diagnose.posterior_draws import (
+    DRAWS,
+    drawn_from,
+    effects_beside,
+    rivals_of,
+    row_of,
+)
 from dogshape.pipeline.diagnose.uncertain_effects import uncertain_of
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.sim import effects as registry
@@ -43,11 +48,8 @@ from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 
-DRAWS = 200  #: of the posterior
 LIKELY = 0.5  #: probability above which an open effect is likelier than not
 SHOWN = 5  #: hypotheses that an error names
-LEAST = 1e-9  #: probability of a set that was asked for, so that it can be drawn
-RARE = 0.005  #: probability below which a hypothesis is not drawn
 Data = dict[str, Any]  #: a TOML file as it is read
 
 
@@ -179,17 +181,19 @@ def calibrated_study(
         )
     for name, effect in taken.items():
         _put(data, keys.settings(effect, values[name]))
-    rivals = _rivals(found, hypothesis, () if causes is None else causes)
-    kept = [h for h in rivals if not _clashing(data, _beside(found, h, hypothesis, keys), keys)]
+    rivals = rivals_of(found, hypothesis, () if causes is None else causes)
+    more = {h: effects_beside(found, h, hypothesis, keys) for h in (hypothesis, *rivals)}
+    kept = [h for h in rivals if not _clashing(data, more[h], keys)]
     remarks += [
         f"{plain(h, found.effects)} ({chance(found.posterior[h])}) is not drawn: the study gives "
         "one of its keys itself"
         for h in rivals
         if h not in kept
     ]
-    drawn = _drawn(found, [hypothesis, *kept], draws, seed)
-    rivalling = [_beside(found, h, hypothesis, keys) for h in dict.fromkeys(h for h, _ in drawn)]
-    columns = {**taken, **{name: one for those in rivalling for name, one in those.items()}}
+    drawn = drawn_from(found, [hypothesis, *kept], draws, seed)
+    columns = dict(taken)
+    for h in dict.fromkeys(h for h, _ in drawn):
+        columns |= more[h]
     if base is None:
         data["operating"] = _true_points(found, hypothesis, values)
     data["name"] = path.stem
@@ -200,7 +204,7 @@ def calibrated_study(
     remarks += told
     text = toml_text(data, _comments(found, hypothesis, base, remarks, draws_beside(path).name))
     study = _built(tomllib.loads(text), path)
-    rows = tuple(_row(k, *one, columns, keys) for k, one in enumerate(drawn, start=1))
+    rows = tuple(row_of(k, *one, columns, keys) for k, one in enumerate(drawn, start=1))
     return CalibratedStudy(
         study,
         text,
@@ -263,59 +267,6 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
         likely = "; ".join(", ".join(h) for h in there[:SHOWN])
         rule = f"the diagnosis has not looked into just these together; name one of: {likely}"
     raise InputError(f"--causes is '{asked}', but {rule}")
-
-
-def _rivals(found: Diagnosis, chosen: Hypothesis, asked: Sequence[str] = ()) -> list[Hypothesis]:
-    """List the other hypotheses that hold the named effects and have the chosen sense.
-
-    What was asked for belongs to all of them: draws without it would be of another machine.
-    """
-    causes, turned = {*found.verdict.causes, *asked}, REVERSED in chosen
-    return [
-        h
-        for h, p in found.posterior.items()
-        if h in found.scored and h != chosen and causes <= set(h) and p >= RARE
-        if (REVERSED in h) == turned
-    ]
-
-
-def _beside(
-    found: Diagnosis, rival: Hypothesis, chosen: Hypothesis, keys: EffectKeys
-) -> dict[str, Effect]:
-    """Return the effects of a rival that the chosen hypothesis lacks and a study takes."""
-    names = [name for name in rival if name not in chosen]
-    return {n: found.effects[n] for n in names if keys.takes(found.effects[n])}
-
-
-def _drawn(
-    found: Diagnosis, those: Sequence[Hypothesis], count: int, seed: int
-) -> list[tuple[Hypothesis, dict[str, float]]]:
-    """Draw hypotheses by their probabilities, each with values from its posterior."""
-    generator = np.random.default_rng(seed)
-    shares = np.array([max(found.posterior.get(h, 0.0), LEAST) for h in those])
-    which = generator.choice(len(those), size=count, p=shares / shares.sum())
-    rows = []
-    for place in which:
-        one = found.scored[those[place]]
-        values = one.space.values(one.rows.shares[one.draw(1, generator)])[0]
-        names = [parameter.name for parameter in one.space.parameters]
-        rows.append((those[place], dict(zip(names, map(rounded, values.tolist()), strict=True))))
-    return rows
-
-
-def _row(
-    number: int,
-    hypothesis: Hypothesis,
-    values: Mapping[str, float],
-    taken: Mapping[str, Effect],
-    keys: EffectKeys,
-) -> Data:
-    """Return a draw as keys of the study; an effect that it lacks has its neutral values."""
-    row: Data = {"draw": number, "hypothesis": " + ".join(hypothesis)}
-    for name, effect in taken.items():
-        mine = {p.name: values[p.name] for p in effect.parameters} if name in hypothesis else None
-        row |= keys.settings(effect, mine or effect.neutral(keys.base))
-    return row
 
 
 def _of_points(base: str | None) -> set[str]:
@@ -445,7 +396,7 @@ def _in_place(found: Diagnosis, hypothesis: Hypothesis) -> list[str]:
     causes = tuple(sorted(found.verdict.causes))
     others = [
         f"{plain(without(h, causes), found.effects)} ({chance(found.posterior[h])})"
-        for h in _rivals(found, hypothesis)
+        for h in rivals_of(found, hypothesis)
     ]
     rest = tuple(sorted(set(hypothesis) - set(causes)))
     if not others:
