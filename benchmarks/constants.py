@@ -77,7 +77,11 @@ CHOSEN = {
         ENOUGH | shifts | judged |
         PRIOR | shifts | judged |""",
     "likelihood.observations": "LEAST | s | judged | resolution of a shift time",
-    "likelihood.drift": "ALIKE | degrees of freedom | judged | few repeats scatter by chance",
+    "likelihood.drift": """
+        INSIDE | probability | judged | usual level
+        ALIKE | degrees of freedom | judged | few repeats scatter by chance""",
+    "likelihood.discrepancy": "LEAST_SPREAD | of ln force | judged | closer forces tell no line",
+    "inference.posterior": "CONTRADICTED | deviations | judged | one in fifty at that distance",
     "inference.parameter_intervals": "INSIDE | probability | judged | usual level",
     "inference.static_readings": """
         LEAST | readings | judged | two lie on any line
@@ -104,7 +108,7 @@ CHOSEN = {
 }
 #: Constants of a numerical method, by module, with their units: more would change nothing but cost.
 NUMERICAL = {
-    "bench.input_errors": "STEP of ln force",
+    "bench.input_errors": "STEP of ln force, ALIKE of a value, APART of a logarithm",
     "bench.flight_marks": "AROUND of a mark, SAMPLES samples",
     "prediction.bank": "ANGLES angles, SHIFT s, ACCURACY 1",
     "prediction.bank_store": "TICK s",

@@ -100,13 +100,6 @@ class Rules:
         "judged",
         "oil and actuator warm up, edges wear; a fifth of the time would be noticed at the stand",
     )
-    late_share: float = constant(
-        0.02,
-        "probability",
-        "least share of late shifts where no simulation shows their delay",
-        "judged",
-        "few in a hundred pass slot after slot",
-    )
     late_least: float = constant(
         0.003,
         "probability",

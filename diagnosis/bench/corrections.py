@@ -1,4 +1,4 @@
-"""Corrections of units and axes that a user confirms; none is made without being asked for.
+"""Corrections of units, axes and set values that a user confirms; none is made unasked.
 
 A correction is written ``QUANTITY=WAY``, for instance ``time=ms``: the column is in
 milliseconds. ``QUANTITY=given`` says that it is right as it stands, however odd it looks.
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+from dogshape.diagnosis.bench.near_points import joined_values
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.sim.errors import InputError, did_you_mean
@@ -16,7 +17,7 @@ from dogshape.sim.units import MM, MS, RPM
 
 GIVEN = "given"
 
-Change = Callable[[Row, Sensor], Row]
+Change = Callable[[Sheet, Sensor], Sheet]
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,17 @@ class Correction:
 def _scaled(field: str, factor: float, *others: str) -> Change:
     """Return a change that multiplies fields of a row, where they have a value."""
 
-    def change(row: Row, _: Sensor) -> Row:
+    def change(row: Row) -> Row:
         values = {name: getattr(row, name) for name in (field, *others)}
         known = {name: value * factor for name, value in values.items() if value is not None}
         return replace(row, **known) if known else row
 
-    return change
+    return _each(change)
+
+
+def _each(change: Callable[[Row], Row]) -> Change:
+    """Return the change of all rows of a sheet by that of one."""
+    return lambda sheet, _: sheet.with_rows(tuple(change(row) for row in sheet.rows))
 
 
 def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Change:
@@ -52,7 +58,7 @@ def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Cha
         by = factor(sensor)
         return replace(row, trace=replace(trace, **{f: getattr(trace, f) * by for f in fields}))
 
-    return change
+    return lambda sheet, sensor: sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
 
 
 def _at_sleeve(sensor: Sensor) -> float:
@@ -74,16 +80,26 @@ def _needs(quantity: str, keys: str) -> InputError:
     )
 
 
+def _joined(sheet: Sheet) -> Sheet:
+    """Return a sheet in which rows with nearly the same set values have the same."""
+    values = zip(sheet.rows, joined_values(sheet.rows), strict=True)
+    return sheet.with_rows(
+        tuple(replace(r, mismatch=n, force=force, rise=rise) for r, (n, force, rise) in values)
+    )
+
+
 SPEEDS = ("sliding_speed", "output_speed")
 
 #: What can be taken otherwise, in the order in which it is changed.
 WAYS: dict[str, dict[str, Change]] = {
-    "axes": {"swapped": lambda row, _: replace(row, mismatch=row.force, force=row.mismatch)},
+    "axes": {
+        "swapped": _each(lambda row: replace(row, mismatch=row.force, force=row.mismatch)),
+    },
     "time": {"ms": _scaled("time", MS, "sd")},
     "rise": {"ms": _scaled("rise", MS)},
     "force": {
         "kN": _scaled("force", 1e3),
-        "arm": lambda row, sensor: replace(row, force=row.force * _at_sleeve(sensor)),
+        "arm": lambda sheet, sensor: _scaled("force", _at_sleeve(sensor))(sheet, sensor),
     },
     "mismatch": {"rad_s": _scaled("mismatch", 1.0 / RPM), "reversed": _scaled("mismatch", -1.0)},
     "displacement": {
@@ -96,6 +112,7 @@ WAYS: dict[str, dict[str, Change]] = {
         "arm": _in_trace(("force",), _at_sleeve),
     },
     "speeds": {"rad_s": _in_trace(SPEEDS, lambda _: 1.0 / RPM)},
+    "points": {"joined": lambda sheet, _: _joined(sheet)},
 }
 
 
@@ -125,6 +142,4 @@ def _parse(text: str) -> Correction:
 def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
     """Make one correction in all rows of a sheet; ``given`` changes none."""
     change = WAYS[correction.quantity].get(correction.way)
-    if change is None:
-        return sheet
-    return sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
+    return sheet if change is None else change(sheet, sensor)

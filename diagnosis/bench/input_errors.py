@@ -10,6 +10,8 @@ The time at the operating point *k* changes with force and mismatch by
 with :math:`t_0` the free flight, whose derivative at the same rise time has a closed form, and
 differences between neighbours of the data set (:math:`n_1` is 1/min). Along its grid the rise time
 mostly changes with the force, which an error of the force does not; the free flight has both in it.
+Neighbours are some way apart, and points within ``ALIKE`` are alike: simulated means err by their
+angles, of which a small step would make a large slope.
 *T* is the simulated mean without any effect. Errors of each point add to the variance of their
 mean; systematic ones are directions that cells err along together, integrated out beside the
 discrepancy (``diagnosis.likelihood.discrepancy``).
@@ -31,6 +33,8 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.units import RPM
 
 STEP = 0.01  #: of ln force
+ALIKE = 0.02  #: of a value, up to which two are alike
+APART = {"flight": 0.03, "mismatch": 0.1}  #: of ln flight and ln mismatch, the least difference
 ONE_FORCE = (
     "Where a mismatch has one force only, an error of the force is propagated by the free flight "
     "alone."
@@ -107,11 +111,14 @@ class NominalInputs:
     def sensitivity(self, baseline: Array) -> Sensitivity:
         """Differentiate mean times without effect, s, (cells,), NaN where there are none."""
         slow = abs(self.mismatch) + RPM
-        by_flight, alone = _slopes(baseline, self.flight, [self.mismatch])
+        by_flight, alone = _slopes(
+            baseline, self.flight, [self.mismatch], APART["flight"] * self.flight
+        )
         by_flight = np.where(alone, 1.0, by_flight)
         lacking = [ONE_FORCE] if alone.any() and self._stated("force") else []
         sides = np.sign(self.mismatch)
-        by_mismatch, alone = _slopes(baseline, np.log(slow), [self.force, self.rise, sides])
+        least = np.full(slow.size, APART["mismatch"])
+        by_mismatch, alone = _slopes(baseline, np.log(slow), [self.force, self.rise, sides], least)
         lacking += [ONE_MISMATCH] if alone.any() and self._stated("mismatch") else []
         return Sensitivity(
             self.flight_slope * by_flight,
@@ -188,18 +195,45 @@ def _flight(clutch: Clutch, point: OperatingPoint, by: float) -> float:
     return profile.free_flight_time(clutch.shift_travel, clutch.rings.mass)
 
 
-def _slopes(values: Array, place: Array, alike: Sequence[Array]) -> tuple[Array, np.ndarray]:
+def _slopes(
+    values: Array, place: Array, alike: Sequence[Array], least: Array
+) -> tuple[Array, np.ndarray]:
     """Differentiate values over their places, among cells that are alike in all else, (cells,).
 
-    The second marks cells that have no neighbour; their slope is zero.
+    Places that differ by less than ``least`` from the first of them count as one. The second marks
+    cells that have no neighbour; their slope is zero.
     """
     found, alone = np.zeros(values.size), np.zeros(values.size, dtype=bool)
-    _, groups = np.unique(np.round(np.stack(alike, axis=1), 9), axis=0, return_inverse=True)
+    labels = np.stack([_labels(one) for one in alike], axis=1)
+    _, groups = np.unique(labels, axis=0, return_inverse=True)
     for group in np.unique(groups):
         mine = np.flatnonzero((groups.ravel() == group) & np.isfinite(values))
-        steps, first, places = np.unique(place[mine], return_index=True, return_inverse=True)
-        if steps.size < 2:
+        mine = mine[np.argsort(place[mine], kind="stable")]
+        bins = _bins(place[mine], least[mine])
+        if not bins.size or bins[-1] == 0:
             alone[mine] = True
             continue
-        found[mine] = np.gradient(values[mine][first], steps)[places.ravel()]
+        count = np.bincount(bins)
+        means, steps = (np.bincount(bins, one[mine]) / count for one in (values, place))
+        found[mine] = np.gradient(means, steps)[bins]
     return found, alone
+
+
+def _labels(values: Array) -> np.ndarray:
+    """Number values so that those within ``ALIKE`` of the least of them have the same, (cells,)."""
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
+    found = np.empty(values.size, dtype=np.int64)
+    found[order] = _bins(ordered, ALIKE * abs(ordered))
+    return found
+
+
+def _bins(ordered: Array, least: Array) -> np.ndarray:
+    """Number ascending values so that each bin begins ``least`` above the beginning of the last."""
+    found, bins = np.zeros(ordered.size, dtype=np.int64), 0
+    begin = 0
+    for place in range(1, ordered.size):
+        if ordered[place] - ordered[begin] > max(least[begin], 1e-12):
+            bins, begin = bins + 1, place
+        found[place] = bins
+    return found

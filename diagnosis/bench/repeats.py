@@ -1,14 +1,19 @@
-"""Flaws of a table of shifts that are reported, not refused: rows twice, traces that end early."""
+"""Flaws of a table of shifts: rows twice, nearly the same points, traces that end early."""
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 
 from dogshape.diagnosis.bench.finding import Finding
+from dogshape.diagnosis.bench.near_points import NEAR, near_points
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.sim.units import MS
 
+MEASURED = (
+    "measured in place of set values, each of which would be an operating point of its own, with "
+    "errors of its own"
+)
 LOOKS = "a table that was copied below itself: copies make the data seem surer than they are"
 
 
@@ -42,6 +47,24 @@ def _repeats(rows: Sequence[Row]) -> list[tuple[int, int]]:
             found.append((row.row, first[what]))
         first.setdefault(what, row.row)
     return found
+
+
+def nearly_same_points(_: Stand, sheet: Sheet) -> list[Finding]:
+    """Find rows whose set values are nearly, but not just, those of others."""
+    near = near_points(sheet.rows)
+    if not near:
+        return []
+    place, other = next(iter(sorted(near.items())))
+    many = f"{len(near)} rows have" if len(near) > 1 else "a row has"
+    found = (
+        f"{many} nearly the set values of others: {_set_at(sheet.rows[place])} and "
+        f"{_set_at(sheet.rows[other])} differ by at most {NEAR:.0%}"
+    )
+    return [Finding("points", found, MEASURED, "joined", certain=True)]
+
+
+def _set_at(row: Row) -> str:
+    return f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
 
 
 def ends_early(row: Row) -> bool:

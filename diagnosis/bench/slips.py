@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 from dogshape.diagnosis.bench.corrections import GIVEN, Correction, corrected
 from dogshape.diagnosis.bench.finding import Finding
-from dogshape.diagnosis.bench.repeats import repeated_rows, short_traces
+from dogshape.diagnosis.bench.repeats import nearly_same_points, repeated_rows, short_traces
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.table_slips import (
@@ -56,6 +56,7 @@ CHECKS: tuple[Check, ...] = (
     speeds,
     trace_force,
     repeated_rows,
+    nearly_same_points,
     short_traces,
 )
 

@@ -2,6 +2,7 @@ r"""Equivalence: is what bench and simulation differ by too small to need anythi
 
 The gap of a cell is what the effects of a hypothesis change, and the discrepancy beside them
 (``diagnosis.likelihood.discrepancy``), both drawn given the data, scatter of the shifts left out.
+The mean time is that of all shifts, late ones too.
 Over its margin, a share of the mean time but at least so many seconds, it is averaged as a root
 mean square over the cells; a share engaged counts over its own margin. Bench and simulation are
 equivalent where that stays below one (the two one-sided tests of Schuirmann 1987, as a posterior
@@ -89,12 +90,12 @@ def equivalence(
     with what they may do. ``unknown`` is that of no known effect after all checks.
     """
     base = scored[NONE].rows.predicted
-    having = (problem.seen.shifts > 0) & np.isfinite(base.core[0])
+    having = (problem.seen.shifts > 0) & np.isfinite(base.mean[0])
     known = {h: p for h, p in raw.items() if h in scored}
     whole = sum(known.values())
     if not having.any() or whole <= 0.0:
         return None
-    limit = margin.of(base.core[0])[having]
+    limit = margin.of(base.mean[0])[having]
     generator = np.random.default_rng(1)
     parts: list[tuple[Array, Array, Array, Array]] = []
     for hypothesis, probability in known.items():
@@ -126,7 +127,7 @@ def _gaps(
     """Draw gaps, discrepancies, changes of the share engaged, (n, cells), and amplitudes, (n,)."""
     rows = one.rows.only(one.draw(count, generator))
     left, amplitude = posterior_draws(rows.slopes, problem.discrepancy, rows.joint, generator)
-    gaps = rows.predicted.core - base.core + left
+    gaps = rows.predicted.mean - base.mean + left
     return gaps, left, rows.predicted.engaged - base.engaged, amplitude
 
 

@@ -3,6 +3,12 @@
 An effect whose strength the data cannot show predicts the same as no effect. A pair with such a
 partner predicts the same as its other effect. That share of the posterior moves to the simpler
 hypothesis, so that invisible effects neither gain nor lose.
+
+Whether it can be seen, the distance of signatures says (``diagnosis.likelihood.signature``), before
+the data. The log Bayes factor of predictions at the distance *d* is about normal, with the mean
+:math:`d^2/2` and the deviation *d* (``CONTRADICTED``). Where evidence prefers an effect by more
+than that leaves, the data have seen it by what signatures have no coordinate for, such as more late
+shifts, and nothing of it moves.
 """
 
 from __future__ import annotations
@@ -18,12 +24,13 @@ from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.likelihood.signature import Metric, squared
-from dogshape.diagnosis.prediction.hypotheses import NONE, PRIORS, UNKNOWN, Space, priors_of
+from dogshape.diagnosis.prediction.hypotheses import NONE, PRIORS, UNKNOWN, priors_of
 from dogshape.diagnosis.settings import Priors
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWN = 2000  #: values drawn from the posterior of several effects
 NEGLIGIBLE = 1e-4  #: probability below which several effects are not looked into
+CONTRADICTED = 2.0  #: deviations of a log Bayes factor above what its distance leads to expect
 
 Probabilities = dict[Hypothesis, float]
 
@@ -73,42 +80,51 @@ def folding(
     The shares depend on no probability; ``before`` has those of the same scores that are known.
     """
     shown = {} if before is None else before.shares
-    spaces = {one.hypothesis: one.space for one in scored}
-    baseline = next(one for one in scored if one.hypothesis == NONE).rows.predicted
-    nothing, visible = metric.of(baseline), problem.settings.decision.visible
+    every = {one.hypothesis: one for one in scored}
+    nothing, visible = metric.of(every[NONE].rows.predicted), problem.settings.decision.visible
     found: dict[Hypothesis, Mapping[Hypothesis, float]] = {}
     for one in scored:
         if len(one.hypothesis) == 1:
             weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < visible
             share = min(1.0, float(one.weights()[weak].sum()))
+            share *= not _seen_by_data(one, every[NONE], visible)
             found[one.hypothesis] = {NONE: share, one.hypothesis: 1.0 - share}
         elif len(one.hypothesis) > 1 and raw[one.hypothesis] > NEGLIGIBLE:
             mine = shown.get(one.hypothesis)
-            found[one.hypothesis] = mine or _several(problem, one, spaces, metric, nothing)
+            found[one.hypothesis] = mine or _several(problem, one, every, metric, nothing)
     return Folding(found)
+
+
+def _seen_by_data(one: Scored, simpler: Scored, visible: float) -> bool:
+    """Test that the data prefer a hypothesis by more than its signature could."""
+    limit = 0.5 * visible + CONTRADICTED * float(np.sqrt(visible))
+    return one.log_evidence - simpler.log_evidence > limit
 
 
 def _several(
     problem: Problem,
     whole: Scored,
-    spaces: Mapping[Hypothesis, Space],
+    every: Mapping[Hypothesis, Scored],
     metric: Metric,
     nothing: Array,
 ) -> Mapping[Hypothesis, float]:
     """Return the shares of a posterior that are none, all effects but one, or all."""
+    visible = problem.settings.decision.visible
     which, counts = np.unique(whole.draw(DRAWN, np.random.default_rng(1)), return_counts=True)
     drawn, weights = whole.rows.only(which), counts / DRAWN
     places = metric.of(drawn.predicted)
     targets: list[Hypothesis] = [NONE]
-    apart = [squared(places, nothing)[:, 0]]
+    # What the data have seen is near to nothing simpler.
+    told = _seen_by_data(whole, every[NONE], visible)
+    apart = [np.full(len(places), np.inf) if told else squared(places, nothing)[:, 0]]
     for part in itertools.combinations(whole.hypothesis, len(whole.hypothesis) - 1):
-        if part in spaces:
-            space = spaces[part]
+        if part in every and not _seen_by_data(whole, every[part], visible):
+            space = every[part].space
             columns = [drawn.shares[:, whole.space.columns(e.name)] for e in space.effects]
             alone = problem.summary(part, space.values(np.hstack(columns)))
             apart.append(((places - metric.of(alone)) ** 2).sum(axis=1))
             targets.append(part)
-    table, visible = np.stack(apart), problem.settings.decision.visible
+    table = np.stack(apart)
     # The nearer part has it where either alone would do; none before either.
     table[0] = np.where(table[0] < visible, -1.0, table[0])
     nearest = np.argmin(table, axis=0)

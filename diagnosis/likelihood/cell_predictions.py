@@ -59,7 +59,8 @@ class CellPredictions(Prediction):
         if np.any(setting):
             model = np.hypot(model, np.reshape(setting, (-1, 1)))
         every["error"] = np.maximum(np.hypot(every["error"], model), 1e-5)
-        least = max(rules.late_share, 1.0 / (count + 2.0)) * np.isnan(every["behind"])
+        # Where no simulated shift is late, one of so many may still be (Laplace's rule).
+        least = np.isnan(every["behind"]) / (count + 2.0)
         share = np.maximum(every["outlier_share"], least)
         every["outlier_share"] = np.clip(share, rules.late_least, 1.0 - rules.late_least)
         shape = np.hypot(rules.spread_share, rules.spread_error * simulated / sd)

@@ -46,6 +46,7 @@ from dogshape.diagnosis.terms import Array, Table
 from dogshape.sim.units import RPM
 
 JITTER = 1e-9  #: of a variance, so that its matrix has a root
+LEAST_SPREAD = 0.1  #: of ln force, the least over which its line is one deviation
 #: Amplitudes over the scale of their prior.
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])
 
@@ -146,7 +147,9 @@ class Discrepancy:
         return drawn
 
 
-def discrepancy_prior(mismatch: Array, force: Array, baseline: Array, rules: Rules) -> Discrepancy:
+def discrepancy_prior(
+    mismatch: Array, force: Array, baseline: Array, rules: Rules, told: np.ndarray | None = None
+) -> Discrepancy:
     """Build the prior of the discrepancy.
 
     Parameters
@@ -154,11 +157,15 @@ def discrepancy_prior(mismatch: Array, force: Array, baseline: Array, rules: Rul
     mismatch, force : rad/s and N, (cells,).
     baseline : mean times without any effect, s, (cells,); NaN where there is none.
     rules : with the scale of the amplitude's half-normal prior, length and shapes.
+    told : cells with data, (cells,) true or false, by whose forces the line over these is scaled;
+        None for all. Rows that were never measured change nothing.
     """
     speeds, place = np.unique(np.log(abs(mismatch) + RPM), return_inverse=True)
     alike = np.exp(-0.5 * ((speeds[:, None] - speeds[None]) / rules.discrepancy_length) ** 2)
     forces = np.log(force)
-    slope = (forces - forces.mean()) / (forces.std() or 1.0)
+    scale = forces if told is None or not told.any() else forces[told]
+    # Forces that hardly differ tell no line; one force has none.
+    slope = (forces - scale.mean()) / max(float(scale.std()), LEAST_SPREAD)
     edge = JITTER * np.eye(speeds.size)
     roots = []
     for constant, curve, tilt, _ in rules.discrepancy_shapes:

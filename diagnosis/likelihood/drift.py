@@ -13,7 +13,8 @@ hypothesis, and so is what shifts at one operating point say of it by themselves
 is taken off all times. What is left, :math:`\sqrt v\, \bar t_k \bar x_k z` for each cell, is a
 direction that cells err along together, integrated out beside the discrepancy
 (``diagnosis.likelihood.discrepancy``). Scatter :math:`\sigma_k` is that of the shifts about the
-trend, drawn towards the relative one of all operating points.
+trend, drawn towards the relative one of all operating points, and raised for the few shifts that it
+is known from, so that the 90 % interval of *d* is that of Student's distribution.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import spearmanr
+from scipy.stats import norm, spearmanr
+from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.reading import Cell, Reading
 from dogshape.diagnosis.prediction.outliers import bulk
@@ -32,6 +34,7 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 
 ROUNDS = 4  #: of trend and scatter in turn
+INSIDE = 0.95  #: probability below the upper end of an interval that holds 90 %
 ALIKE = 4.0  #: degrees of freedom that the scatter of all operating points counts as at each
 
 
@@ -192,9 +195,18 @@ def _within(groups: Sequence[_Repeats], scale: float) -> tuple[float, float]:
         sigma = (squares + ALIKE * common) / (freedom + ALIKE) * times**2
         if freedom.sum() < 2.0 or not common > 0.0:
             return 0.0, scale**2
+        sigma = sigma * _unsure(max(1.0, freedom.sum() - 1.0))
         variance = 1.0 / (scale**-2.0 + float((informations / sigma).sum()))
         slope = variance * float((pulls / sigma).sum())
     return slope, variance
+
+
+def _unsure(freedom: float) -> float:
+    """Return by how much a variance of so many degrees of freedom is raised for a normal slope.
+
+    Its 90 % interval is then that of Student's distribution.
+    """
+    return float((student.ppf(INSIDE, freedom) / norm.ppf(INSIDE)) ** 2)
 
 
 def _order_of(cells: Sequence[Cell]) -> dict[str, float]:

@@ -172,7 +172,8 @@ def log_sphere(seen: Observed) -> Array:
 def log_outliers(seen: Observed, predicted: CellPredictions) -> Array:
     """Compute the log density of number and times of single outliers, (cells, m)."""
     outliers = np.array([times.size for times in seen.outlier_times], dtype=float)[:, None]
-    core = seen.single[:, None] - outliers
+    # A single shift alone may be late unseen, as a mean of one: its density has that already.
+    core = (seen.single[:, None] - outliers) * (seen.freedom > seen.beside)[:, None]
     a, b = outlier_beta(predicted)
     log: Array = betaln(a + outliers, b + core) - betaln(a, b)
     for place in np.flatnonzero(outliers[:, 0]):

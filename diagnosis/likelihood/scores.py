@@ -153,7 +153,8 @@ class Problem:
         """Prior of the model's discrepancy at the cells, with what else they err in together."""
         means = self.predictions(NONE, np.zeros((1, 0))).mean[:, 0]
         seen = self.seen
-        prior = discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood)
+        told = seen.shifts > 0
+        prior = discrepancy_prior(seen.mismatch, seen.force, means, self.settings.likelihood, told)
         beside = [] if seen.drift is None else [seen.drift.direction[:, None]]
         if seen.inputs is not None:
             beside.append(np.nan_to_num(seen.inputs.systematic(self.baseline)))

@@ -151,7 +151,7 @@ def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     ]
     bench = replace(bench, cells=gather(rows))
     # Without late shifts in the prediction, as nothing else tells the two forms apart.
-    rules = Rules(late_share=1e-9, late_least=1e-9)
+    rules = Rules(late_least=1e-9)
     seldom = {"outlier_share": np.array([1e-9]), "behind": np.ones(1), "behind_sd": np.ones(1)}
     cells = [replace(toy.at(NONE, np.zeros((1, 0)), k), **seldom) for k in range(len(points))]
     said = CellPredictions.of(cells, rules)
@@ -208,7 +208,7 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     )
     late = CellPredictions.of([plain], Rules())
     never = replace(plain, outlier_share=np.array([1e-9]))
-    none = CellPredictions.of([never], Rules(late_share=1e-9, late_least=1e-9))
+    none = CellPredictions.of([never], Rules(late_least=1e-9))
     bench = bench_of({}, np.random.default_rng(1), shifts=10, single=True, points=points)
     row = Reading(2, points[0], 10, float(times.mean()), True, sd=float(times.std(ddof=1)))
     seen = observe(replace(bench, cells=gather([row])))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
@@ -170,6 +171,29 @@ def test_a_wrong_correction_is_not_believed(tmp_path: Path) -> None:
         with pytest.raises(InputError) as refused:
             load_bench(folder, [text])
         assert words in str(refused.value)
+
+
+def test_measured_set_values_are_joined_to_operating_points(tmp_path: Path) -> None:
+    folder = good_set(tmp_path, sensor=False)
+    file, cells = folder / "shifts.csv", load_bench(folder).cells
+    table = pd.read_csv(file)
+    # The second half of the rows again, each of its force measured, a little off.
+    more = table.iloc[len(table) // 2 :].copy()
+    more["force_N"] *= 1.0 + 0.002 * np.linspace(-1.0, 1.0, len(more)).round(2)
+    more["shift_time_s"] *= 1.01
+    more["trace"] = ""
+    pd.concat([table, more]).to_csv(file, index=False)
+    with pytest.raises(DataError, match="nearly the set values of others: row") as refused:
+        load_bench(folder)
+    assert "--correct points=joined takes it as that" in str(refused.value)
+    joined = load_bench(folder, ["points=joined"])
+    assert len(joined.cells) == len(cells)
+    assert joined.warnings == ()
+    assert sum(cell.n for cell in joined.cells) == sum(cell.n for cell in cells) + len(more)
+    for one, before in zip(joined.cells, cells, strict=True):
+        assert one.point.mismatch == pytest.approx(before.point.mismatch)
+        assert one.point.profile.force == pytest.approx(before.point.profile.force, rel=2e-3)
+    assert len(load_bench(folder, ["points=given"]).cells) > len(cells)
 
 
 def test_what_is_odd_but_possible_becomes_a_warning(tmp_path: Path) -> None:

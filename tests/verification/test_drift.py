@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
+from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Reading, gather
@@ -109,6 +110,26 @@ def _diagnosed(bench: Bench) -> Diagnosis:
     return diagnose(bench, Toy(points), {n: EFFECTS[n] for n in NAMES}, pairs=[])
 
 
+@pytest.mark.parametrize(("points", "shifts"), [(2, 2), (1, 3), (3, 2)])
+def test_few_repeats_are_no_surer_of_a_drift_than_they_can_be(points: int, shifts: int) -> None:
+    """Its 90 % interval holds the drift drawn, and of no drift a sign is rarely sure."""
+    generator, rules = np.random.default_rng(1), Rules()
+    held, said = [], []
+    for true in [*generator.normal(0.0, rules.drift, 600).tolist(), *[0.0] * 600]:
+        order = generator.permutation(np.repeat(np.arange(points), shifts))
+        rows = []
+        for place, k in enumerate(order):
+            off = true * (place / (order.size - 1.0) - 0.5) + 0.03 * generator.standard_normal()
+            time = 0.2 * (1.0 + k) * (1.0 + off)
+            rows.append(Reading(place + 2, POINTS[k], 1, time, True, place=float(place)))
+        found = drift_of(gather(rows), rules)
+        assert found is not None
+        score = abs(found.mean - true) / found.sd
+        (held if true else said).append(score)
+    assert np.mean(np.array(held) < norm.ppf(0.95)) == pytest.approx(0.88, abs=0.04)
+    assert np.mean(np.array(said) > norm.ppf(0.99)) < 0.06
+
+
 def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None:
     """Against generalised least squares with a free level of each point and the prior of d."""
     generator = np.random.default_rng(2)
@@ -131,7 +152,10 @@ def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None
             columns.append([float(k == j) for j in range(len(cells))] + [time * place])
             times.append((one, k))
     common = sum(w[0] for w in weights) / (sum(w[2] - 1.0 for w in weights) - 1.0)
-    sigmas = [t**2 * (s + 4.0 * common) / (n + 3.0) for s, t, n in weights]
+    # The slope has Student's distribution: its variance is raised to that 90 % interval.
+    freedom = sum(w[2] - 1.0 for w in weights) - 1.0
+    raised = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2
+    sigmas = [raised * t**2 * (s + 4.0 * common) / (n + 3.0) for s, t, n in weights]
     precision = np.array([1.0 / sigmas[k] for _, k in times])
     design, values = np.array(columns), np.array([t for t, _ in times])
     matrix = design.T @ (precision[:, None] * design)

@@ -46,6 +46,28 @@ def _members(prior: Discrepancy) -> list[tuple[float, Array]]:
     return found
 
 
+def test_rows_that_were_never_measured_change_nothing() -> None:
+    slips, means = np.append(SLIPS, SLIPS), np.append(MEANS, MEANS)
+    forces = np.append(FORCES, np.full(4, 5000.0))
+    measured = np.arange(8) < 4
+    found = discrepancy_prior(slips, forces, means, Rules(), measured).of(measured)
+    assert found.covariance == pytest.approx(
+        discrepancy_prior(SLIPS, FORCES, MEANS, Rules()).covariance
+    )
+
+
+def test_forces_that_hardly_differ_are_off_alike() -> None:
+    def apart(*forces: float) -> float:
+        """Return the deviation of the difference of the first two, over the mean time."""
+        alike = np.full(len(forces), SLIPS[2]), np.array(forces), np.ones(len(forces))
+        covariance = discrepancy_prior(*alike, Rules()).covariance
+        return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2.0 * covariance[0, 1]))
+
+    assert apart(300.0, 303.0) < 0.1 * apart(300.0, 600.0)
+    assert apart(300.0, 303.0) < 0.005
+    assert apart(300.0, 400.0) == pytest.approx(apart(300.0, 600.0))
+
+
 @pytest.mark.parametrize("own", [0.0, 0.003])
 def test_normal_cells_have_the_density_of_a_mixture_of_joint_normals(own: float) -> None:
     generator, prior = np.random.default_rng(3), _prior()

@@ -74,6 +74,28 @@ def test_slopes_are_the_derivatives_of_a_law_that_is_linear_in_their_places() ->
     assert not found.lacking
 
 
+@pytest.mark.parametrize("apart", [0.001, 0.005])
+def test_slopes_of_measured_set_values_are_no_steeper_than_those_of_nominal_ones(
+    apart: float,
+) -> None:
+    """Means that err by half a millisecond, at forces and mismatches that jitter from row to row."""
+    generator = np.random.default_rng(1)
+    off = 1.0 + apart * generator.uniform(-1.0, 1.0, (2, len(POINTS), 2))
+    points = tuple(
+        OperatingPoint(p.mismatch * n, ForceProfile(p.profile.force * f, p.profile.rise))
+        for half in off
+        for p, (n, f) in zip(POINTS, half, strict=True)
+    )
+    true, errors = _inputs(POINTS, NominalErrors(systematic=BOTH)), NominalErrors(systematic=BOTH)
+    plain = true.sensitivity(np.array([_law(p) for p in POINTS]))
+    noise = generator.normal(0.0, 0.5e-3, len(points))
+    found = _inputs(points, errors).sensitivity(np.array([_law(p) for p in points]) + noise)
+    assert not found.lacking
+    twice = np.tile(plain.force, 2), np.tile(plain.mismatch, 2)
+    assert np.abs(found.force / twice[0] - 1.0).max() < 0.2
+    assert np.abs(found.mismatch / twice[1] - 1.0).max() < 0.2
+
+
 def test_errors_add_up_as_asme_says() -> None:
     """u_input^2 is the sum of (dT/dX u_X)^2: in the variance, or in a common covariance."""
     errors = NominalErrors(systematic=BOTH, each_point=BOTH)

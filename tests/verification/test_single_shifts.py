@@ -34,7 +34,6 @@ SURE = Rules(
     spread_share=1e-6,
     spread_error=0.0,
     odd_share=0.0,
-    late_share=1e-9,
     late_least=1e-9,
 )
 QUANTILES = 400
@@ -158,6 +157,15 @@ def test_both_readings_add_up_to_the_product_over_all_times() -> None:
     ours = timed(seen, said).log[0, 0] - log_sphere(seen)[0]
     # The logarithm of a deviation counts as normal, which at 39 degrees of freedom it nearly is.
     assert ours == pytest.approx(norm.logpdf(sample, 0.1, said.sd[0, 0]).sum(), abs=0.3)
+
+
+@pytest.mark.parametrize("late", [0.004, 0.2, 0.4])
+def test_the_density_of_one_single_shift_adds_up_to_one(late: float) -> None:
+    """It may be late unseen, as a mean of one."""
+    grid = np.linspace(-8.0, 14.0, 4401)
+    said = _said(np.linspace(0.1, 0.12, QUANTILES), SURE, late)
+    log = np.concatenate([log_times(_seen(np.array([t])), said)[0] for t in grid])
+    assert np.trapezoid(np.exp(log), grid) == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.8, 0.95])
