@@ -78,7 +78,7 @@ def test_slopes_are_the_derivatives_of_a_law_that_is_linear_in_their_places() ->
 def test_slopes_of_measured_set_values_are_no_steeper_than_those_of_nominal_ones(
     apart: float,
 ) -> None:
-    """Means that err by half a millisecond, at forces and mismatches that jitter from row to row."""
+    """Means err by half a millisecond, and force and mismatch jitter from row to row."""
     generator = np.random.default_rng(1)
     off = 1.0 + apart * generator.uniform(-1.0, 1.0, (2, len(POINTS), 2))
     points = tuple(
