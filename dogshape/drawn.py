@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.stats import norm
 
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.result import Result, ms
 from dogshape.running import Where
-from dogshape.sim.errors import DataError, DogshapeError
+from dogshape.sim.errors import DataError, DogshapeError, InputError
 from dogshape.sim.texts import TextTable, read_table
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 LABELS = ("draw", "hypothesis")  #: columns that are no keys
 TAILS = 0.05, 0.95  #: of the interval
+LEAST = 3  #: angles at an operating point, of which fewer tell no error
+COMMON = norm.ppf((np.arange(50) + 0.5) / 50)  #: deviations of what all draws err by
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,7 +35,8 @@ class DrawnExpectation(Result):
     ----------
     studies : of each draw.
     times, errors : expected shift time and its standard error, s, (draws,). All draws have the same
-        relative angles, so differences between two designs at the same draws are surer than each.
+        relative angles, so they err alike, and differences between two designs at the same draws
+        are surer than each.
     """
 
     studies: tuple[Setup, ...]
@@ -41,18 +45,23 @@ class DrawnExpectation(Result):
 
     @property
     def interval_s(self) -> tuple[float, float]:
-        """Interval that holds 90 % of the draws, s."""
-        low, high = np.quantile(self.times, TAILS)
+        """Interval that holds 90 % of the draws with what all of them err by, s."""
+        low, high = np.quantile(self.times[:, None] + self.error_s * COMMON, TAILS)
         return float(low), float(high)
 
     @property
+    def error_s(self) -> float:
+        """Standard error by the angles, which all draws have in common, s."""
+        return float(np.sqrt((self.errors**2).mean()))
+
+    @property
     def facts(self) -> dict[str, str]:
-        """Mean over the draws, and the interval that holds 90 % of them."""
+        """Mean over the draws, and the interval that holds 90 % of them with their common error."""
         mean, (low, high) = float(self.times.mean()), self.interval_s
         return {
             "expected shift time": f"{ms(mean)} (90 %: {ms(low)} to {ms(high)})",
             "draws": str(len(self.times)),
-            "error of one": ms(float(np.sqrt((self.errors**2).mean()))),
+            "of that by the angles": f"± {ms(self.error_s)}, the same in all draws",
         }
 
     def to_dict(self) -> dict[str, Any]:
@@ -65,7 +74,7 @@ class DrawnExpectation(Result):
             "low_s": low,
             "high_s": high,
             "sd_s": float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0,
-            "standard_error_of_one_s": float(np.sqrt((self.errors**2).mean())),
+            "standard_error_of_one_s": self.error_s,
             "times_s": self.times.tolist(),
         }
 
@@ -94,15 +103,20 @@ def expect_draws(
     study : as for ``Study``.
     draws : table whose columns are keys of the study, a row for each draw (``gap --write``).
     settings : further keys, for instance another dog; those of a draw give way to them.
-    angles : relative angles at each operating point; None for the study's number.
+    angles : relative angles at each operating point, at least 3; None for the study's number.
     jobs : worker processes, 0 for one a core.
     progress : is told how many draws are done.
 
     Raises
     ------
     InputError, DataError
-        For a table, a key or a value that cannot be used, with its row.
+        For a table, a key or a value that cannot be used, with its row, or too few angles.
     """
+    if angles is not None and angles < LEAST:
+        raise InputError(
+            f"angles is {angles}, but must be at least {LEAST}: of fewer the error is not known, "
+            "which all draws have in common"
+        )
     table = _table(Path(draws))
     own = settings.items() if isinstance(settings, Mapping) else settings
     more = [one if isinstance(one, str) else f"{one[0]}={one[1]}" for one in own]

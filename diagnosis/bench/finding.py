@@ -32,7 +32,11 @@ class Finding:
     @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
-        return f"{self.found}; this looks like {self.looks_like}; {self._remedy}"
+        return self.with_remedy(self._remedy)
+
+    def with_remedy(self, remedy: str) -> str:
+        """Return finding, probable cause and a remedy in a sentence."""
+        return f"{self.found}; this looks like {self.looks_like}; {remedy}"
 
     @property
     def _remedy(self) -> str:

@@ -82,9 +82,13 @@ def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tup
     return tuple(found)
 
 
-def require_no_slip(where: str, findings: Sequence[Finding]) -> None:
-    """Raise DataError with all findings that are certain; ``where`` is the file."""
-    certain = [finding.sentence for finding in findings if finding.certain]
+def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None = None) -> None:
+    """Raise DataError with all findings that are certain.
+
+    ``where`` is the file, ``remedy`` what to do where nothing can be corrected on the way.
+    """
+    certain = [one.sentence if remedy is None else one.with_remedy(remedy) for one in findings
+               if one.certain]  # fmt: skip
     if certain:
         raise DataError(f"{where}: " + ". Also: ".join(certain))
 

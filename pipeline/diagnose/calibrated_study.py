@@ -371,7 +371,7 @@ def _comments(
         f"{headline(found.found)}.",
         f"Just these effects together have {chance(found.posterior.get(hypothesis, 0.0))}.",
         *_in_place(found, hypothesis),
-        *(f"{remark[0].upper()}{remark[1:]}." for remark in remarks),
+        *(_sentence(remark) for remark in remarks),
         f"Values are posterior means, intervals hold 90 %. {table} has draws from the posterior: "
         "its columns are keys of this file, as --set takes them.",
     ]
@@ -389,6 +389,12 @@ def _comments(
         alias = f" It cannot be told from {' or '.join(effect.aliases)}." if effect.aliases else ""
         told[f"effects.{name}"] = [f"{size}; {sure} ({chance(part.get(name, 0.0))}).{alias}"]
     return told
+
+
+def _sentence(remark: str) -> str:
+    """Write a remark as a sentence; one that begins with a key keeps its first letter."""
+    key = "." in remark.partition(" ")[0]
+    return f"{remark if key else remark[0].upper() + remark[1:]}."
 
 
 def _in_place(found: Diagnosis, hypothesis: Hypothesis) -> list[str]:

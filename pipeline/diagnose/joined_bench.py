@@ -21,16 +21,20 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, readings_of
-from dogshape.diagnosis.bench.corrections import corrected, parse
+from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
 from dogshape.diagnosis.bench.slips import examine, require_no_slip
-from dogshape.diagnosis.bench.stand_file import load_stand
+from dogshape.diagnosis.bench.stand_file import Stand, load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC, Sheet, load_sheet
-from dogshape.sim.errors import DataError, StorageError, number
+from dogshape.pipeline.diagnose.new_readings import (
+    require_no_copies,
+    require_same_points,
+    require_same_rises,
+)
+from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.texts import read_table
 
 DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
-NEAR = 0.05  #: share by which rise times of one mismatch and force differ by rounding alone
 Row = dict[str, Any]  #: a row of a table as it is read
 
 
@@ -128,8 +132,8 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
     Raises
     ------
     DataError
-        The table is wrong, has slips of units by itself, has joined before, or has a rise time
-        that looks like a rounded one.
+        The table is wrong, has slips of units by itself, has joined before or repeats rows, or has
+        set values that are nearly those of the bench.
     """
     digest = digest_of(new)
     if digest in asked.joined:
@@ -140,7 +144,11 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
         )
     data = folder / DATA
     sheet = _examined(data, new, asked.corrections)
-    _require_same_rises(load_bench(data, asked.corrections), sheet)
+    held = _corrected(load_stand(data / "bench.toml"), data / "shifts.csv", asked.corrections)[0]
+    require_same_rises(held, sheet)
+    if not any(one.startswith("points=") for one in asked.corrections):
+        require_same_points(held, sheet)
+    require_no_copies(held, sheet)
     target = folder / JOINING
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(data, target)
@@ -170,27 +178,21 @@ def digest_of(path: Path) -> str:
 def _examined(data: Path, new: Path, corrections: Sequence[str]) -> Sheet:
     """Return the new rows, corrected; what cannot be true of them by themselves is refused."""
     stand = load_stand(data / "bench.toml")
-    sheet, asked = load_sheet(new), parse((*stand.corrections, *corrections))
-    for correction in asked:
-        sheet = corrected(sheet, correction, stand.sensor)
-    require_no_slip(str(new), examine(stand, sheet, asked))
+    sheet, asked = _corrected(stand, new, corrections)
+    remedy = "write them as the data set of the diagnosis has them"
+    require_no_slip(str(new), examine(stand, sheet, asked), remedy)
     readings_of(stand, sheet, asked)
     return sheet
 
 
-def _require_same_rises(bench: Bench, new: Sheet) -> None:
-    """Raise DataError for a rise time that is nearly that of the same mismatch and force."""
-    for row in new.rows:
-        for reading in bench.readings:
-            profile = reading.point.profile
-            near = abs(row.rise / profile.rise - 1.0) < NEAR and row.rise != profile.rise
-            if near and abs(row.force - profile.force) < 1e-6 * profile.force:
-                raise DataError(
-                    f"{new.path}, row {row.row}, column force_rise_s is {number(row.rise)} s, but "
-                    f"the bench has {number(profile.rise)} s at {number(row.force)} N, and another "
-                    "rise time is another operating point; write the same, or one that differs by "
-                    f"more than {NEAR:.0%}"
-                )
+def _corrected(
+    stand: Stand, path: Path, corrections: Sequence[str]
+) -> tuple[Sheet, tuple[Correction, ...]]:
+    """Read a table and make the corrections of a data set, which are given back."""
+    sheet, asked = load_sheet(path), parse((*stand.corrections, *corrections))
+    for correction in asked:
+        sheet = corrected(sheet, correction, stand.sensor)
+    return sheet, asked
 
 
 def _rows(path: Path) -> list[Row]:

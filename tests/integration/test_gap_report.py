@@ -9,6 +9,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from urllib.parse import unquote
 
 import numpy as np
@@ -299,6 +300,18 @@ def test_answers_say_what_speaks_for_and_against(full: Diagnosis) -> None:
     assert "the pressure rose at once" in lag.doubts
     assert delay.inside
     assert re.fullmatch(r"delay [\d.]+ ms \([\d.]+ to [\d.]+ ms\)", delay.sizes[0])
+
+
+def test_a_small_size_is_at_no_end_where_nothing_lies_beyond(full: Diagnosis) -> None:
+    """A short dead time is not at the end of what is held possible, a long one is."""
+    alone = ("actuation_delay",)
+
+    def said(mean: float, low: float, high: float) -> str:
+        sizes = {alone: {"delay_s": Interval(mean, low, high)}}
+        return answers._ends(SimpleNamespace(intervals=sizes, scored=full.scored), alone)[1]
+
+    assert said(0.015, 0.012, 0.017) == ""
+    assert said(0.395, 0.39, 0.399) == "delay at the end of the range held possible"
 
 
 def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:

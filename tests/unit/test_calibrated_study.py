@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 import dogshape as ds
 from dogshape.diagnosis.diagnosis import diagnose
@@ -284,7 +285,12 @@ def test_draws_of_a_dead_time_move_the_mean_by_themselves(dogshape: Call, tmp_pa
     spread = ds.expect_draws(tmp_path / "late.toml", tmp_path / "late-draws.csv", DRAWN, angles=3)
     apart = spread.times - delays
     assert np.ptp(apart) < 1e-9
-    assert spread.interval_s == pytest.approx(np.quantile(delays, (0.05, 0.95)) + apart[0])
+    low, high = np.quantile(delays, (0.05, 0.95)) + apart[0]
+    # All draws have the same few angles, whose error comes on top.
+    assert spread.error_s > 0.0
+    assert spread.interval_s[0] < low < high < spread.interval_s[1]
+    alike = replace(spread, times=np.full(6, 0.1), errors=np.full(6, 0.002))
+    assert alike.interval_s == pytest.approx(0.1 + norm.ppf([0.05, 0.95]) * 0.002, abs=2e-5)
     sets = [part for text in DRAWN for part in ("--set", text)]
     asked = ("expect", "late.toml", "--draws", "late-draws.csv", "--angles", 3)
     said = dogshape(*asked, *sets, "--json")
@@ -294,6 +300,7 @@ def test_draws_of_a_dead_time_move_the_mean_by_themselves(dogshape: Call, tmp_pa
     (tmp_path / "bad.csv").write_text("draw,effects.actuation_dela\n1,0.05\n")
     for draws, more, words in (
         ("late-draws.csv", ("--precision", 0.1), "leave out the others"),
+        ("late-draws.csv", ("--angles", 2), "angles is 2, but must be at least 3"),
         ("none.csv", (), "there is no none.csv"),
         ("bad.csv", (), "bad.csv, row 2: 'effects.actuation_dela' is not a known effect"),
     ):

@@ -203,6 +203,40 @@ def test_readings_that_cannot_join_change_nothing(stand: Path) -> None:
     assert [a for a in after if a[0] != "joining"] == before
 
 
+def test_readings_that_the_bench_has_already_are_no_new_ones(stand: Path) -> None:
+    """A file that a stand appends to, and shifts whose set values were measured."""
+    singles = [POINTS[0], POINTS[3]]
+    generator = np.random.default_rng(3)
+    bench = bench_of({}, generator, shifts=8, single=True, points=singles)
+    times = [float(one.time or 0.0) + generator.uniform(0.0, 0.02) for one in bench.readings]
+    head = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s")
+
+    def write(name: str, count: int, force: float = 1.0) -> Path:
+        lines = [",".join(head)]
+        for one, time in zip(bench.readings[:count], times[:count], strict=True):
+            profile = one.point.profile
+            numbers = one.point.mismatch / RPM, profile.force * force, profile.rise, 1, time
+            lines.append(",".join(f"{number:.6g}" for number in numbers))
+        (stand / name).write_text("\n".join(lines) + "\n")
+        return stand / name
+
+    ds.update_diagnosis(stand / "out", write("some.csv", 12))
+    before = _record(stand / "out")
+    with pytest.raises(DataError, match="rows 2 to 13 repeat rows of the bench") as refused:
+        ds.update_diagnosis(stand / "out", write("all.csv", 16))
+    assert "timestamp" in str(refused.value)
+    with pytest.raises(DataError, match="operating point; write the same") as refused:
+        ds.update_diagnosis(stand / "out", write("measured.csv", 5, 1.004))
+    assert _record(stand / "out") == before
+    head_line, *rows = _table(stand / "ms.csv", 2, 20).read_text().splitlines()
+    parts = [row.split(",") for row in rows]
+    scaled = [[*row[:4], str(1e3 * float(row[4])), *row[5:]] for row in parts]
+    (stand / "ms.csv").write_text("\n".join([head_line, *map(",".join, scaled)]) + "\n")
+    with pytest.raises(DataError, match="write them as the data set of the diagnosis") as refused:
+        ds.update_diagnosis(stand / "out", stand / "ms.csv")
+    assert "--correct" not in str(refused.value)
+
+
 def test_traces_go_along(tmp_path: Path) -> None:
     found = ds.diagnose(GOOD, out=tmp_path / "out")
     (tmp_path / "traces").mkdir()

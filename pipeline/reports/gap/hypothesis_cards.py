@@ -145,12 +145,16 @@ def _ends(found: Diagnosis, hypothesis: Hypothesis) -> tuple[bool, str]:
     """Name the sizes that lie at an end of their prior range."""
     if hypothesis in (NONE, UNKNOWN):
         return False, ""
-    sizes = found.intervals[hypothesis]
+    sizes, space = found.intervals[hypothesis], found.scored[hypothesis].space
+    # A low end at or below the neutral value asks for no more.
     ends = [
-        parameter.name
-        for parameter in found.scored[hypothesis].space.parameters
+        quantity(parameter.name)
+        for parameter in space.parameters
         if parameter.share(sizes[parameter.name].low) > 1.0 - END
-        or parameter.share(sizes[parameter.name].high) < END
+        or (
+            parameter.neutral_of(space.setting) > parameter.low
+            and parameter.share(sizes[parameter.name].high) < END
+        )
     ]
     return False, f"{' and '.join(ends)} at the end of the range held possible" if ends else ""
 
