@@ -202,7 +202,7 @@ def _within(groups: Sequence[_Repeats], scale: float) -> tuple[float, float]:
 
 
 def _unsure(freedom: float) -> float:
-    """Return by how much a variance of so many degrees of freedom is raised for a normal slope.
+    """Return the factor on a variance of so many degrees of freedom, for a slope taken as normal.
 
     Its 90 % interval is then that of Student's distribution.
     """

@@ -28,6 +28,8 @@ def drafted(folder: Path, force: bool) -> Iterator[Path]:
     require_free(folder, force)
     folder.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as part:
-        yield Path(part)
-        folder.mkdir(exist_ok=True)
-        shutil.copytree(part, folder, dirs_exist_ok=True)
+        # A temporary folder is its owner's alone, and modes are copied along.
+        place = Path(part) / "draft"
+        place.mkdir()
+        yield place
+        shutil.copytree(place, folder, dirs_exist_ok=True)

@@ -314,6 +314,17 @@ def test_a_small_size_is_at_no_end_where_nothing_lies_beyond(full: Diagnosis) ->
     assert said(0.395, 0.39, 0.399) == "delay at the end of the range held possible"
 
 
+def test_few_data_are_told_on_the_first_page(full: Diagnosis, tmp_path: Path) -> None:
+    assert reasons.few_data(full) == ""
+    points = POINTS[:2]
+    bench = bench_of({}, np.random.default_rng(1), shifts=1, single=True, points=points)
+    few = diagnose(bench, Toy(points), {n: EFFECTS[n] for n in FEW}, pairs=[])
+    publish(few, tmp_path)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    caveats = text.partition('id="caveats"')[2].partition("</ul>")[0]
+    assert "2 shifts have a time, at 2 operating points" in caveats
+
+
 def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
     stand = load_bench("mq200_stand")
     bench = bench_of({"force_factor": 0.5}, np.random.default_rng(1), shifts=20)

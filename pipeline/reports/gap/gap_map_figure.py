@@ -22,6 +22,7 @@ from dogshape.pipeline.reports.kit.maps import (
 from dogshape.pipeline.reports.kit.text import minus, place_name
 
 CLEAR = 2.0  #: standard errors from which a gap is framed
+DEEP = 4.0  #: standard errors that have the deepest color, if none is larger
 FILLED = 0.5  #: share of a grid that must be filled to be drawn as one
 FASTER_TO_SLOWER = tuple(
     (share, color)
@@ -43,8 +44,9 @@ def gap_map_figure(cells: list[CellRow]) -> go.Figure:
         places = {(row, 0): cell for row, cell in enumerate(ordered)}
     titles = ["bench less simulation, ms", "the same in standard errors"]
     figure = make_subplots(1, 2, shared_yaxes=True, subplot_titles=titles, horizontal_spacing=0.04)
-    for column, say in enumerate((_in_ms, _in_errors), start=1):
-        _panel(figure, column, (columns, rows), places, say)
+    # A gap that is clear of no error has no deep color.
+    for column, panel in enumerate(((_in_ms, 0.0), (_in_errors, DEEP)), start=1):
+        _panel(figure, column, (columns, rows), places, panel)
     named = len(columns) > 1
     figure.update_xaxes(type="category", title="shift force, N" if named else None)
     figure.update_yaxes(type="category")
@@ -57,8 +59,10 @@ def _panel(
     column: int,
     names: tuple[list[str], list[str]],
     places: dict[tuple[int, int], CellRow],
-    say: Callable[[CellRow], tuple[float | None, str]],
+    panel: tuple[Callable[[CellRow], tuple[float | None, str]], float],
 ) -> None:
+    """Draw the cells; ``panel`` says what of each, and what has the deepest color at least."""
+    say, least = panel
     shaded = {}
     for at, cell in places.items():
         number, words = say(cell)
@@ -71,7 +75,7 @@ def _panel(
             x=at[1], y=at[0], text=words.replace(" ", "<br>"), showarrow=False, font={"size": 12},
             row=1, col=column,
         )  # fmt: skip
-    most = max((abs(number) for number, _ in shaded.values()), default=1.0) or 1.0
+    most = max([least, *(abs(number) for number, _ in shaded.values())]) or 1.0
     trace = shaded_cells(*names, shaded, FASTER_TO_SLOWER)
     figure.add_trace(trace.update(zmin=-most, zmax=most), 1, column)
     for at, cell in places.items():

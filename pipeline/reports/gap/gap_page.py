@@ -75,6 +75,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "headline": headline(found.found),
         "said": parts_in_words(found.found),
         "empty_cells": reasons.empty_cells(found),
+        "few_data": reasons.few_data(found),
         "cards": _cards(found),
         "leading": "" if found.leading == NONE else plain(found.leading, found.effects),
         "answers": answers.answers_of(found, extras.remarks),

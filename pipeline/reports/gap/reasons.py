@@ -16,6 +16,7 @@ from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.report.wording import NUMBERS, chance
 from dogshape.diagnosis.terms import Hypothesis
 
+FEW_SHIFTS, FEW_POINTS = 10, 3  #: below which a data set tells next to nothing
 #: Limits of the code that the page states.
 LIMITS = {
     "fit": f"{ADEQUATE:g}",
@@ -69,6 +70,21 @@ def _reasons(found: Diagnosis, top: Hypothesis) -> list[str]:
         for name in open_ones
     ]
     return reasons
+
+
+def few_data(found: Diagnosis) -> str:
+    """Explain that so few shifts or operating points tell next to nothing; empty of enough."""
+    timed = [cell for cell in found.bench.cells if cell.n]
+    shifts = sum(cell.n for cell in timed)
+    if shifts >= FEW_SHIFTS and len(timed) >= FEW_POINTS:
+        return ""
+    made = "One shift has" if shifts == 1 else f"{shifts} shifts have"
+    where = "one operating point" if len(timed) == 1 else f"{len(timed)} operating points"
+    return (
+        f"{made} a time, at {where}. Causes are told by how times change with mismatch and force, "
+        "and by their scatter, of which so few tell next to nothing: what is said below is mostly "
+        "what was held probable before. 'dogshape gap plan' says which shifts tell most."
+    )
 
 
 def empty_cells(found: Diagnosis) -> str:
