@@ -151,7 +151,7 @@ NUMERICAL = {
     "inference.posterior": "DRAWN values, NEGLIGIBLE probability",
     "inference.predictive_check": "DRAWN values, REPLICATES values, FEW shifts, MOST probability",
     "inference.refits": "VALUES values, FLAT power, MOST replicates, ENOUGH replicates",
-    "inference.static_readings": "SURE standard errors",
+    "inference.static_readings": "SURE standard errors, ANY values",
     "inference.next_test": "LEAST probability, FLOWN hypotheses",
     "inference.outcome": "DRAWN outcomes",
     "inference.flight_outcome": "DRAWN values, TABULATED effects",

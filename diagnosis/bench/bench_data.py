@@ -22,6 +22,7 @@ from dogshape.diagnosis.bench.stand_file import (
     USUAL_MARGIN,
     Calibration,
     Margin,
+    Measured,
     Sensor,
     Stand,
     TestTerms,
@@ -45,7 +46,7 @@ class Bench:
     ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
     ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
     tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done,
-    ``errors`` those of nominal force and mismatch.
+    ``errors`` those of nominal force and mismatch, ``measured`` has results of direct tests.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Bench:
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
     errors: NominalErrors = EXACT
+    measured: tuple[Measured, ...] = ()
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -111,6 +113,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         tests=stand.tests,
         margin=stand.margin,
         errors=stand.errors,
+        measured=stand.measured,
     )
 
 

@@ -64,6 +64,13 @@ class _Test(Section):
     possible: bool = True
 
 
+class _Measured(Section):
+    effect: str
+    parameter: str | None = None
+    value: float
+    standard_error: float
+
+
 class _BenchFile(Section):
     name: str
     source: str
@@ -81,6 +88,7 @@ class _BenchFile(Section):
     sensor: _Sensor | None = None
     actuator_calibration: list[_Calibration] = Field(default_factory=list)
     tests: list[_Test] = Field(default_factory=list)
+    measured: list[_Measured] = Field(default_factory=list)
     errors: ErrorTables | None = None
 
 
@@ -130,6 +138,19 @@ class TestTerms:
 
 
 @dataclass(frozen=True)
+class Measured:
+    """Result of a direct test: a parameter of an effect with its standard error, in its unit.
+
+    ``parameter`` is None where the effect has just one.
+    """
+
+    effect: str
+    parameter: str | None
+    value: float
+    standard_error: float
+
+
+@dataclass(frozen=True)
 class Margin:
     """Gap of a mean shift time below which nothing needs doing.
 
@@ -169,6 +190,7 @@ class Stand:
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
     errors: NominalErrors = EXACT
+    measured: tuple[Measured, ...] = ()
 
 
 def load_stand(path: Path) -> Stand:
@@ -187,6 +209,7 @@ def load_stand(path: Path) -> Stand:
         tests=tuple(_terms(path, one) for one in file.tests),
         margin=_margin(path, file),
         errors=nominal_errors(path, file.errors),
+        measured=tuple(_measured(path, one) for one in file.measured),
     )
 
 
@@ -264,6 +287,16 @@ def _terms(path: Path, given: _Test) -> TestTerms:
         where = f"{path}: hours of the test '{given.name}'"
         raise DataError(refusal(where, hours, "h", rule, remedy))
     return TestTerms(given.name, hours, given.possible)
+
+
+def _measured(path: Path, given: _Measured) -> Measured:
+    error = given.standard_error
+    if not 0.0 < error < np.inf or not np.isfinite(given.value):
+        raise DataError(
+            f"{path}: the measured {given.effect} is {given.value:g} with a standard error of "
+            f"{error:g}, but must be finite, and the error positive; give what the test can tell"
+        )
+    return Measured(given.effect, given.parameter, given.value, error)
 
 
 def _calibration(given: _Calibration) -> Calibration:

@@ -118,7 +118,8 @@ def invisible(
     for one in scored:
         if len(one.hypothesis) == 1:
             weak = squared(metric.of(one.rows.predicted), nothing)[:, 0] < visible
-            found[one.hypothesis[0]] = float(np.exp(one.log_prior)[weak].sum())
+            before = np.exp(one.log_prior - one.log_prior.max())
+            found[one.hypothesis[0]] = float(before[weak].sum() / before.sum())
     return found
 
 

@@ -34,7 +34,7 @@ from dogshape.diagnosis.inference.further_shifts import (
 )
 from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.inference.posterior import Probabilities
-from dogshape.diagnosis.inference.static_readings import facts_of
+from dogshape.diagnosis.inference.static_readings import facts_of, measured_facts, shown
 from dogshape.diagnosis.inference.unknown import Unknown
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
@@ -204,7 +204,8 @@ class Standing:
         """Return the decision between some hypotheses."""
         # Nothing is impossible before a test, least of all what nobody thought of.
         shares = np.array([max(self.posterior[h], 1e-9) for h in hypotheses])
-        measured = [fact.effect for fact in facts_of(self.bench)]
+        facts = measured_facts(self.bench, self.effects)
+        measured = {fact.effect for fact in facts_of(self.bench)} | shown(facts)
         return Decision.of(hypotheses, shares, self.confusion, measured)
 
     @property
@@ -347,7 +348,8 @@ def _where(bench: Bench, place: int) -> str:
 
 
 def _direct(standing: Standing) -> list[NextTest]:
-    """List the direct tests of the effects."""
+    """List the direct tests of the effects, but for those whose results are known."""
+    known = {one.effect for one in standing.bench.measured}
     grouped: dict[str, list[Effect]] = {}
     for effect in standing.effects.values():
         grouped.setdefault(effect.test.name, []).append(effect)
@@ -363,7 +365,7 @@ def _direct(standing: Standing) -> list[NextTest]:
             _parameters(standing, those),
         )
         for name, those in grouped.items()
-        if possible(standing.bench, name)
+        if possible(standing.bench, name) and not {effect.name for effect in those} <= known
     ]
 
 

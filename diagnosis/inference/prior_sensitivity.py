@@ -17,7 +17,14 @@ from dogshape.diagnosis.inference.evidence import evidence, with_width
 from dogshape.diagnosis.inference.posterior import Probabilities, judged, probabilities
 from dogshape.diagnosis.inference.predictive_check import p_value
 from dogshape.diagnosis.inference.ranking import Ranking, plausible_fits
-from dogshape.diagnosis.inference.static_readings import Fact, facts_of, given, log_neutral
+from dogshape.diagnosis.inference.static_readings import (
+    Fact,
+    facts_of,
+    given,
+    informed,
+    log_neutral,
+    measured_facts,
+)
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, spaces_for
 from dogshape.diagnosis.terms import Hypothesis
@@ -29,8 +36,11 @@ def readings(
 ) -> dict[str, Probabilities]:
     """Return the probabilities given each fact, under other priors, and with unknown as failed."""
     found, free = {}, ranking.free.log_evidence
+    measured = measured_facts(bench, effects)
     for fact in facts_of(bench):
         more = _with_effect(problem, bench, ranking, fact, effects)
+        told = informed({h: one for h, (one, _) in more.items()}, measured)
+        more = {h: (told[h], bare) for h, (_, bare) in more.items()}
         every = {**ranking.scored, **{h: one for h, (one, _) in more.items()}}
         agreed = {h: given(one, fact) for h, one in every.items()}
         like = {h: bare for h, (_, bare) in more.items()}

@@ -24,6 +24,7 @@ from dogshape.diagnosis.inference.posterior import (
     probabilities,
 )
 from dogshape.diagnosis.inference.refits import checked
+from dogshape.diagnosis.inference.static_readings import informed, log_unknown, measured_facts
 from dogshape.diagnosis.inference.unknown import Unknown, unknown
 from dogshape.diagnosis.likelihood.discrepancy import marginals
 from dogshape.diagnosis.likelihood.scores import Problem, Scored
@@ -98,7 +99,10 @@ def rank(
     scored = scored_in_turn(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
     found = refined(problem, scored)
     problem, scored = found.problem, found.scored
-    first = replace(_ranked(problem, scored, free), together=found.levels)
+    facts = measured_facts(bench, effects)
+    told = sum(log_unknown(fact, effects) for fact in facts)
+    free = replace(free, told=told)
+    first = replace(_ranked(problem, informed(scored, facts), free), together=found.levels)
     near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
     # The flight with three effects at once is not tabulated.
     if not near or problem.flights:
@@ -107,7 +111,7 @@ def rank(
     best = max(one.log_evidence + log_odds(h, priors) for h, one in scored.items())
     every = {**scored, **scored_in_turn(problem, threes, best)}
     more = refined(problem, every, [space.hypothesis for space in threes])
-    whole = _ranked(more.problem, more.scored, free, first)
+    whole = _ranked(more.problem, informed(more.scored, facts), free, first)
     return replace(whole, together=(*found.levels, *more.levels))
 
 

@@ -1,4 +1,4 @@
-r"""Static readings of the stand: facts about an effect beside the shifts.
+r"""Readings beside the shifts: facts about an effect, from the actuator at rest or a direct test.
 
 Static readings of the actuator after engagement, displacement *x* over force *F* at the arm, lie on
 a line :math:`x = x_0 + F/k` where the linkage is elastic. With the linkage's ratio *i* and
@@ -6,23 +6,35 @@ efficiency :math:`\eta` a compliance at the arm is :math:`c = (1/k)/(i^2 \eta)` 
 forces are :math:`i \eta` times those at the arm; :math:`\eta` is at most one. The travel without
 force gives the ratio again, :math:`i = x_0/\text{travel}`, and so by how much the nominal forces
 at the sleeve are off.
+
+What a direct test shows (``[[measured]]`` of the data set) counts with the shifts: the evidence of
+each hypothesis is that of both, with the parameter's neutral value where the effect is absent. Of
+*unknown* the test finds nothing, half, or anything within the prior.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.bench.stand_file import Measured
+from dogshape.diagnosis.inference.evidence import effective
 from dogshape.diagnosis.inference.parameter_intervals import intervals
 from dogshape.diagnosis.likelihood.scores import Scored
+from dogshape.diagnosis.likelihood.time_parts import log_sum
 from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim import effects as registry
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import DataError, did_you_mean
 from dogshape.sim.units import MM
 
 LEAST = 3  #: readings that a line needs
 SURE = 1.645  #: standard errors to the ends of 90 %
+ANY = 200  #: values of a prior that a test may find of something not listed
 SPREAD = 0.05  #: share of a value by which a fact is uncertain at least
 
 
@@ -101,6 +113,75 @@ def _scale(start: float, error: float, ratio: float, travel: float) -> Fact:
     return Fact("force_scale", "force_factor", 1.0, value, spread, sentence)
 
 
+def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
+    """Raise DataError for the result of a direct test that is of no effect or parameter."""
+    for one in bench.measured:
+        if one.effect not in effects:
+            hint = did_you_mean(one.effect, effects)
+            raise DataError(f"{bench.name}: '{one.effect}' in [[measured]] is no effect; {hint}")
+        names = [parameter.name for parameter in effects[one.effect].parameters]
+        if _parameter(one, effects[one.effect]) not in names:
+            given = f"'{one.parameter}'" if one.parameter else "left out"
+            raise DataError(
+                f"{bench.name}: the parameter of {one.effect} in [[measured]] is {given}, but must "
+                f"be one of: {', '.join(names) or 'none, as the effect has none to measure'}"
+            )
+
+
+def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
+    """List the facts of direct tests, whether their effects are in question or not."""
+    every = {**registry.load(), **effects}
+    return tuple(_measured(bench, every[m.effect], m) for m in bench.measured if m.effect in every)
+
+
+def _parameter(one: Measured, effect: Effect) -> str | None:
+    names = [parameter.name for parameter in effect.parameters]
+    return names[0] if one.parameter is None and len(names) == 1 else one.parameter
+
+
+def _measured(bench: Bench, effect: Effect, one: Measured) -> Fact:
+    name = _parameter(one, effect)
+    assert name is not None, "which parameter it is is required before"
+    sentence = (
+        f"a direct test gives {name} = {one.value:.4g} (standard error {one.standard_error:.2g}), "
+        "which counts with the shifts"
+    )
+    neutral = effect.neutral(setting_of(bench))[name]
+    return Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
+
+
+def shown(facts: Sequence[Fact]) -> frozenset[str]:
+    """Return the effects that facts show to be there, beyond the errors of 90 %."""
+    return frozenset(f.effect for f in facts if not f.low <= f.neutral <= f.high)
+
+
+def informed(
+    scored: Mapping[Hypothesis, Scored], facts: Sequence[Fact]
+) -> dict[Hypothesis, Scored]:
+    """Return hypotheses with the evidence of shifts and facts together."""
+    found = dict(scored)
+    for fact in facts:
+        for hypothesis, one in found.items():
+            told = given(one, fact)
+            if fact.effect not in hypothesis:
+                # Where the data of some cells are left out it counts as well.
+                found[hypothesis] = replace(told, log_prior=one.log_prior + log_neutral(fact))
+                continue
+            # A narrow fact leaves few of the values that were chosen for the shifts.
+            few = 1.0 / effective(told.log_prior + told.rows.whole)
+            found[hypothesis] = replace(told, error=math.hypot(one.error, math.sqrt(few)))
+    return found
+
+
+def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
+    """Return the logarithm of the density of a fact where nothing known is the cause."""
+    effect = effects.get(fact.effect) or registry.load()[fact.effect]
+    (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
+    values = np.array([parameter.at(float(share)) for share in (np.arange(ANY) + 0.5) / ANY])
+    anything = log_sum(fact.log_density(values), axis=0) - math.log(ANY)
+    return float(np.logaddexp(log_neutral(fact), anything)) - math.log(2.0)
+
+
 def given(found: Scored, fact: Fact) -> Scored:
     """Return a hypothesis with its evidence where a fact is known beside the shifts.
 
@@ -108,7 +189,8 @@ def given(found: Scored, fact: Fact) -> Scored:
     """
     if fact.effect not in found.hypothesis:
         return replace(found, log_evidence=found.log_evidence + log_neutral(fact))
-    values = found.space.values(found.rows.shares)[:, found.space.columns(fact.effect)][:, 0]
+    place = [p.name for p in found.space.parameters].index(fact.parameter)
+    values = found.space.values(found.rows.shares)[:, place]
     log = found.log_prior + fact.log_density(values)
     return replace(found, log_prior=log).with_table(found.rows.log_likelihood)
 

@@ -91,7 +91,8 @@ class Unknown:
     """Hypothesis *unknown* with its evidence.
 
     ``engaged`` and ``as_failed`` are the logarithms of what is said of the shares, (cells,), the
-    latter with the unknown shifts read as failed; ``flight`` that of the marks of flights.
+    latter with the unknown shifts read as failed; ``flight`` that of the marks of flights, ``told``
+    that of direct tests.
     """
 
     models: tuple[Model, ...]
@@ -99,11 +100,12 @@ class Unknown:
     engaged: Array
     as_failed: Array
     flight: float = 0.0
+    told: float = 0.0
 
     @property
     def log_evidence(self) -> float:
         """Logarithm of the evidence of all cells."""
-        return self._total() + float(self.engaged.sum()) + self.flight
+        return self._total() + float(self.engaged.sum()) + self.flight + self.told
 
     def log_evidence_of(self, cells: np.ndarray, flown: float = 1.0) -> float:
         """Compute the logarithm of the evidence of some cells.
@@ -111,12 +113,12 @@ class Unknown:
         ``flown`` is their part of what is said of the marks of flights.
         """
         times = float(log_sum(self._logs(cells), axis=0))
-        return times + float(self.engaged[cells].sum()) + flown * self.flight
+        return times + float(self.engaged[cells].sum()) + flown * self.flight + self.told
 
     @property
     def log_evidence_as_failed(self) -> float:
         """The same with the unknown shifts read as failed."""
-        return self._total() + float(self.as_failed.sum()) + self.flight
+        return self._total() + float(self.as_failed.sum()) + self.flight + self.told
 
     def _total(self) -> float:
         return float(log_sum(self._all_logs, axis=0))

@@ -19,6 +19,7 @@ from pathlib import Path
 from dogshape.diagnosis.bench.bench_data import Bench, require_times
 from dogshape.diagnosis.diagnosis import Diagnosis, Ranked, diagnose_wider, ranked
 from dogshape.diagnosis.inference.next_test import require_terms
+from dogshape.diagnosis.inference.static_readings import require_measured
 from dogshape.diagnosis.prediction.bank import SHIFT, Bank, Plan, blocks_of
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.emulator import BankEmulator
@@ -94,6 +95,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     require_times(bench)
     effects = load(means.effects)
     require_terms(bench, effects)
+    require_measured(bench, effects)
     _require_working(effects, bench, means)
     bench = with_bank_engine(bench, effects, means)
     return diagnosed_by_banks(bench, effects, means)
