@@ -1,10 +1,11 @@
 """Diagnose the clear cases of a field set again, once its key is open.
 
-    python -m benchmarks.field_again DIR [--least N] [--kinds KIND,...] [--jobs N]
+    python -m benchmarks.field_again DIR [--least N] [--kinds KIND,...] [--every N] [--jobs N]
 
 A set that was opened is no proof any more: what it taught may have been built in. It says whether
 what was mended is mended, on the cases that could be told (noncentrality of 38 at least; another
-with ``--least``). Marked like a sealed set's. DIR keeps the answers under ``again/``, and a run
+with ``--least``, of cases without any effect 0). Marked like a sealed set's, and held against the
+answers that were scored. DIR keeps the answers under ``again/``, and a run
 that was stopped goes on.
 """
 
@@ -29,12 +30,14 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--least", type=float, default=CLEAR)
     parser.add_argument("--kinds", default=",".join(LISTED))
+    parser.add_argument("--every", type=int, default=1, help="take each Nth of these cases")
     parser.add_argument("--jobs", type=int, default=1)
     given = parser.parse_args()
     key = read(given.folder / "key.json", "bring the key")
     kinds = given.kinds.split(",")
     every = key["cases"].items()
     names = [n for n, c in every if c["kind"] in kinds and _clear(c, given.least)]
+    names = names[:: given.every]
     (given.folder / "again").mkdir(exist_ok=True)
     with pool(given.jobs) as submit:
         futures = [submit(_diagnosed, given.folder, name) for name in names]
@@ -52,6 +55,17 @@ def main() -> None:
             f"{len(named):17d} {sum(one.named_right for one in named):14d} "
             f"{sum(one.recognised for one in mine):15d}"
         )
+    scored = {n: read(given.folder / "results" / f"{n}.json", "")["diagnosis"] for n in names}
+    print()
+    for words, part in (
+        ("leads", lambda one: one["hypotheses"][0]["effects"]),
+        ("is named", lambda one: one["causes"]),
+        ("is said", lambda one: one["verdict"]),
+    ):
+        moved = [n for n in names if part(answers[n]) != part(scored[n])]
+        print(f"what {words} is as it was scored in {len(names) - len(moved)} of {len(names)}")
+    none = [sum(one[n]["verdict"] == "none" for n in names) for one in (scored, answers)]
+    print(f"none within the margin: {none[0]} as they were scored, {none[1]} now")
     print("\nthe three likeliest answers to each")
     for one in sorted(marks, key=lambda one: (one.kind, one.mark.name)):
         found = answers[one.mark.name]["hypotheses"][:3]

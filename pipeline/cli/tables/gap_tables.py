@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Group, RenderableType
@@ -9,8 +10,10 @@ from rich.table import Table
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.predictive_check import ADEQUATE
+from dogshape.diagnosis.inference.verdict import NAMED
 from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, plain
 from dogshape.diagnosis.report.wording import chance, described
+from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.cli.tables.validate_tables import examined_lines
 from dogshape.pipeline.reports.gap.odds_matrix import class_in_words
@@ -18,6 +21,7 @@ from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.effects import load
 
 SHOWN = 6  #: hypotheses in the table
+ALIKE = "cannot be told apart"
 LEAST = 0.001  #: probability from which one is shown
 
 
@@ -118,9 +122,16 @@ def _gap(found: Diagnosis, gap: dict[str, Any]) -> str:
 def _classes(found: Diagnosis) -> list[str]:
     """List causes that cannot be told apart, by the names of the page with the record's keys."""
     groups = [group for group in found.confusion.classes if len(group) > 1]
-    lines = [class_in_words(group, found.effects, keys=True) for group in groups]
+    # Odds are those that as many shifts give on average; these data may tell all the same.
+    lines = [f"{_told(found, g)}: {class_in_words(g, found.effects, keys=True)}" for g in groups]
     named = {n for h in found.confusion.hypotheses if h != UNKNOWN for n in h}
     for name in sorted(named):
         effect = found.effects[name]
-        lines += [f"{effect.plain} ({name}) or {alias}" for alias in effect.aliases]
-    return [f"cannot be told apart: {line}" for line in lines]
+        lines += [f"{ALIKE}: {effect.plain} ({name}) or {alias}" for alias in effect.aliases]
+    return lines
+
+
+def _told(found: Diagnosis, group: Sequence[Hypothesis]) -> str:
+    """Write whether these data tell one of a class from the others, if not on average."""
+    settled = any(found.posterior.get(h, 0.0) > NAMED for h in group)
+    return "told apart by these data, not by as many shifts on average" if settled else ALIKE
