@@ -36,7 +36,29 @@ def _drawn(label: str, *places: int) -> Callable[[], Sequence[float]]:
     return found
 
 
+AGAIN = "field_again_20261205"
+
+
 ENTRIES: list[Entry] = [
+    Entry(
+        PAGE,
+        "and *none* is said in {:.0f} instead of {:.0f} of 54",
+        lambda: numbers(
+            AGAIN,
+            "$ python -m benchmarks.field_again results/field --kinds none",
+            "none within the margin:",
+        )[1::-1],
+    ),
+    Entry(
+        PAGE,
+        "in all; {:.0f} instead of 23 clear causes lead",
+        lambda: [sum(numbers(AGAIN, kind)[1] for kind in ("beyond", "single", "three"))],
+    ),
+    Entry(
+        PAGE,
+        "lead, {:.0f} instead of 7 clear unknown ones",
+        lambda: numbers(AGAIN, "outside")[4:5],
+    ),
     *(
         Entry(PAGE, text, _drawn(*source))
         for text, source in (
