@@ -68,7 +68,7 @@ SHIFTS = (
     Quantity(
         "force_rise_s", TIME,
         ("force rise", "rise time", "anstiegszeit", "kraftanstieg", "t rise", "t anstieg",
-         "t ramp"),
+         "t ramp", "t an", "t anst"),
         ("rise", "anstieg", "ramp", "rampe"), _SPREAD,
     ),
     Quantity(
@@ -86,7 +86,7 @@ SHIFTS = (
     ),
     Quantity(
         "engaged", None,
-        ("engaged", "eingelegt", "geschaltet"),
+        ("engaged", "eingelegt", "geschaltet", "eingerueckt", "eingespurt"),
         ("erfolg", "erfolgreich", "success", "ok", "i o", "result", "ergebnis", "status"),
     ),
     Quantity(

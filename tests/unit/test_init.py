@@ -97,6 +97,15 @@ def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
     assert [taken[name] for name in wanted] == list(heads[:4])
 
 
+def test_a_rise_and_an_engagement_are_found_by_their_german_names() -> None:
+    heads = ("Δn [1/min]", "Schaltkraft [N]", "t_an [ms]", "Schaltzeit [ms]", "eingerückt")
+    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
+    taken = {one.quantity.name: one.column.head for one in found}
+    assert not faults
+    assert (taken["force_rise_s"], taken["engaged"]) == ("t_an [ms]", "eingerückt")
+    assert taken["shift_time_s"] == "Schaltzeit [ms]"
+
+
 def test_what_fits_twice_is_asked_about() -> None:
     heads = ("delta n [1/min]", "F [N]", "Schaltkraft [N]", "t [s]", "Schaltzeit [ms]")
     found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
