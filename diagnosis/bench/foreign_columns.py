@@ -258,7 +258,12 @@ def _said(columns: Sequence[Column], quantities: Sequence[Quantity], name: str, 
         raise InputError(f"--column {name} is '{text}', but the file has no such column; {hint}")
     column, unit = heads[head], heads[head].unit
     if asked:
-        unit = unit_named(asked)
+        told, unit = unit, unit_named(asked)
+        if told and unit and told.dimension == unit.dimension and told.factor != unit.factor:
+            raise InputError(
+                f"--column {name} is '{text}', but the head itself says {told.text}; leave out "
+                f"':{asked}', or correct the head where it is wrong"
+            )
     kinds = known[name].dimension, known[name].also
     if (asked and unit is None) or (unit and unit.dimension not in kinds):
         wrong = asked or (unit.text if unit else "")

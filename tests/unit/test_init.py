@@ -106,6 +106,14 @@ def test_a_rise_and_an_engagement_are_found_by_their_german_names() -> None:
     assert taken["shift_time_s"] == "Schaltzeit [ms]"
 
 
+def test_a_unit_that_the_head_contradicts_is_refused() -> None:
+    columns = [Column.of("Zeit [ms]")]
+    found, _ = matched(columns, SHIFTS, {"shift_time_s": "Zeit [ms]:ms"})
+    assert found[0].column.head == "Zeit [ms]"
+    _, faults = matched(columns, SHIFTS, {"shift_time_s": "Zeit [ms]:s"})
+    assert "the head itself says ms; leave out ':s'" in " ".join(faults)
+
+
 def test_what_fits_twice_is_asked_about() -> None:
     heads = ("delta n [1/min]", "F [N]", "Schaltkraft [N]", "t [s]", "Schaltzeit [ms]")
     found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
