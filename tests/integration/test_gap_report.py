@@ -335,7 +335,7 @@ def test_readings_at_rest_speak_for_and_against(tmp_path: Path) -> None:
     scale = next(one for one in every if one.name == "shift force off nominal")
     assert any(line.startswith("at rest the stand shows") for line in scale.reasons + scale.doubts)
     text = publish(found, tmp_path).read_text()
-    assert "What the stand shows at rest" in text
+    assert "What the stand shows beside the shifts" in text
     assert "given the force factor at rest" in text
 
 
