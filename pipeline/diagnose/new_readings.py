@@ -52,7 +52,8 @@ def require_no_copies(held: Sheet, new: Sheet) -> None:
     ours, theirs = ([_what(row, stamped) for row in one.rows] for one in (held, new))
     found = SequenceMatcher(None, ours, theirs, autojunk=False).find_longest_match()
     same = theirs[found.b : found.b + found.size]
-    means = [k for k, row in enumerate(new.rows) if row.n > 1 and theirs[k] in ours]
+    # A mean that is not measured yet is no copy of one that was not.
+    means = [k for k, row in enumerate(new.rows) if row.n > 1 and row.time and theirs[k] in ours]
     if found.size >= COPIED and len(set(same)) >= DIFFERENT:
         first, last = new.rows[found.b].row, new.rows[found.b + found.size - 1].row
         which, like = f"rows {first} to {last} repeat", held.rows[found.a].row

@@ -237,6 +237,17 @@ def test_readings_that_the_bench_has_already_are_no_new_ones(stand: Path) -> Non
     assert "--correct" not in str(refused.value)
 
 
+def test_a_mean_that_is_not_measured_yet_may_join_again(stand: Path) -> None:
+    table = _table(stand / "one.csv", 2, 20).read_text()
+    planned = "100,235.2,0.251,10,,,\n"
+    (stand / "one.csv").write_text(table + planned)
+    ds.update_diagnosis(stand / "out", stand / "one.csv")
+    head, row = _table(stand / "two.csv", 3, 20).read_text().splitlines()[:2]
+    (stand / "two.csv").write_text(f"{head}\n{row}\n{planned}")
+    found = ds.update_diagnosis(stand / "out", stand / "two.csv")
+    assert sum(cell.unknown for cell in found.diagnosis.inference.bench.cells) == 20
+
+
 def test_traces_go_along(tmp_path: Path) -> None:
     found = ds.diagnose(GOOD, out=tmp_path / "out")
     (tmp_path / "traces").mkdir()
