@@ -37,7 +37,7 @@ from dogshape.diagnosis.inference.range_ends import RangeEnd, diagnosed_wider
 from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
 from dogshape.diagnosis.inference.series_drift import SeriesDrift, series_drift
-from dogshape.diagnosis.inference.static_readings import against, facts_of, measured_facts, shown
+from dogshape.diagnosis.inference.static_readings import read_directly, readings_in_words
 from dogshape.diagnosis.inference.verdict import Verdict, decide
 from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
@@ -187,20 +187,9 @@ class Diagnosis:
                     "value": fact.value,
                     "low": fact.low,
                     "high": fact.high,
-                    "sentence": against(fact, self.scored),
+                    "sentence": sentence,
                 }
-                for fact in facts_of(self.bench)
-            ]
-            + [
-                {
-                    "effect": fact.effect,
-                    "parameter": fact.parameter,
-                    "value": fact.value,
-                    "low": fact.low,
-                    "high": fact.high,
-                    "sentence": fact.sentence,
-                }
-                for fact in measured_facts(self.bench, self.effects)
+                for fact, sentence in readings_in_words(self.bench, self.effects, self.scored)
             ],
             "sensitivity": {
                 key: [
@@ -365,8 +354,7 @@ def _concluded(bench: Bench, effects: Mapping[str, Effect], ranking: Ranking) ->
     gaps = _gaps(standing, ranking)
     hidden = invisible(list(scored.values()), metric, limits.visible)
     same = equivalence(problem, scored, ranking.raw, posterior.get(UNKNOWN, 0.0), bench.margin)
-    tested = shown(measured_facts(bench, effects))
-    measured = [*(fact.effect for fact in facts_of(bench)), *sorted(tested)]
+    measured = read_directly(bench, effects)
 
     def settle(those: Probabilities, fits: Mapping[Hypothesis, float], within: float) -> Verdict:
         found = decide(those, parts, fits, within, measured, limits=limits)

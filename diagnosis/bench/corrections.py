@@ -35,7 +35,7 @@ class Correction:
 def _scaled(field: str, factor: float, *others: str) -> Change:
     """Return a change that multiplies fields of a row, where they have a value."""
 
-    def change(row: Row) -> Row:
+    def change(row: Row, _: Sensor) -> Row:
         values = {name: getattr(row, name) for name in (field, *others)}
         known = {name: value * factor for name, value in values.items() if value is not None}
         return replace(row, **known) if known else row
@@ -43,9 +43,9 @@ def _scaled(field: str, factor: float, *others: str) -> Change:
     return _each(change)
 
 
-def _each(change: Callable[[Row], Row]) -> Change:
+def _each(change: Callable[[Row, Sensor], Row]) -> Change:
     """Return the change of all rows of a sheet by that of one."""
-    return lambda sheet, _: sheet.with_rows(tuple(change(row) for row in sheet.rows))
+    return lambda sheet, sensor: sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
 
 
 def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Change:
@@ -58,7 +58,7 @@ def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Cha
         by = factor(sensor)
         return replace(row, trace=replace(trace, **{f: getattr(trace, f) * by for f in fields}))
 
-    return lambda sheet, sensor: sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
+    return _each(change)
 
 
 def _at_sleeve(sensor: Sensor) -> float:
@@ -80,7 +80,7 @@ def _needs(quantity: str, keys: str) -> InputError:
     )
 
 
-def _joined(sheet: Sheet) -> Sheet:
+def _joined(sheet: Sheet, _: Sensor) -> Sheet:
     """Return a sheet in which rows with nearly the same set values have the same."""
     values = zip(sheet.rows, joined_values(sheet.rows), strict=True)
     return sheet.with_rows(
@@ -93,13 +93,13 @@ SPEEDS = ("sliding_speed", "output_speed")
 #: What can be taken otherwise, in the order in which it is changed.
 WAYS: dict[str, dict[str, Change]] = {
     "axes": {
-        "swapped": _each(lambda row: replace(row, mismatch=row.force, force=row.mismatch)),
+        "swapped": _each(lambda row, _: replace(row, mismatch=row.force, force=row.mismatch)),
     },
     "time": {"ms": _scaled("time", MS, "sd")},
     "rise": {"ms": _scaled("rise", MS)},
     "force": {
         "kN": _scaled("force", 1e3),
-        "arm": lambda sheet, sensor: _scaled("force", _at_sleeve(sensor))(sheet, sensor),
+        "arm": _each(lambda row, sensor: replace(row, force=row.force * _at_sleeve(sensor))),
     },
     "mismatch": {"rad_s": _scaled("mismatch", 1.0 / RPM), "reversed": _scaled("mismatch", -1.0)},
     "displacement": {
@@ -112,7 +112,7 @@ WAYS: dict[str, dict[str, Change]] = {
         "arm": _in_trace(("force",), _at_sleeve),
     },
     "speeds": {"rad_s": _in_trace(SPEEDS, lambda _: 1.0 / RPM)},
-    "points": {"joined": lambda sheet, _: _joined(sheet)},
+    "points": {"joined": _joined},
 }
 
 

@@ -34,7 +34,7 @@ from dogshape.diagnosis.inference.further_shifts import (
 )
 from dogshape.diagnosis.inference.outcome import Decision, Outcome
 from dogshape.diagnosis.inference.posterior import Probabilities
-from dogshape.diagnosis.inference.static_readings import facts_of, measured_facts, shown
+from dogshape.diagnosis.inference.static_readings import read_directly
 from dogshape.diagnosis.inference.unknown import Unknown
 from dogshape.diagnosis.likelihood.observations import Observed
 from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
@@ -204,8 +204,7 @@ class Standing:
         """Return the decision between some hypotheses."""
         # Nothing is impossible before a test, least of all what nobody thought of.
         shares = np.array([max(self.posterior[h], 1e-9) for h in hypotheses])
-        facts = measured_facts(self.bench, self.effects)
-        measured = {fact.effect for fact in facts_of(self.bench)} | shown(facts)
+        measured = read_directly(self.bench, self.effects)
         return Decision.of(hypotheses, shares, self.confusion, measured)
 
     @property

@@ -130,8 +130,13 @@ def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
 
 def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
     """List the facts of direct tests, whether their effects are in question or not."""
-    every = {**registry.load(), **effects}
-    return tuple(_measured(bench, every[m.effect], m) for m in bench.measured if m.effect in every)
+    known = ((one, _effect(one.effect, effects)) for one in bench.measured)
+    return tuple(_measured(bench, effect, one) for one, effect in known if effect)
+
+
+def _effect(name: str, effects: Mapping[str, Effect]) -> Effect | None:
+    """Find an effect in question, or else of the program's own."""
+    return effects.get(name) or registry.load().get(name)
 
 
 def _parameter(one: Measured, effect: Effect) -> str | None:
@@ -155,6 +160,19 @@ def shown(facts: Sequence[Fact]) -> frozenset[str]:
     return frozenset(f.effect for f in facts if not f.low <= f.neutral <= f.high)
 
 
+def read_directly(bench: Bench, effects: Mapping[str, Effect]) -> frozenset[str]:
+    """Return the effects of readings at rest, and those that direct tests show to be there."""
+    return frozenset(f.effect for f in facts_of(bench)) | shown(measured_facts(bench, effects))
+
+
+def readings_in_words(
+    bench: Bench, effects: Mapping[str, Effect], scored: Mapping[Hypothesis, Scored]
+) -> list[tuple[Fact, str]]:
+    """List all facts, each with what it tells."""
+    at_rest = [(fact, against(fact, scored)) for fact in facts_of(bench)]
+    return at_rest + [(fact, fact.sentence) for fact in measured_facts(bench, effects)]
+
+
 def informed(
     scored: Mapping[Hypothesis, Scored], facts: Sequence[Fact]
 ) -> dict[Hypothesis, Scored]:
@@ -175,7 +193,8 @@ def informed(
 
 def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     """Return the logarithm of the density of a fact where nothing known is the cause."""
-    effect = effects.get(fact.effect) or registry.load()[fact.effect]
+    effect = _effect(fact.effect, effects)
+    assert effect is not None, "a fact is of an effect that there is"
     (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
     values = np.array([parameter.at(float(share)) for share in (np.arange(ANY) + 0.5) / ANY])
     anything = log_sum(fact.log_density(values), axis=0) - math.log(ANY)

@@ -143,8 +143,9 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
             "shifts of their own; give new readings"
         )
     data = folder / DATA
-    sheet = _examined(data, new, asked.corrections)
-    held = _corrected(load_stand(data / "bench.toml"), data / "shifts.csv", asked.corrections)[0]
+    stand = load_stand(data / "bench.toml")
+    sheet = _examined(stand, new, asked.corrections)
+    held, _ = _corrected(stand, data / "shifts.csv", asked.corrections)
     require_same_rises(held, sheet)
     if not any(one.startswith("points=") for one in asked.corrections):
         require_same_points(held, sheet)
@@ -175,9 +176,8 @@ def digest_of(path: Path) -> str:
         ) from error
 
 
-def _examined(data: Path, new: Path, corrections: Sequence[str]) -> Sheet:
+def _examined(stand: Stand, new: Path, corrections: Sequence[str]) -> Sheet:
     """Return the new rows, corrected; what cannot be true of them by themselves is refused."""
-    stand = load_stand(data / "bench.toml")
     sheet, asked = _corrected(stand, new, corrections)
     remedy = "write them as the data set of the diagnosis has them"
     require_no_slip(str(new), examine(stand, sheet, asked), remedy)

@@ -108,14 +108,24 @@ def test_a_wider_range_keeps_its_levels_and_goes_on_at_their_spacing(bench: Benc
     assert np.diff(logs)[4:] == pytest.approx(np.full(2, np.log(5.0) / 2.0))
 
 
-def test_a_new_level_beside_the_neutral_value_is_left_out(bench: Bench) -> None:
-    setting = settings_of(bench)[0]
+def _widened_below(bench: Bench, low: float) -> list[float]:
+    """Return levels of a force of 1.1 to 1.5 of the nominal one, whose range was widened."""
     scale = EFFECTS["force_scale"]
     (size,) = scale.parameters
     above = replace(scale, parameters=(replace(size, low=1.1, high=1.5),))
-    below = above.with_range(replace(size, low=0.7, high=1.5))
-    found = [level.values[0] for level in levels_of(below, setting, 5, 9)]
+    below = above.with_range(replace(size, low=low, high=1.5))
+    return [level.values[0] for level in levels_of(below, settings_of(bench)[0], 5, 9)]
+
+
+def test_a_new_level_beside_the_neutral_value_is_left_out(bench: Bench) -> None:
+    found = _widened_below(bench, 0.7)
     assert found == pytest.approx([0.7, 0.8, 0.9, 1.1, 1.2, 1.3, 1.4, 1.5])
+
+
+def test_the_end_of_a_range_stays_beside_the_neutral_value(bench: Bench) -> None:
+    found = _widened_below(bench, 0.98)
+    assert found == pytest.approx([0.98, 1.04, 1.1, 1.2, 1.3, 1.4, 1.5])
+    assert _widened_below(bench, 1.0) == pytest.approx([1.1, 1.2, 1.3, 1.4, 1.5])
 
 
 def test_a_wider_plane_keeps_its_levels_and_has_as_many_more_as_it_grew_by(bench: Bench) -> None:
@@ -130,19 +140,6 @@ def test_a_wider_plane_keeps_its_levels_and_has_as_many_more_as_it_grew_by(bench
     # Where it is simulated with others lies in what was added.
     assert check_level(("detent_force",), {"detent_force": first}).values == first[1].values
     assert check_level(("detent_force",), {"detent_force": wider}).values[0] > high
-
-
-def test_the_end_of_a_range_stays_beside_the_neutral_value(bench: Bench) -> None:
-    setting = settings_of(bench)[0]
-    scale = EFFECTS["force_scale"]
-    (size,) = scale.parameters
-    above = replace(scale, parameters=(replace(size, low=1.1, high=1.5),))
-    below = above.with_range(replace(size, low=0.98, high=1.5))
-    found = [level.values[0] for level in levels_of(below, setting, 5, 9)]
-    assert found == pytest.approx([0.98, 1.04, 1.1, 1.2, 1.3, 1.4, 1.5])
-    last = above.with_range(replace(size, low=1.0, high=1.5))
-    found = [level.values[0] for level in levels_of(last, setting, 5, 9)]
-    assert found == pytest.approx([1.1, 1.2, 1.3, 1.4, 1.5])
 
 
 def test_levels_that_no_bench_has_are_left_out(bench: Bench) -> None:

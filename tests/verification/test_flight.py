@@ -130,7 +130,7 @@ def test_marks_between_nodes_err_no_more_than_they_say(
 
 
 def test_a_ring_without_an_axial_gap_passes_its_shares_at_once(plain: Setting) -> None:
-    """What is left of the flight is the force, which an effect moves as it does elsewhere."""
+    """Marks of the force are left, which an effect moves as it does elsewhere."""
     close = plain.with_dog(axial_gap=0.0)
     values = np.array([[0.05], [0.2]])
     near, far = (

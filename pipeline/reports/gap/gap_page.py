@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.next_test import why
-from dogshape.diagnosis.inference.static_readings import against, facts_of, measured_facts
+from dogshape.diagnosis.inference.static_readings import readings_in_words
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
 from dogshape.diagnosis.report.influence_words import influence_in_words, verdict_in_words
 from dogshape.diagnosis.report.wording import chance, headline, ms, parts_in_words, quantity
@@ -99,8 +99,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
             for test in found.tests[:TESTS]
         ],
         "at_rest": [
-            *(against(fact, found.scored) for fact in facts_of(found.bench)),
-            *(fact.sentence for fact in measured_facts(found.bench, found.effects)),
+            said for _, said in readings_in_words(found.bench, found.effects, found.scored)
         ],
         "next": (found.tests[0].name, why(found.tests[0], found.posterior, found.effects)),
         "so_what": None if extras.so_what is None else _so_what(extras.so_what),
