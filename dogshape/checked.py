@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import Within, checks_within
-from dogshape.pipeline.simulate.design import Design, notes_of
+from dogshape.pipeline.simulate.design import Design
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.result import Result
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.locking import blocking_force
@@ -44,7 +45,7 @@ class Checked(Result):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Warnings about the design: a root outside its formula's fit, an idle torque."""
+        """Warnings about the design: a root outside its formula's fit, units in doubt."""
         return tuple(notes_of(self.config))
 
     @property

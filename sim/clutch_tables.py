@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.rules import broken_rule
 from dogshape.sim.shift.clutch import Rings
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
 from dogshape.sim.units import RPM, suffix_of, to_si
@@ -122,6 +122,12 @@ PLACES = {
 }
 _KEYS = {name: key for key, name in FIELDS.items()}
 
+#: Parts of names that ask for more than ``SCOPE`` has.
+UNMODELLED = (
+    *("backlash", "play", "lash", "clearance", "window", "slot_", "space", "undercut", "taper"),
+    *("dovetail", "crest", "roof", "back_", "_back", "dog2", "mating", "second"),
+)
+
 
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings."""
@@ -180,8 +186,20 @@ def _key(error: ErrorDetails) -> str:
     return ".".join(_path(error)) or "the file"
 
 
+def _unmodelled(path: list[str]) -> bool:
+    """Recognise a key of the dogs that the model has no word for: play, undercut, a second ring."""
+    *tables, name = path
+    if tables in (["sliding"], ["output"]):
+        return name in DogSection.model_fields
+    return tables in ([], ["dog"], ["variables"], ["tolerance"]) and any(
+        word in name.lower() for word in UNMODELLED
+    )
+
+
 def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
     path = _path(error)
+    if _unmodelled(path):
+        return f"'{_key(error)}' is not a known key: {SCOPE}; leave it out"
     stem = "".join(f"{part}." for part in path[:-1])
     valid = [stem + name for name in _keys(model, path[:-1])]
     whole = [name for name in _keys(model, []) for name in _below(model, name)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, ParamSpec
 
 import typer
@@ -37,6 +37,12 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             raise typer.Exit(130) from error
 
     return run
+
+
+def warn(notes: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for note in notes:
+        print(f"warning: {note}", file=sys.stderr)
 
 
 def emit(data: dict[str, Any], as_json: bool, text: Callable[[], RenderableType]) -> None:

@@ -7,14 +7,31 @@ from typing import Annotated
 
 import typer
 
+from dogshape.pipeline.cli.console import warn
 from dogshape.sim.errors import InputError
 
 StudyArg = Annotated[
     str, typer.Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
 ]
+
+
+def _said_twice(sets: list[str] | None) -> list[str] | None:
+    """Warn of keys that ``--set`` gives twice: the last one counts."""
+    last = {text.partition("=")[0].strip(): text for text in sets or []}
+    for key, text in last.items():
+        if [one.partition("=")[0].strip() for one in sets or []].count(key) > 1:
+            warn([f"--set gives {key} more than once; the last one counts, {text}"])
+    return sets
+
+
 Sets = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="override a key, e.g. dog.chamfer_deg=14"),
+    typer.Option(
+        "--set",
+        metavar="KEY=VALUE",
+        help="override a key, e.g. dog.chamfer_deg=14",
+        callback=_said_twice,
+    ),
 ]
 Engine = Annotated[
     str | None,

@@ -33,7 +33,7 @@ from dogshape.sim.errors import DogshapeError, InputError, refusal, require_betw
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.loads import Loads
 from dogshape.sim.shift.passing import require_stiff_enough
 from dogshape.sim.shift.trace import Trace
@@ -382,10 +382,9 @@ def _uncertainty(
     forces = [point.profile.force for point in points]
     for force in (low * min(forces), high * max(forces)):
         if not unsure.rise.covers(force):
-            known = table.forces
-            rule = f"the rise times of the study cover {min(known):.6g} to {max(known):.6g} N"
             remedy = "extend actuation.force_N and rise_s, or narrow uncertain.force_factor"
-            raise InputError(refusal("shift force by its factor", force, "N", rule, remedy))
+            name = "shift force by its factor"
+            raise InputError(refusal(name, force, "N", table.range_rule, remedy))
     return unsure
 
 
@@ -495,8 +494,9 @@ def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
                 "second; exchange them, or leave the key out to keep the dog's own value"
             )
         if key.endswith("_deg") and not 0.0 <= low <= high < 60.0:
-            rule = "angles must lie between 0 and 60 deg"
-            raise InputError(refusal(f"variables.{key}", high, "deg", rule, "narrow the range"))
+            rule, wrong = "angles must lie between 0 and 60 deg", low if low < 0.0 else high
+            remedy = SCOPE if low < 0.0 else "narrow the range"
+            raise InputError(refusal(f"variables.{key}", wrong, "deg", rule, remedy))
     return {key: (low, high) for key, (low, high) in ranges.items()}
 
 

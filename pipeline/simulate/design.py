@@ -22,12 +22,10 @@ from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
-from dogshape.sim.strength.notch import outside_fit
 from dogshape.sim.strength.production import kept_share, standard_error, surely_below
 from dogshape.sim.units import MM
 from dogshape.surrogate.covariance import Array
 
-IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 WORST = "smallest_margin_worst"
@@ -117,22 +115,6 @@ def _limit_checks(
         if value is not None:
             found.append(Check(quantity.rule(value), value, limit))
     return tuple(found)
-
-
-def notes_of(study: Setup) -> list[str]:
-    """Return warnings about the study's own dog.
-
-    Of a root outside its formula's fit, and of a torque so small that its unit is in question.
-    """
-    dog, limits = study.clutch.dog, study.limits
-    steady = replace(limits, strike=None)
-    loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
-    used = max(check.utilisation for check in loaded)
-    notes = [f"{note}; --fem checks it" for note in outside_fit(dog, limits.root_radius)]
-    if used < IDLE:
-        notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
-                     "is load.torque_Nm in N m?")  # fmt: skip
-    return notes
 
 
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:

@@ -9,14 +9,22 @@ from pathlib import Path
 from dogshape.sim.errors import StorageError
 
 
-def require_targets(targets: Mapping[str, Path | None], *, folders: bool = False) -> None:
+def require_targets(
+    targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None,
+    *, folders: bool = False,
+) -> None:  # fmt: skip
     """Raise StorageError unless the files that options name can be written; None is not asked for.
 
-    No file that is there changes; ``folders`` makes folders that are missing. A disk that has room
-    now may be full later.
+    ``endings`` are those that the name of an option's file may have; a device may have any. No file
+    that is there changes; ``folders`` makes folders that are missing. A disk that has room now may
+    be full later.
     """
     for option, path in targets.items():
         if path is not None:
+            fit = (endings or {}).get(option, (path.suffix.lower(),))
+            if path.suffix.lower() not in fit and (path.is_file() or not path.exists()):
+                raise StorageError(f"{option} is {path}, but its file must end in {fit[0]}; "
+                                   f"write for instance {path.with_suffix(fit[0])}")  # fmt: skip
             _require_target(option, path, folders)
 
 

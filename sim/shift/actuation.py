@@ -207,16 +207,26 @@ class RiseTable:
         """Decide whether a force in N lies within the table."""
         return min(self.forces) <= force <= max(self.forces)
 
+    @property
+    def range_rule(self) -> str:
+        """Describe the forces that the table has a rise time for."""
+        low, high = min(self.forces), max(self.forces)
+        if low == high:
+            return f"the study has a rise time for {low:.6g} N alone"
+        return f"the rise times of the study cover {low:.6g} to {high:.6g} N"
+
     def profile(self, force: float, other_way: str = "") -> ForceProfile:
         """Return the force profile of a final ``force`` in N; one beyond raises InputError.
 
         ``other_way`` is what else a user may do about that, such as an option of the verb.
         """
-        low, high = min(self.forces), max(self.forces)
-        if not self.covers(force):
-            rule = f"the rise times of the study cover {low:.6g} to {high:.6g} N"
-            remedy = "extend actuation.force_N and actuation.rise_s" + other_way
+        if not force > 0.0:
+            remedy = "give a positive force; the sign of a shift is that of the mismatch"
+            rule = "it must point into engagement"
             raise InputError(refusal("shift force", force, "N", rule, remedy))
+        if not self.covers(force):
+            remedy = "extend actuation.force_N and actuation.rise_s" + other_way
+            raise InputError(refusal("shift force", force, "N", self.range_rule, remedy))
         order = np.argsort(self.forces)
         known, rises = np.array(self.forces)[order], np.array(self.rises)[order]
         return ForceProfile(force, float(np.interp(force, known, rises)))

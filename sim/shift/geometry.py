@@ -39,6 +39,12 @@ from dogshape.sim.units import DEG, MM, from_si, unit_of
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
 _ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
+#: What no key of the dog can say; every refusal of such a key or value ends with it.
+SCOPE = (
+    "the model has flanks of 0 to 60 deg (no undercut or back taper), no circular play (dog and "
+    "slot are equally wide at half height), a face that falls to one side, and equal dogs on both "
+    "rings"
+)
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
 LENGTHS = {
     "height_mm": (0.2e-3, 0.1),
@@ -245,7 +251,8 @@ def _require_numbers(dog: Dog) -> None:
         angle = getattr(dog, name.removesuffix("_deg"))
         if not 0.0 <= angle < math.radians(60.0):
             rule = "it must be at least 0 and below 60 deg"
-            _refuse_value(name, angle, rule, "check the angle and that it is in degrees")
+            remedy = SCOPE if angle < 0.0 else "check the angle and that it is in degrees"
+            _refuse_value(name, angle, rule, remedy)
     for name, (low, high) in LENGTHS.items():
         length = getattr(dog, name.removesuffix("_mm"))
         remedy = "check the length and that it is in millimetres"

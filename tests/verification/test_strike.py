@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.design import notes_of
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.flank import flank_contact
 from dogshape.sim.shift.geometry import Dog

@@ -13,7 +13,7 @@ from rich.console import Group
 
 from dogshape.drawn import expect_draws
 from dogshape.expectation import simulate_mean
-from dogshape.pipeline.cli.console import emit, verb
+from dogshape.pipeline.cli.console import emit, verb, warn
 from dogshape.pipeline.cli.options import (
     Cluster,
     Engine,
@@ -33,6 +33,7 @@ from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.reports.shift.animation import write_trace
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS
+from dogshape.pipeline.simulate.plausibility import folded, slips_of
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.running import Where
 from dogshape.shift import simulate_shift
@@ -78,6 +79,7 @@ def shift(
     found = simulate_shift(
         given, mismatch_rpm, force_N, relative_angle_deg, force_rise_s, all_dogs=all_dogs
     )
+    warn([*slips_of(given), *folded(given.clutch.dog, [relative_angle_deg])])
     if html is not None:
         found.report(html)
     if trace is not None:
@@ -142,9 +144,11 @@ def expect(
         emit(spread.to_dict(), json, lambda: drawn_text(spread.facts))
         return
     given = load_study(study, with_engine(set_, engine))
+    listed = angles_of(angles)
+    warn([*slips_of(given), *folded(given.clutch.dog, listed if isinstance(listed, tuple) else ())])
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(
-        given, where, mismatch_rpm, force_N, force_rise_s, angles=angles_of(angles),
+        given, where, mismatch_rpm, force_N, force_rise_s, angles=listed,
         precision=precision, levels=levels,
     )  # fmt: skip
     by = given.clutch.solver.engine

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.cli.console import emit, verb
+from dogshape.pipeline.cli.console import emit, verb, warn
 from dogshape.pipeline.cli.options import Engine, Jobs, Json, Sets, StudyArg, with_engine
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
@@ -19,6 +18,7 @@ from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS
+from dogshape.pipeline.simulate.plausibility import slips_of
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.running import Where
 from dogshape.sim.errors import InputError, require_between
@@ -29,6 +29,8 @@ from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import MM
 from dogshape.strength import check_strength
 from dogshape.validation.finite_elements.root_check import root_checks
+
+ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",)}
 
 
 @verb
@@ -89,15 +91,15 @@ def export(
     dog, radius = given.clutch.dog, given.limits.root_radius
     if not (stl or step or svg):
         raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
-    require_targets({"--stl": stl, "--step": step, "--svg": svg})
+    require_targets({"--stl": stl, "--step": step, "--svg": svg}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
     if step is not None:
         require_cad()  # before anything is written
     design = design_of(given, {})
     if not design.feasible:
-        failed = ", ".join(design.failed)
-        print(f"warning: not feasible ({failed}); see dogshape strength", file=sys.stderr)
+        warn([f"not feasible ({', '.join(design.failed)}); see dogshape strength"])
+    warn(slips_of(given))
     body = body_mm * MM
     if svg is not None:
         with naming(svg):

@@ -1,0 +1,89 @@
+"""Plausibility of a study's own clutch: units in doubt, dogs that cannot engage.
+
+Nothing here is refused: a clutch may be as unusual as its values say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.notch import outside_fit
+from dogshape.sim.units import DEG, MM
+
+IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all
+RADIANS = 0.55  #: deg below which an angle may be in radians; no dog has 32 deg and more
+PITCH_ERROR = 5e-5  #: m that pitch errors of both rings take; some 0.03 in class 6 of ISO 1328-1
+STEEL = 7850.0  #: kg/m3
+#: Mass over that of a steel ring of the dogs' size, inertia over the ring's, inertia of the other
+#: side over that. The prototype has 9, 58 and 60, a truck some 10, 50 and 10,000.
+USUAL = {
+    "sliding.mass_kg": (0.1, 1e3),
+    "sliding.inertia_kgm2": (0.1, 1e5),
+    "output.inertia_kgm2": (1e-3, 2e5),
+}
+
+
+def notes_of(study: Setup) -> list[str]:
+    """Return warnings about the study's own dog, of a root outside its formula's fit too."""
+    outside = outside_fit(study.clutch.dog, study.limits.root_radius)
+    return [*(f"{note}; --fem checks it" for note in outside), *slips_of(study)]
+
+
+def slips_of(study: Setup) -> list[str]:
+    """Return questions about values whose unit is in doubt, and a warning of flanks without play.
+    """
+    dog, limits = study.clutch.dog, study.limits
+    steady = replace(limits, strike=None)
+    loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
+    used = max(check.utilisation for check in loaded)
+    notes = []
+    if used < IDLE:
+        notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
+                     "is load.torque_Nm in N m?")  # fmt: skip
+    for name in ("chamfer", "traction", "braking"):
+        angle = getattr(dog, name) / DEG
+        if 0.0 < angle < RADIANS:
+            notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
+                         f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
+    notes += [
+        f"{key} is {value:.6g}, {share:.3g} times {whole}; is it in {unit}?"
+        for key, value, share, whole, unit in _shares(study)
+        if not USUAL[key][0] <= share <= USUAL[key][1]
+    ]
+    if dog.entry_play < PITCH_ERROR:
+        notes.append(
+            f"the flanks leave {dog.entry_play / MM:.3g} mm between a tip and the mouth of its "
+            f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
+            "alone, not when made; the model has no other play"
+        )
+    return notes
+
+
+def folded(dog: Dog, angles: Iterable[float]) -> list[str]:
+    """Return a note on relative angles, deg, that lie more than one pitch off dogs facing dogs."""
+    pitch = dog.pitch_angle / DEG
+    return [
+        f"a relative angle of {angle:g} deg is taken modulo the pitch of {pitch:g} deg: "
+        f"{angle % pitch:.4g} deg"
+        for angle in angles
+        if abs(angle) > pitch
+    ]
+
+
+def _shares(study: Setup) -> list[tuple[str, float, float, str, str]]:
+    """Give key, value, its share of a whole, that whole in words, and the unit."""
+    dog, rings = study.clutch.dog, study.clutch.rings
+    area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
+    ring = STEEL * area * 2.0 * dog.height
+    turning = rings.mass * dog.mean_radius**2
+    mass, own, other = rings.mass, rings.sliding_inertia, rings.output_inertia
+    return [
+        ("sliding.mass_kg", mass, mass / ring, "a steel ring twice as high as the dogs", "kg"),
+        ("sliding.inertia_kgm2", own, own / turning, "the ring's mass at the dogs", "kg m2"),
+        ("output.inertia_kgm2", other, other / own, "sliding.inertia_kgm2", "kg m2"),
+    ]
