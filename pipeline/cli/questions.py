@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import typer
@@ -55,10 +55,12 @@ def ask_numbers(question: str, default: Sequence[float]) -> list[float]:
 
 
 def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys: a number, or a list of them where the default is one."""
+    """Ask for values by their keys: a number, a list or a word, as the default."""
     found = {}
     for key, value in values.items():
-        ask = ask_numbers if isinstance(value, (list, tuple)) else ask_number
+        ask: Callable[[str, Any], Any] = ask_text
+        if not isinstance(value, str):
+            ask = ask_numbers if isinstance(value, (list, tuple)) else ask_number
         found[key] = ask(words.get(key, key), value)
     return found
 

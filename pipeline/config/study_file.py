@@ -229,10 +229,10 @@ def load_study(
         data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
-    pairs = overrides.items() if isinstance(overrides, Mapping) else map(_given, overrides or ())
+    pairs = overrides.items() if isinstance(overrides, Mapping) else map(pair_of, overrides or ())
     source = str(path)
     for key, value in pairs:
-        _override(data, key, value)
+        override(data, key, value)
         source = f"{path} with --set"
     return build_study(validate(StudyFile, data, source))
 
@@ -272,13 +272,13 @@ def key_and_value(text: str) -> tuple[str, Any]:
     return key.strip(), read["v"]
 
 
-def _given(text: str) -> tuple[str, Any]:
+def pair_of(text: str) -> tuple[str, Any]:
     """Read ``KEY=VALUE``; None for no value."""
     key, value = key_and_value(text)
     return key, value if text.partition("=")[2].strip() else None
 
 
-def _override(data: dict[str, Any], key: str, value: Any) -> None:
+def override(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key of a study file's tables; None takes it out."""
     *tables, last = key.split(".")
     table = data

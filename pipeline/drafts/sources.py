@@ -48,7 +48,10 @@ class Source:
 
     @property
     def dog_values(self) -> dict[str, Any]:
-        """Values of the tables ``[dog]``, ``[sliding]`` and ``[output]`` by dotted key."""
+        """Values of ``[dog]``, ``[sliding]`` and ``[output]`` by dotted key.
+
+        The mass of the ring has what moves along with it.
+        """
         dog, rings = self.clutch.dog, self.clutch.rings
         lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap")
         angles = ("chamfer", "traction", "braking")
@@ -57,20 +60,19 @@ class Source:
             **{f"dog.{name}_deg": _round(getattr(dog, name) / DEG) for name in angles},
             **{f"dog.{name}_mm": _round(getattr(dog, name) / MM) for name in lengths},
             **({"dog.edge_radius_mm": _round(dog.edge_radius / MM)} if dog.edge_radius else {}),
-            "sliding.mass_kg": rings.mass,
+            "sliding.mass_kg": _round(rings.mass + self.clutch.mechanism.added_mass),
             "sliding.inertia_kgm2": rings.sliding_inertia,
             "output.inertia_kgm2": rings.output_inertia,
         }
 
     @property
     def bench_values(self) -> dict[str, Any]:
-        """Values of ``bench.toml`` by dotted key; the ring has what moves along with it."""
-        contact, rings = self.clutch.contact, self.clutch.rings
+        """Values of ``bench.toml`` by dotted key."""
+        contact = self.clutch.contact
         return {
             "timeout_s": self.clutch.timeout,
             "shift_travel_mm": _round(self.clutch.shift_travel / MM),
             **self.dog_values,
-            "sliding.mass_kg": _round(rings.mass + self.clutch.mechanism.added_mass),
             "sliding.initial_speed_rpm": _round(self.clutch.rings.initial_speed / RPM),
             "contact.static_friction": contact.static_friction,
             "contact.dynamic_friction": contact.dynamic_friction,

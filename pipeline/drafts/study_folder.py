@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study, override
+from dogshape.pipeline.drafts.own_clutch import Row, following, value_at
 from dogshape.pipeline.drafts.sources import Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
 from dogshape.pipeline.drafts.values_in_place import with_values
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
+from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.texts import text_of
 
-Row = dict[str, Any]  #: a table of a TOML file
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
 # A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.
@@ -25,8 +28,34 @@ HEAD = """\
 """
 
 
-#: Tables that describe a clutch; what the others have is said in the file.
-CLUTCH = ("dog", "sliding", "output", "actuation", "operating", "mechanism", "driveline", "load")
+#: Words for the keys of a clutch that are worth a question.
+CLUTCH = {
+    "dog.count": "number of dogs",
+    "dog.chamfer_deg": "chamfer of the face, deg",
+    "dog.traction_deg": "side angle of the traction flank, deg",
+    "dog.braking_deg": "side angle of the braking flank, deg",
+    "dog.height_mm": "height of the dogs, mm",
+    "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
+    "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
+    "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
+    "sliding.mass_kg": "moving mass with all that moves along, kg",
+    "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
+    "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
+}
+#: Words for the keys of what a study's clutch has to do, and of what it is made of.
+USE = {
+    "load.torque_Nm": "rated torque at the dogs, N m",
+    "actuation.force_N": "forces that the actuator can have, N, with blanks between",
+    "actuation.rise_s": "rise time of each of these forces, s",
+    "operating.mismatch_rpm": "mismatches at which it shifts, 1/min",
+    "operating.force_N": "forces with which it shifts, N",
+    "mechanism.spline_friction": "friction in the toothing that the ring slides on",
+    "mechanism.spline_radius_mm": "radius of that toothing, mm",
+    "mechanism.drag_torque_Nm": "drag torque on the shifted ring, N m",
+    "material.set": "material",
+    "manufacturing.tip_width_mm": "narrowest tip that may be made, mm",
+    "manufacturing.slot_width_mm": "narrowest slot that may be made, mm",
+}
 
 
 def write_study(
@@ -38,7 +67,7 @@ def write_study(
     Parameters
     ----------
     origin : study whose file is copied, or bench whose clutch and operating points are taken.
-    values : values by dotted key.
+    values : values by dotted key; None takes a key out.
 
     Raises
     ------
@@ -48,64 +77,97 @@ def write_study(
         For a folder that holds files, without ``force``.
     """
     name = _name_of(out)
-    text, taken, assumed, whence = _begun(origin)
-    assumed += _kept_of(text, {**taken, **(values or {})}, whence)
-    given = {"name": name, **taken, **(values or {})}
-    done = HEAD.format(origin=whence) + with_values(_without_head(text), given)
+    text, taken, whence, base = _begun(origin)
+    given = {**taken, **(values or {})}
+    follows, said = _following(text, given)
+    done = with_values(_without_head(text), {"name": name, **follows, **given})
     source = f"{out / 'study.toml'}"
     study = build_study(validate(StudyFile, tomllib.loads(done), source))
     with drafted(out, force) as folder:
-        (folder / "study.toml").write_text(done, encoding="utf-8")
-    own = study.clutch.dog
+        (folder / "study.toml").write_text(HEAD.format(origin=whence) + done, encoding="utf-8")
     return {
         "folder": str(out),
         "file": source,
         "name": name,
         "from": whence,
-        "set": {key: value for key, value in given.items() if key != "name"},
-        "assumed": assumed,
+        "set": given,
+        "assumed": [*_kept_of(text, {**follows, **given}, base), *said],
+        "warnings": _doubts(study),
         "operating_points": len(study.points),
-        "dogs": own.count,
+        "dogs": study.clutch.dog.count,
     }
 
 
-def use_of(origin: str, keys: Iterable[str]) -> Row:
-    """Return the numbers, or lists of them, that a draft would have at dotted keys."""
+def use_of(origin: str, values: Mapping[str, Any]) -> Row:
+    """Return what a draft with these values would have at the keys of ``USE``, where askable."""
     text, taken, _, _ = _begun(origin)
+    given = {**taken, **values}
     tables = tomllib.loads(text)
-    found = {}
-    for key in keys:
-        table, _, name = key.rpartition(".")
-        value = taken.get(key, tables.get(table, {}).get(name))
-        if askable(value):
-            found[key] = value
-    return found
+    for key, value in {**_following(text, given)[0], **given}.items():
+        override(tables, key, value)
+    spline = value_at(tables, "dog.inner_diameter_mm")
+    absent = {
+        "mechanism.spline_friction": 0.0,
+        "mechanism.spline_radius_mm": round(0.5 * SPLINE * spline, 3),
+        "mechanism.drag_torque_Nm": 0.0,
+    }
+    found = {key: value_at(tables, key) for key in USE}
+    found = {key: absent.get(key) if value is None else value for key, value in found.items()}
+    return {key: value for key, value in found.items() if askable(value)}
+
+
+def searched_keys(origin: str) -> list[str]:
+    """List the keys that the search of a draft may change."""
+    return list(tomllib.loads(_begun(origin)[0]).get("variables", {}))
 
 
 def askable(value: Any) -> bool:
-    """Test that a value is a number or a list of numbers."""
+    """Test that a value is a number, a list of numbers or a word."""
     parts = value if isinstance(value, list) else [value]
-    return all(isinstance(part, (int, float)) for part in parts)
+    return all(isinstance(part, (int, float, str)) for part in parts)
 
 
-def _kept_of(text: str, given: Mapping[str, Any], whence: str) -> list[str]:
-    """List the numbers of the clutch that stay those of the origin, table by table."""
+def _following(text: str, given: Mapping[str, Any]) -> tuple[Row, list[str]]:
+    """Compute what follows from given values in a study file; None for a key takes it out."""
+    own = tomllib.loads(text)
+    for key, value in given.items():
+        override(own, key, value)
+    return following(tomllib.loads(text), own, given)
+
+
+def _kept_of(text: str, done: Mapping[str, Any], base: str) -> list[str]:
+    """List the values of clutch and use that stay those of the origin."""
     tables = tomllib.loads(text)
-    found = []
-    for table in CLUTCH:
-        kept = {
-            key: value
-            for key, value in tables.get(table, {}).items()
-            if f"{table}.{key}" not in given and not isinstance(value, dict)
-        }
-        if kept:
-            told = ", ".join(f"{key} {_written(value)}" for key, value in kept.items())
-            found.append(f"[{table}] stays as in {whence}: {told}")
-    return found
+    kept = {
+        key: value_at(tables, key)
+        for key in (*CLUTCH, *USE)
+        if not any(key == one or key.startswith(f"{one}.") for one in done)
+    }
+    listed = ", ".join(
+        f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
+        for key, value in kept.items()
+        if value is not None
+    )
+    return [
+        *([f"not given, so as in {base}: {listed}"] if listed else []),
+        f"[load], [material], [manufacturing] and [tolerance] are those of {base} but for what "
+        "was given: check safety factors, workshop and tolerances",
+    ]
 
 
-def _written(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+def _doubts(study: Setup) -> list[str]:
+    """List what the study's own dog does not pass, and its values whose unit is in doubt."""
+    failed = [check for check in design_of(study, {}).checks if not check.passed]
+    outside = [
+        f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "
+        "can propose it"
+        for key, (low, high) in study.variables.items()
+        if key in study.shape_keys and not low <= (own := study.prototype[key]) <= high
+    ]
+    faults = [f"your own dog fails {one.name}: {one.fault} ({one.rule.key})" for one in failed]
+    if faults:
+        faults.append("a search compares with a reference that breaks these limits")
+    return [*faults, *outside, *notes_of(study)]
 
 
 def _name_of(out: Path) -> str:
@@ -118,22 +180,18 @@ def _name_of(out: Path) -> str:
     return name
 
 
-def _begun(origin: str) -> tuple[str, Row, list[str], str]:
-    """Return the text to begin with, values to put into it, assumptions, and where it is from."""
+def _begun(origin: str) -> tuple[str, Row, str, str]:
+    """Return the text to begin with, values to put into it, where they and the text are from."""
     path = Path(origin)
     file = path / "study.toml" if path.is_dir() else path
     if file.name == "bench.toml" or not file.is_file():
         file = bundled_root() / origin / "study.toml"
     if file.is_file():
         load_study(file)  # refuses what is no study, with its mistakes
-        return text_of(file), {}, [], f"the study '{origin}'"
+        return text_of(file), {}, f"the study '{origin}'", f"the study '{origin}'"
     source = source_of(origin)
     text = text_of(bundled_root() / COMMENTED / "study.toml")
-    assumed = [
-        "torque, material, limits of making and tolerances are those of the study "
-        f"'{COMMENTED}': check [load], [material], [manufacturing] and [tolerance]"
-    ]
-    return text, _of_bench(source), assumed, f"the bench data of '{source.name}'"
+    return text, _of_bench(source), f"the bench data of '{source.name}'", f"the study '{COMMENTED}'"
 
 
 def _of_bench(source: Source) -> Row:

@@ -1,93 +1,73 @@
-"""Values of a TOML text replaced in place, so that its comments stay."""
+"""Values of a TOML text replaced in place, so that its comments stay.
+
+A comment says what a key is. What follows ``SOURCE`` in it says where the value is from, and goes
+with the value.
+"""
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from dogshape.pipeline.config.toml_text import toml_value
+import tomlkit
+from tomlkit.items import Item, Table
+
 from dogshape.sim.errors import InputError
 
-_TABLE = re.compile(r"^\s*\[([\w.]+)\]\s*(#.*)?$")
-_ANY_TABLE = re.compile(r"^\s*\[")
-
-
-def _rounded(value: Any) -> Any:
-    """Round numbers to twelve digits: their way through SI may cost the last ones."""
-    if isinstance(value, (list, tuple)):
-        return [_rounded(one) for one in value]
-    return float(f"{value:.12g}") if isinstance(value, float) else value
+SOURCE = "source:"
 
 
 def with_values(text: str, values: Mapping[str, Any]) -> str:
-    """Replace values of a TOML text by their dotted keys; keys that are not there are added.
+    """Replace values of a TOML text by their dotted keys, and add those that are missing.
 
-    Raises InputError where the text says something else afterwards than was asked, as with values
-    that go over several lines.
+    None takes a key out, and the last key of a table the table. A mapping replaces a whole table.
+    Raises InputError for a key below a plain value.
     """
-    lines = text.splitlines()
+    document = tomlkit.parse(text)
     for key, value in values.items():
-        table, _, name = key.rpartition(".")
-        lines = _with_value(lines, table, name, toml_value(_rounded(value)))
-    done = "\n".join(lines) + "\n"
-    _require(done, values)
-    return done
+        _put(document, key.split("."), value)
+    return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
-def _with_value(lines: list[str], table: str, name: str, value: str) -> list[str]:
-    start, end = _span(lines, table)
-    if start is None:
-        return [*lines, "", f"[{table}]", f"{name} = {value}"]
-    for place in range(start, end):
-        found = re.match(rf"^(\s*{re.escape(name)}\s*=\s*)(.*)$", lines[place])
-        if found:
-            comment = _comment(found.group(2))
-            wide = max(1, len(found.group(2)) - len(comment) - len(value)) if comment else 0
-            lines[place] = found.group(1) + value + " " * wide + comment
-            return lines
-    last = max((k for k in range(start, end) if lines[k].strip()), default=start - 1)
-    return [*lines[: last + 1], f"{name} = {value}", *lines[last + 1 :]]
+def _put(table: Any, path: list[str], value: Any) -> None:
+    """Put a value, or a table, into a table of the document."""
+    name, *inner = path
+    there = table.get(name)
+    if there == value and not inner:
+        return
+    if inner or (isinstance(value, Mapping) and (there is None or isinstance(there, Table))):
+        if there is None and value is None:
+            return
+        if there is None:
+            table[name] = tomlkit.table()
+        elif not isinstance(there, Mapping):
+            raise InputError(f"{'.'.join(path)} cannot be set: {name} is a value and not a table")
+        keys = {**(there or {}), **value} if not inner else {}
+        for deeper, new in [(inner, value)] if inner else [([k], value.get(k)) for k in keys]:
+            _put(table[name], deeper, new)
+        if not table[name]:
+            table.remove(name)
+    elif value is None:
+        table.remove(name)
+    else:
+        table[name] = _item(value)
+        _drop_source(table[name])
+    _drop_source(table)
 
 
-def _span(lines: list[str], table: str) -> tuple[int | None, int]:
-    """Find the lines of a table, without its head; the lines before all tables for no name."""
-    start: int | None = None if table else 0
-    for place, line in enumerate(lines):
-        if start is not None and _ANY_TABLE.match(line):
-            return start, place
-        found = _TABLE.match(line)
-        if start is None and found and found.group(1) == table:
-            start = place + 1
-    return start, len(lines)
+def _drop_source(item: Any) -> None:
+    if isinstance(item, Item) and SOURCE in item.trivia.comment:
+        kept = item.trivia.comment.partition(SOURCE)[0].rstrip(" ;")
+        item.trivia.comment = kept if kept != "#" else ""
+        item.trivia.comment_ws = item.trivia.comment_ws if kept != "#" else ""
 
 
-def _comment(rest: str) -> str:
-    """Return the comment behind a value, which may hold a number sign in quotes."""
-    quoted = False
-    for place, letter in enumerate(rest):
-        if letter == '"':
-            quoted = not quoted
-        elif letter == "#" and not quoted:
-            return rest[place:]
-    return ""
-
-
-def _require(text: str, values: Mapping[str, Any]) -> None:
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"the file cannot be changed in place ({error}); write each of its values in one line"
-        ) from error
-    for key, value in values.items():
-        found: Any = data
-        for part in key.split("."):
-            found = found.get(part) if isinstance(found, dict) else None
-        wanted = tomllib.loads(f"value = {toml_value(_rounded(value))}")["value"]
-        if found != wanted:
-            raise InputError(
-                f"{key} cannot be changed in place; write its table as [{key.rpartition('.')[0]}] "
-                "with a line for each key"
-            )
+def _item(value: Any) -> Any:
+    """Round numbers to twelve digits, whose last are lost on the way through SI; tables inline."""
+    if isinstance(value, (list, tuple)):
+        return [_item(one) for one in value]
+    if isinstance(value, Mapping):
+        inline = tomlkit.inline_table()
+        inline.update({key: _item(one) for key, one in value.items() if one is not None})
+        return inline
+    return float(f"{value:.12g}") if isinstance(value, float) else value

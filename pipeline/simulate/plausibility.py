@@ -35,8 +35,7 @@ def notes_of(study: Setup) -> list[str]:
 
 
 def slips_of(study: Setup) -> list[str]:
-    """Return questions about values whose unit is in doubt, and a warning of flanks without play.
-    """
+    """Return questions about units in doubt, and a warning of flanks without play."""
     dog, limits = study.clutch.dog, study.limits
     steady = replace(limits, strike=None)
     loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]

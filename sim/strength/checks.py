@@ -75,6 +75,13 @@ class Check:
         return min(max(over, 0.0) / under, 1e3) if under > 0.0 else 1e3
 
     @property
+    def fault(self) -> str:
+        """Value and limit in words, for a check that fails."""
+        value, limit = (f"{one:.4g} {self.unit}".strip() for one in (self.value, self.limit))
+        bound = "at most" if self.rule.at_most else "at least"
+        return f"{self.rule.meaning} is {value}, but it must be {bound} {limit}"
+
+    @property
     def passed(self) -> bool:
         """Whether the value keeps the limit."""
         return self.margin >= 0.0

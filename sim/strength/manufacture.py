@@ -199,10 +199,6 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
-            bound = "at most" if check.rule.at_most else "at least"
-            value = f"{check.value:.4g} {check.unit}".strip()
-            limit = f"{check.limit:.4g} {check.unit}".strip()
             raise GeometryError(
-                f"{check.rule.meaning} is {value}, but it must be {bound} {limit} to be made; "
-                f"{_REMEDIES[check.name]}, or change {check.rule.key}."
+                f"{check.fault} to be made; {_REMEDIES[check.name]}, or change {check.rule.key}."
             )

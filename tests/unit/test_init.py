@@ -18,9 +18,9 @@ from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.diagnose.bench_study import study_of
-from dogshape.pipeline.drafts.values_in_place import with_values
+from dogshape.pipeline.drafts.values_in_place import SOURCE, with_values
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
@@ -306,7 +306,12 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     assert (study.name, study.clutch.dog.count, study.limits.load.torque) == ("mine", 20, 300.0)
     original = (bundled_root() / "mq200" / "study.toml").read_text()
     comments = [line.partition("#")[2].strip() for line in original.splitlines()[4:]]
-    assert all(comment in text for comment in comments)
+    # The prototype's source and limit in seconds do not stay beside another torque.
+    meanings = [comment.partition(SOURCE)[0].rstrip(" ;") for comment in comments]
+    gone = ("for the study", "at any operating point, on the study's own dog")
+    assert all(meaning in text for meaning in meanings if meaning not in gone)
+    assert "thesis table 5" not in text
+    assert "thesis table 6" in text
     plain = dogshape("init", "study", "--out", "plain")
     assert plain.status == 0
     assert load_study("plain").physics_hash == load_study("mq200").physics_hash
@@ -344,7 +349,7 @@ def test_a_study_that_is_none_is_not_written(
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    answers = "\n18\n\n\n\n3,2\n\n\n\n\n\n\n" + 5 * "\n"
+    answers = "\n18\n\n\n\n3,2" + 19 * "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=answers)
     assert done.exit_code == 0, done.stderr
     dog = load_study("mine").clutch.dog
@@ -376,10 +381,10 @@ def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
         "actuation.rise_s": "0.2",
         "operating.mismatch_rpm": "x\n20 80",
     }
-    first = [answers.get(key, "") for key in [*CLUTCH, *USE]]
-    # Only what a fault names is asked about again: both diameters, then forces and rises, then
-    # the forces with which it shifts, which lie beyond those of the actuator.
-    again = ["52", "", "", "0,25 0.15", "", "", "", "200 600"]
+    first = [*(answers.get(key, "") for key in [*CLUTCH, *USE]), "height_mm count"]
+    # Only what a fault names is asked about again: both diameters, then forces and rises. The
+    # forces with which it shifts follow from those of the actuator.
+    again = ["52", "", "", "0,25 0.15", ""]
     said = "\n".join(["", *first, *again]) + "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=said)
     assert done.exit_code == 0, done.stderr
@@ -388,6 +393,8 @@ def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
     study = load_study("mine")
     assert (study.clutch.dog.count, study.clutch.dog.height) == (18, pytest.approx(3.2e-3))
     assert study.actuation.table.rises == (0.25, 0.15)
+    assert study.forces == [200.0, 600.0]
+    assert set(study.variables) == {"height_mm", "count"}
     assert tomllib.loads(Path("mine/study.toml").read_text())["load"]["torque_Nm"] == 150.0
     assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
 
@@ -398,7 +405,7 @@ def test_an_answer_goes_before_what_was_set(
     """Also where it is what the origin has."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    said = "\n15" + 16 * "\n"
+    said = "\n15" + 24 * "\n"
     sets = ["--set", "dog.count=20", "--set", "dog.height_mm=3.2"]
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine", *sets], input=said)
     assert done.exit_code == 0, done.stderr
@@ -424,20 +431,147 @@ def test_values_are_replaced_in_place() -> None:
     }  # fmt: skip
     for comment in ("# one", "# about c", "# said"):
         assert comment in done
-    with pytest.raises(InputError, match="in place"):
-        with_values("a = [1,\n 2]\n", {"a": [3]})
 
 
-def test_what_stays_of_the_origin_is_told(dogshape: Callable[..., Said], tmp_path: Path) -> None:
-    said = dogshape(
-        "init", "study", "--out", tmp_path / "mine", "--yes", "--json", "--set", "dog.count=20",
-        "--set", "mechanism.spline_radius_mm=20",
+def test_whole_tables_and_keys_are_replaced_and_taken_out() -> None:
+    text = (
+        "[op]  # every speed; source: table 1\nspeed = [\n 1,\n 2]  # 1/min; source: page 3\n"
+        "force = [3]\n"
+        "[m]\nmass = 0.3  # source: scales\n[l]\na = 1.0  # of the flank\n"
+    )
+    done = with_values(text, {"op": {"set": "amt"}, "m.mass": None, "l.a": 1, "s.t.z": {"low": 1}})
+    assert tomllib.loads(done) == {
+        "op": {"set": "amt"}, "l": {"a": 1.0}, "s": {"t": {"z": {"low": 1}}},
+    }  # fmt: skip
+    assert "# every speed\n" in done
+    assert "source" not in done
+    spread = with_values(text, {"op.speed": {"distribution": "normal", "mean": 0.0}})
+    assert tomllib.loads(spread)["op"] == {
+        "speed": {"distribution": "normal", "mean": 0.0}, "force": [3],
+    }  # fmt: skip
+    assert "# 1/min\n" in spread
+    with pytest.raises(InputError, match="force is a value and not a table"):
+        with_values(text, {"op.force.low": 1})
+
+
+def _begun(dogshape: Call, *sets: str, origin: str = "mq200") -> tuple[Said, Setup]:
+    given = [part for one in sets for part in ("--set", one)]
+    said = dogshape("init", "study", "--from", origin, "--out", "own", "--yes", "--json", *given)
+    assert said.status == 0, said.err
+    return said, load_study("own")
+
+
+def test_what_stays_of_the_origin_is_listed(dogshape: Call) -> None:
+    said, _ = _begun(dogshape, "dog.count=20", "mechanism.spline_radius_mm=20")
+    stays = said.json["assumed"][0]
+    assert "outer_diameter_mm 52" in stays
+    assert "dog.count" not in stays
+    assert "spline_friction 0.1" in stays
+    assert "spline_radius_mm" not in stays
+    assert said.json["warnings"] == []
+
+
+RING = ("dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.count=30")
+
+
+def test_what_scales_follows_from_the_ring(dogshape: Call) -> None:
+    """A truck's sleeve: spline, moving mass and limits are no longer the prototype's."""
+    said, study = _begun(
+        dogshape, *RING, "sliding.mass_kg=2.5", "load.torque_Nm=1500",
+        "actuation.force_N=[1500]", "actuation.rise_s=[0.1]",
     )  # fmt: skip
-    assumed = {line.partition("]")[0][1:]: line for line in said.json["assumed"]}
-    assert "outer_diameter_mm 52" in assumed["dog"]
-    assert "count" not in assumed["dog"]
-    assert "spline_friction 0.1" in assumed["mechanism"]
-    assert "spline_radius_mm" not in assumed["mechanism"]
+    mechanism = study.clutch.mechanism
+    assert mechanism.spline_radius == pytest.approx(0.8 * 0.062)
+    assert (mechanism.added_mass, mechanism.drag_torque) == (0.0, 0.0)
+    assert study.clutch.rings.mass == 2.5
+    assert study.forces == [1500.0]
+    # As high over the pitch as the prototype's dogs, 3.7 mm on 96 mm and 15 dogs.
+    assert study.clutch.dog.height == pytest.approx(3.7e-3 * (264 / 30) / (96 / 15), rel=3e-3)
+    assert study.limits.load.separating_force_limit == pytest.approx(
+        5000 * 7.5 * 96 / 264, rel=3e-3
+    )
+    assert study.file.driveline.stiffness_Nm_rad is None
+    assert study.file.search.limits == {"smallest_margin_worst": 0.0}
+    left = " ".join(said.json["assumed"])
+    assert "not judged" in left
+    assert "search.limits.slower_than_reference_s" in left
+    text = Path("own/study.toml").read_text()
+    for words in ("prototype", "4.98 squared", "thesis table 2"):
+        assert (words in text) == (words == "4.98 squared")  # the output side is the prototype's
+
+
+def test_given_values_do_not_follow(dogshape: Call) -> None:
+    _, study = _begun(
+        dogshape, *RING, "dog.height_mm=5", "sliding.mass_kg=2.5", "mechanism.added_mass_kg=0.4",
+        "mechanism.spline_radius_mm=40", "mechanism.drag_torque_Nm=0.3",
+        "load.separating_force_limit_N=9000", "search.limits.slower_than_reference_s=0.01",
+        "variables.count=[20, 40]",
+    )  # fmt: skip
+    mechanism = study.clutch.mechanism
+    assert (mechanism.added_mass, mechanism.drag_torque) == (0.4, 0.3)
+    assert mechanism.spline_radius == pytest.approx(0.04)
+    assert study.clutch.dog.height == pytest.approx(5e-3)
+    assert study.limits.load.separating_force_limit == 9000.0
+    assert study.file.search.limits == {
+        "slower_than_reference_s": 0.01, "smallest_margin_worst": 0.0,
+    }  # fmt: skip
+    assert study.variables["count"] == (20, 40)
+
+
+@pytest.mark.parametrize(
+    "sets",
+    [
+        ("dog.count=40", "dog.outer_diameter_mm=90", "dog.inner_diameter_mm=76"),
+        ("dog.count=4", "dog.traction_deg=2", "dog.braking_deg=0", "dog.chamfer_deg=1"),
+        ("dog.height_mm=9", "dog.count=12", "dog.outer_diameter_mm=120"),
+        ("dog.braking_deg=45", "dog.count=20", "dog.chamfer_deg=21", "dog.height_mm=4"),
+    ],
+)
+def test_search_ranges_hold_the_own_dog(dogshape: Call, sets: tuple[str, ...]) -> None:
+    _, study = _begun(dogshape, *sets)
+    for key, (low, high) in study.variables.items():
+        assert low <= study.prototype[key] <= high, key
+
+
+@pytest.mark.parametrize(
+    ("sets", "words"),
+    [
+        (("dog.count=40",), "tip at the inner radius is 0.5872 mm, but it must be at least 1.5 mm"),
+        (("dog.chamfer_deg=4",), "your own dog fails chamfer_release"),
+        (("load.torque_Nm=2000",), "your own dog fails pull_out_force"),
+        (("variables.count=[20, 30]",), "does not hold your own 15"),
+        (("dog.traction_deg=0", "dog.braking_deg=0"), "the flanks leave 0 mm"),
+        (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
+    ],
+)
+def test_a_limit_that_the_own_dog_breaks_is_said(
+    dogshape: Call, sets: tuple[str, ...], words: str
+) -> None:
+    said, _ = _begun(dogshape, *sets)
+    assert words in " ".join(said.json["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("value", "points"),
+    [
+        ('operating={set="amt"}', 24),
+        ('operating={mismatch_rpm={distribution="normal", mean=0, sd=10}, force_N=[469]}', 24),
+        ('operating.mismatch_rpm={distribution="uniform", low=-20, high=20}', 96),
+        ("operating={points=[{mismatch_rpm=50, force_N=300}]}", 1),
+    ],
+)
+def test_inline_tables_are_values(dogshape: Call, value: str, points: int) -> None:
+    _, study = _begun(dogshape, value)
+    assert len(study.points) == points
+    assert study.file.search.limits == load_study("mq200").file.search.limits
+
+
+def test_a_key_is_taken_out_by_no_value(dogshape: Call) -> None:
+    _, study = _begun(dogshape, "search.limits=", "mechanism.drag_torque_Nm=")
+    assert study.file.search.limits is None
+    assert study.clutch.mechanism.drag_torque == 0.0
+    said = dogshape("init", "study", "--out", "no", "--yes", "--set", "mechanism.nothing=")
+    assert "no key mechanism.nothing to take out" in said.sentence
 
 
 SERIES = """\

@@ -15,8 +15,12 @@ def study_text(found: dict[str, Any]) -> RenderableType:
     return Group(
         f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
         f"{found['operating_points']} operating points",
-        *(f"set {key} = {value}" for key, value in found["set"].items()),
+        *(
+            f"set {key} = {value}" if value is not None else f"left out {key}"
+            for key, value in found["set"].items()
+        ),
         *(f"assumed: {line}" for line in found["assumed"]),
+        *(f"warning: {line}" for line in found["warnings"]),
         f"next: look through {found['file']}, then",
         f"  dogshape strength {folder} --no-simulation",
         f"  dogshape study {folder}",

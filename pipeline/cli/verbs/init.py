@@ -9,6 +9,7 @@ import typer
 
 from dogshape.drafts import (
     CLUTCH,
+    HEIGHT,
     USE,
     BenchDraft,
     askable,
@@ -16,6 +17,7 @@ from dogshape.drafts import (
     default_values,
     guessed,
     require_free,
+    searched_keys,
     write_bench,
     write_study,
 )
@@ -31,7 +33,7 @@ from dogshape.pipeline.cli.questions import (
     may_ask,
 )
 from dogshape.pipeline.cli.tables.init_tables import bench_text, study_text
-from dogshape.pipeline.config.study_file import key_and_value
+from dogshape.pipeline.config.study_file import key_and_value, pair_of
 from dogshape.sim.errors import InputError
 
 init = typer.Typer(
@@ -64,7 +66,7 @@ def study(
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
     require_free(out, force)
-    values = dict(key_and_value(text) for text in set_ or [])
+    values = dict(pair_of(text) for text in set_ or [])
     if may_ask(yes):
         found = _asked_study(out, origin, values, force=force)
     else:
@@ -75,18 +77,32 @@ def study(
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
     """Ask about clutch and use until they make a study; what was answered is the next default."""
     origin = ask_text("begin from (a study, or the folder of a bench)", origin)
-    words = CLUTCH | USE
-    before = default_values(origin) | default_use(origin)
-    before |= {key: value for key, value in values.items() if key in words and askable(value)}
-    answers = asked = before
+    before = default_values(origin)
+    before |= {key: value for key, value in values.items() if key in CLUTCH and askable(value)}
+    answers = ask_values(before, CLUTCH)
+    # What follows from the clutch is the default of the other questions.
+    use = default_use(origin, values | changed(answers, before))
+    before, answers = before | use, answers | ask_values(use, USE)
+    searched = _asked_search(searched_keys(origin))
     while True:
-        answers = answers | ask_values(asked, words)
+        height = {HEIGHT: answers[HEIGHT]}  # as answered, also where it is the default
+        given = values | changed(answers, before) | height | searched
         try:
-            return write_study(out, origin, values | changed(answers, before), force=force)
+            return write_study(out, origin, given, force=force)
         except InputError as error:
             say(str(error))
             say("nothing is written yet; your other answers are kept")
-            asked = _named(answers, str(error))
+            answers = answers | ask_values(_named(answers, str(error)), CLUTCH | USE)
+
+
+def _asked_search(names: list[str]) -> dict[str, None]:
+    """Ask which keys of the dog a search may change; give the others, to be taken out."""
+    while names:
+        said = ask_text("what the search may change, with blanks between", " ".join(names)).split()
+        if said and set(said) <= set(names):
+            return {f"variables.{name}": None for name in names if name not in said}
+        say(f"a search may change {', '.join(names)}; give some of them")
+    return {}
 
 
 def _named(answers: dict[str, Any], fault: str) -> dict[str, Any]:
