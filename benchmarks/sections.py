@@ -166,7 +166,9 @@ OTHERS: dict[str, dict[str, str]] = {
     ),
     "docs/model.md": {
         "": "a heading",
-        **dict.fromkeys(("Conventions", "Physics in short", "Strength in short"), DEFINITIONS),
+        **dict.fromkeys(
+            ("Scope", "Conventions", "Physics in short", "Strength in short"), DEFINITIONS
+        ),
     },
     "docs/bench.md": dict.fromkeys(
         (
