@@ -99,7 +99,7 @@ def write_study(
 
 
 def use_of(origin: str, values: Mapping[str, Any]) -> Row:
-    """Return what a draft with these values would have at the keys of ``USE``, where askable."""
+    """List the askable values that a draft with ``values`` would have at the keys of ``USE``."""
     text, taken, _, _ = _begun(origin)
     given = {**taken, **values}
     tables = tomllib.loads(text)
