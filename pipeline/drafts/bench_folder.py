@@ -32,11 +32,11 @@ from dogshape.diagnosis.bench.slips import examine, impossible
 from dogshape.diagnosis.bench.stand_file import Stand, load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, Sheet
 from dogshape.diagnosis.bench.table import Row as SheetRow
+from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.bench_template import TEMPLATE
 from dogshape.pipeline.drafts.series_columns import place_in_series
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
-from dogshape.pipeline.drafts.values_in_place import with_values
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint

@@ -9,10 +9,10 @@ from typing import Any
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study, override
+from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.own_clutch import Row, following, value_at
 from dogshape.pipeline.drafts.sources import Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
-from dogshape.pipeline.drafts.values_in_place import with_values
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.bundled import bundled_root

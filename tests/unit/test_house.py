@@ -65,7 +65,7 @@ GUARDED = {
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "SALib": ("surrogate/sobol_indices.py",),
-    "tomlkit": ("pipeline/drafts/values_in_place.py",),
+    "tomlkit": ("pipeline/config/toml_text.py",),
 }
 #: What takes so long to load that ``check`` must answer without it.
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")

@@ -19,8 +19,8 @@ from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
+from dogshape.pipeline.config.toml_text import SOURCE, with_values
 from dogshape.pipeline.diagnose.bench_study import study_of
-from dogshape.pipeline.drafts.values_in_place import SOURCE, with_values
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
