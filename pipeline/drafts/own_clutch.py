@@ -23,13 +23,13 @@ Row = dict[str, Any]  #: a table of a TOML file, or values by dotted key
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT = "dog.height_mm"
-MASS, TORQUE = "sliding.mass_kg", "load.torque_Nm"
+MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
 LAST_ANGLE = 59.0  #: deg, of a search range
 #: Keys and tables that hold for one clutch, each with the keys of the clutch that void it.
 BOUND = {
     "mechanism.spline_radius_mm": DIAMETERS,
-    "mechanism.added_mass_kg": (MASS,),
+    ADDED: (MASS,),
     "mechanism.drag_torque_Nm": (*DIAMETERS, *INERTIAS),
     "mechanism.ring_inertia_kgm2": INERTIAS,
     "mechanism.input_stiffness_Nm_rad": INERTIAS,
@@ -49,7 +49,7 @@ UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 #: What is said of a key that is left out, where it is not simply not judged.
 INSTEAD = {
     "mechanism.spline_radius_mm": f"{SPLINE:g} of the inner radius",
-    "mechanism.added_mass_kg": f"{MASS} is all that moves",
+    ADDED: f"{MASS} is all that moves",
     "mechanism.drag_torque_Nm": "no drag",
     "load.pull_out_force_limit_N": "the largest shift force",
     "search.reference": "the study's own dog",
@@ -75,8 +75,11 @@ def following(origin: Row, own: Row, given: Mapping[str, Any]) -> tuple[Row, lis
     if not _sound(own):
         return {}, []  # what is wrong is said by the study
     changed = {key for key in ANY if value_at(origin, key) != value_at(own, key)}
-    changed |= {MASS} & set(given)
-    left = [key for key in _bound(origin) if changed & set(BOUND.get(key, ANY))]
+    bound = {**BOUND, **dict.fromkeys(_limits(origin), ANY)}
+    left = [key for key, by in bound.items() if changed & set(by)]
+    if MASS in given:  # also where all that moves is what the ring alone was
+        left = list(dict.fromkeys([*left, ADDED]))
+    left = [key for key in left if value_at(origin, key) is not None]
     height: Row = {}
     if changed & set(DIAMETERS) and HEIGHT not in given:
         height[HEIGHT] = _rounded(value_at(own, HEIGHT) * _module(own) / _module(origin))
@@ -104,11 +107,10 @@ def _is_given(key: str, given: Mapping[str, Any]) -> bool:
     return any(key == one or key.startswith(f"{one}.") for one in given)
 
 
-def _bound(tables: Row) -> Iterator[str]:
-    """Yield the keys of a study that hold for its clutch alone."""
-    yield from (key for key in BOUND if value_at(tables, key) is not None)
+def _limits(tables: Row) -> list[str]:
+    """List the limits of a search that have a unit."""
     limits = value_at(tables, "search.limits") or {}
-    yield from (f"search.limits.{name}" for name in limits if name.endswith(UNITS))
+    return [f"search.limits.{name}" for name in limits if name.endswith(UNITS)]
 
 
 def _scaled(origin: Row, own: Row) -> Row:
