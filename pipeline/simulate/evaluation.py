@@ -82,10 +82,10 @@ def evaluate(
     of the shifts repeated. ``operated`` is the study as each design is operated, itself if not
     given. ``referred`` are the blocks of the reference at the plan that all designs have, where
     they are at hand. Raises GeometryError for a dog that cannot be made, before anything is
-    simulated.
+    simulated; not with ``checked``, where the prototype is compared with, whatever it breaks.
     """
     each = operated or [study] * len(dogs)
-    for dog in dogs:
+    for dog in [] if checked else dogs:
         require_makeable(dog, study.limits.manufacturing)
     blocks = [
         blocks_of(own, study.clutch.with_dog(dog), plan, seed, base)

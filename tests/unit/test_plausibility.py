@@ -9,8 +9,11 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.plausibility import folded, slips_of
-from dogshape.sim.errors import InputError
+from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.sim.errors import GeometryError, InputError
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -179,3 +182,16 @@ def test_upper_case_endings_are_taken(dogshape: Call) -> None:
 def test_a_notebook_reads_the_same_scope() -> None:
     with pytest.raises(InputError, match="no circular play"):
         ds.Study("mq200", backlash_deg=3)
+
+
+def test_a_prototype_that_breaks_a_limit_of_the_workshop_is_still_compared_with() -> None:
+    study = load_study(
+        "mq200_paper",
+        ["manufacturing.module_mm=4", "solver.engine=planar", "operating.mismatch_rpm=[50]",
+         "operating.force_N=[469]"],
+    )  # fmt: skip
+    asked = ([study.clutch.dog], scratch_executor(1), [whole_plan(study, 3)], 1)
+    with pytest.raises(GeometryError, match=r"number of dogs is 3\.2 mm"):
+        evaluate(study, *asked)
+    (found,) = evaluate(study, *asked, checked=True)
+    assert 0.02 < found.expectation.mean < 0.5
