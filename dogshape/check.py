@@ -95,7 +95,7 @@ class Check(Checked):
             "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
             "in_range": answer.in_range,
             "distance": answer.distance,
-            "warnings": list(answer.warnings),
+            "warnings": [*answer.warnings, *self.notes],
             **self._origin,
             **self.record,
         }
