@@ -13,19 +13,21 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Iterable
 
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank import settings_of, times_of
+from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.bundled import bundled_root
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.units import RPM
-from dogshape.validation.blind.engine_gap import second_times, timely
-from dogshape.validation.blind.mujoco_shift import Engine
-from dogshape.validation.blind.stand import read_stand
+from dogshape.validation.blind.mujoco_shift import Draw, Engine
+from dogshape.validation.blind.stand import Point, read_stand
 
 ANGLES = 48
 SHIFTS = 10  #: of a mean
@@ -50,9 +52,17 @@ def main() -> None:
     print(f"MuJoCo takes {each * 1e3:.0f} ms of processor time a shift")
 
 
+def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> np.ndarray:
+    """Simulate MuJoCo's times at an operating point, s, NaN for a shift that did not engage."""
+    profile = setting.point.profile
+    point = Point(setting.point.mismatch, profile.force, profile.rise)
+    times = [engine.shift(point, Draw(float(angle))).time for angle in angles]
+    return np.array([np.nan if time is None else time for time in times])
+
+
 def _row(point: OperatingPoint, first: np.ndarray, second: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
-    both = timely(first, second)
+    both = np.isfinite(bulk(first)) & np.isfinite(bulk(second))
     one, two = first[both] * 1e3, second[both] * 1e3
     gap = float((two - one).mean())
     pooled = float(np.sqrt(0.5 * (one.var(ddof=1) + two.var(ddof=1))))

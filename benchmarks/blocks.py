@@ -1,7 +1,7 @@
 """Passages of documents that are written from their source as a whole, words and figures.
 
-A passage stands between two lines, ``<!-- blind score: by make figures -->`` and
-``<!-- end of blind score -->``, which readers do not see.
+A passage stands between two lines, ``<!-- blind field: by make figures -->`` and
+``<!-- end of blind field -->``, which readers do not see.
 """
 
 from __future__ import annotations

@@ -23,7 +23,7 @@ from dogshape.diagnosis.inference.posterior import inclusion
 from dogshape.diagnosis.inference.verdict import PART
 from dogshape.validation.blind.advised_test import KINDS, Advised
 from dogshape.validation.blind.case_marks import Names
-from dogshape.validation.blind.field_score import advised_test, chance_to_settle, field_mark
+from dogshape.validation.blind.score import advised_test, chance_to_settle, field_mark
 from dogshape.validation.blind.sealed import opened, results_of
 
 

@@ -14,7 +14,7 @@ from benchmarks.blocks import Block
 from benchmarks.entries import ROOT
 
 SCORE = ROOT / "docs" / "evidence" / "blind_field.txt"
-HEAD = ("figure, not told", "value (95 %)", "n", "aim", "met")
+HEAD = ("value (95 %)", "n", "aim", "met")
 FIGURE = re.compile(r"(-?[\d.]+) \((-?[\d.]+) to (-?[\d.]+)\)")
 CALIBRATION = "calibration error"  #: begins the words of a figure that is no share
 
@@ -30,9 +30,9 @@ def headline_of(path: Path) -> list[tuple[str, ...]]:
     inside = False
     for line in path.read_text("utf-8").splitlines():
         cells = tuple(re.split(r"\s{2,}", line.strip()))
-        if cells == HEAD:
+        if cells[1:] == HEAD:
             inside = True
-        elif inside and len(cells) == len(HEAD):
+        elif inside and len(cells) == len(HEAD) + 1:
             rows.append(cells)
         elif inside:
             return rows
@@ -47,7 +47,7 @@ def passage(path: Path = SCORE) -> str | None:
         return None
     text = path.read_text("utf-8")
     lines = [
-        "| not told | value (95 %) | cases | aim | met |",
+        "| figure | value (95 %) | cases | aim | met |",
         "|---|---|---|---|---|",
         *(_line(row) for row in headline_of(path)),
         "",

@@ -52,7 +52,7 @@ from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
-Record = dict[str, Any]  #: gap.json, whose schema is ``pipeline.diagnose.gap_schema``
+Record = dict[str, Any]  #: gap.json
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 
 DRAWN = 400  #: outcomes drawn
 #: Share of things outside the list that look like something on it: 11 of the 18 that the diagnosis
-#: neither recognised nor refused (``docs/evidence/blind_20261124.txt``, *outside the list*).
+#: neither recognised nor refused in an earlier sealed set.
 IMITATED = 0.61
 #: Odds of an imitator to its hypothesis, with the prior probability of *unknown*.
 ODDS = USUAL.priors.unlisted * IMITATED / (1.0 - USUAL.priors.unlisted)

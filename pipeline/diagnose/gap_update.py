@@ -25,7 +25,7 @@ from dogshape.sim.files import write_whole
 UPDATES, RECORD, TABLE = "updates.json", "gap.json", "cells.csv"
 SHOWN = 0.001  #: probability from which a hypothesis is in the record of an update
 MOST_ODDS = 1e6  #: above which odds are said as more than that
-Record = dict[str, Any]  #: gap.json, whose schema is ``pipeline.diagnose.gap_schema``
+Record = dict[str, Any]  #: gap.json
 
 
 def require_no_updates(folder: Path) -> None:

@@ -20,24 +20,23 @@ from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
-from dogshape.validation.blind import expected_means, field_cases, field_figures, field_set, sealed
+from dogshape.validation.blind import cases as field_cases
+from dogshape.validation.blind import expected_means, field_set, figures, sealed
 from dogshape.validation.blind.advised_test import Advised, Stage, more_shifts
 from dogshape.validation.blind.case_marks import Mark
-from dogshape.validation.blind.cases import BEYOND, Case
-from dogshape.validation.blind.equivalence import in_margins
-from dogshape.validation.blind.field_cases import COMMON, FieldCase, case_of
-from dogshape.validation.blind.field_data import acting, series_draws, series_places, true_points
-from dogshape.validation.blind.field_score import (
+from dogshape.validation.blind.cases import BEYOND, COMMON, Case, FieldCase, case_of
+from dogshape.validation.blind.data import acting, series_draws, series_places, true_points
+from dogshape.validation.blind.field_set import FieldWanted, base, in_margins, make_field
+from dogshape.validation.blind.score import (
     FieldMark,
     between,
     by_chance,
     headline,
     score_field,
 )
-from dogshape.validation.blind.field_set import FieldWanted, base, make_field
-from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.stand import Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import RANGES
+from dogshape.validation.blind.yardstick import Seen
 from tests.conftest import Said
 
 DRAWN = FieldWanted().cases
@@ -190,9 +189,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
     manifest, key = sealed.manifest_of(made), sealed.opened(made)
     assert set(manifest["cases"]) == set(key["cases"])
-    assert [one["name"] for one in manifest["figures"]] == [
-        one.name for one in field_figures.HEADLINES
-    ]
+    assert [one["name"] for one in manifest["figures"]] == [one.name for one in figures.HEADLINES]
     for name, case in key["cases"].items():
         assert manifest["cases"][name] == sealed.hash_of(made / "cases" / name)
         yard = case["yardstick"]
@@ -224,8 +221,8 @@ def test_data_say_nothing_of_the_truth(made: Path) -> None:
 
 
 ONE = Mark(
-    "case", "single", "drawn", "means", ("a",), (), 5.0, "effect", ("a",), {("a",): 0.9, (): 0.1},
-    frozenset({("a",)}), (("a",),), None, None, None, (), ("a",), {("a",): 0.9, (): 0.1}, 1.0,
+    "case", "single", "means", ("a",), (), 5.0, "effect", ("a",), {("a",): 0.9, (): 0.1},
+    frozenset({("a",)}), (("a",),), (), ("a",), {("a",): 0.9, (): 0.1}, 1.0,
 )  # fmt: skip
 
 
@@ -337,7 +334,7 @@ def test_right_probabilities_have_a_calibration_error_by_chance() -> None:
 
 
 def test_aims_are_met_or_missed() -> None:
-    aims = {one.name: one for one in field_figures.HEADLINES}
+    aims = {one.name: one for one in figures.HEADLINES}
     assert aims["cause_right"].aim == "at least 95 %"
     assert aims["coverage_90"].aim == "85 to 95 %"
     assert aims["calibration"].aim == "at most 0.05"
@@ -363,11 +360,10 @@ def test_a_score_says_by_what_code(
     said = dogshape("blind", "score", made)
     assert "scored by the code and the headline figures that were sealed" in said.out
     assert "no effect: one is named" in said.out
-    monkeypatch.setattr(field_figures, "SCORING", ("field_figures.py",))
+    monkeypatch.setattr(figures, "SCORING", ("figures.py",))
     said = dogshape("blind", "score", made)
     assert (
-        "scored by other code than sealed: advised_test.py, case_marks.py, field_score.py"
-        in said.out
+        "scored by other code than sealed: advised_test.py, case_marks.py, intervals.py" in said.out
     )
 
 
@@ -375,12 +371,12 @@ SCORE_TEXT = """$ dogshape blind score results/field
 
 scored by the code and the headline figures that were sealed
 
-figure, not told                             value (95 %)    n          aim  met
+figure                                       value (95 %)    n          aim  met
 clear: cause or its class leads       0.90 (0.80 to 0.95)   96  at least 95 %   no
 calibration error of the leading one  0.04 (0.02 to 0.07)  310   at most 0.05  yes
 hidden: left open                                       -    0              -    -
 
-figure, not told          value (95 %)  n
+figure                    value (95 %)  n
 drake: something   0.50 (0.10 to 0.90)  2
 
 calibration error of right probabilities at this number of cases: 0.021

@@ -17,9 +17,9 @@ from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.validation.blind.expected_means import Expected, moments
-from dogshape.validation.blind.pair_refit import Seen
 from dogshape.validation.blind.yardstick import (
     Asked,
+    Seen,
     Series,
     Yardstick,
     asked_of,

@@ -173,6 +173,12 @@ def test_more_shifts_foretell_the_mean_of_their_operating_point() -> None:
 
 def test_the_record_keeps_the_contract_and_is_json() -> None:
     record = json.loads(json.dumps(_found({"delay_s": 0.08}).as_dict(), allow_nan=False))
+    asked = {"bench", "verdict", "causes", "hypotheses", "confusable", "gap", "where", "next_test"}
+    assert asked <= set(record)
+    rmse = {"baseline_rmse_s", "heldout_rmse_s", "floor_rmse_s", "shrink"}
+    assert rmse <= set(record["gap"])
+    assert {"name", "why"} <= set(record["next_test"])
+    assert all({"mismatch_rpm", "force_N", "gap_s", "z"} <= set(one) for one in record["where"])
     chances = [h["probability"] for h in record["hypotheses"]]
     assert chances == sorted(chances, reverse=True)
     assert sum(chances) == pytest.approx(1.0, abs=1e-9)

@@ -71,10 +71,7 @@ GUARDED = {
 SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")
 #: What the truth of blind cases may have of the project: no physics, no effects.
 APART = {"sim.errors", "sim.units"}
-TRUTH = (
-    *("stand", "mujoco_model", "mujoco_shift", "true_effects", "cases", "data"),
-    *("field_cases", "field_data"),
-)
+TRUTH = ("stand", "mujoco_model", "mujoco_shift", "true_effects", "cases", "data")
 #: The command line is an adapter of the public package and of the proof; nothing else of the
 #: product imports either.
 ADAPTER, ADAPTED = "pipeline/cli/", ("dogshape", "validation")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank import Level, settings_of
+from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
@@ -17,11 +16,9 @@ from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.validation.blind import planar_shift
-from dogshape.validation.blind.cases import BEYOND, WIDE, WIDE_OUTSIDE, cases_of
-from dogshape.validation.blind.equivalence import equivalence_figures, true_means
+from dogshape.validation.blind.expected_means import expected, times_at
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import Law, PlanarEngine
-from dogshape.validation.blind.sealed import Wanted, make
 from dogshape.validation.blind.stand import Point, Truth, read_stand
 from dogshape.validation.blind.true_effects import RANGES, truth_of
 
@@ -118,56 +115,24 @@ def test_motion_begins_with_the_flight_of_a_free_mass() -> None:
     assert output[0] - sliding[0] == pytest.approx(POINT.mismatch)
 
 
-def test_a_wide_set_has_what_the_others_lack() -> None:
-    cases = cases_of("wide", "full")
-    kinds = [case.kind for case in cases]
-    assert {kind: kinds.count(kind) for kind in WIDE} == WIDE
-    assert kinds.count("outside") == sum(WIDE_OUTSIDE.values())
-    assert {case.shifts for case in cases} == {3, 5, 10, 20, 50}
-    common = {"actuation_delay", "sleeve_friction"}
-    assert any(not common & set(case.causes) for case in cases if case.kind == "pair")
-    for case in cases:
-        if case.kind == "beyond":
-            ((name, values),) = case.parameters.items()
-            (parameter,) = RANGES[name]
-            value = values[BEYOND[name][0]]
-            assert not parameter.low <= value <= parameter.high
-
-
-def test_a_set_is_of_an_engine_that_can_make_it(tmp_path: Path) -> None:
-    wanted = Wanted(BENCH, "wide", "small", 3, "planar")
-    manifest = make(tmp_path / "set", wanted)
-    assert manifest["engine"] == "planar"
-    for other in ("published", "tuning"):
-        with pytest.raises(InputError, match="makes wide sets only"):
-            make(tmp_path / other, Wanted(BENCH, other, "small", 3, "planar"))
-    with pytest.raises(InputError, match="there is not"):
-        make(tmp_path / "none", Wanted(BENCH, "wide", "small", 3, "planer"))
-
-
-def test_none_is_right_where_the_true_gap_is_within_the_margin() -> None:
-    """Margins are 5 % of 100 ms."""
-
-    def said(verdict: str) -> dict[str, object]:
-        margin = {"margin_share": 0.05, "margin_least_s": 0.002}
-        return {"diagnosis": {"verdict": verdict, "discrepancy": margin}}
-
-    true = {name: np.full(2, t) for name, t in zip("abcd", (0.104, 0.107, 0.101, 0.2), strict=True)}
-    results = {"a": said("none"), "b": said("none"), "c": said("ambiguous"), "d": said("effect")}
-    found = equivalence_figures(true, np.array([0.1, 0.1]), results)
-    assert (found["n"], found["within_of_said_none"]["value"]) == (4, 0.5)
-    assert found["said_none_of_within"]["value"] == 0.5
-    assert found["largest_ratio_of_said_none"] == pytest.approx(1.4)
-
-
-def test_true_means_have_the_effects_and_no_scatter() -> None:
+def test_expected_means_have_the_effects_and_no_scatter() -> None:
     points = (Point(25.0 * np.pi / 30.0, 641.5, 0.12614),)
-    delay = {"actuation_delay": {"delay_s": 0.05}}
-    cases = {
-        "plain": {"parameters": {}, "outside": {}},
-        "late": {"parameters": delay, "outside": {}},
-        "drift": {"parameters": {}, "outside": {"drift": 0.5}},
-    }
-    found = true_means(STAND, points, cases, "planar")
-    assert set(found) == {"plain", "late"}
-    assert found["late"] - found["plain"] == pytest.approx(0.05, abs=1e-4)
+    plain, late = (expected("planar", STAND, points, truth_of(one, {})).mean
+                   for one in ({}, {"actuation_delay": {"delay_s": 0.05}}))  # fmt: skip
+    assert late - plain == pytest.approx(0.05, abs=1e-4)
+
+
+def test_angles_count_as_often_as_the_truth_draws_them() -> None:
+    """Hardly any preference is none; a strong one is somewhere between least and most."""
+    points = (POINT,)
+    (times,) = times_at("planar", STAND, points, Truth())
+    turns = (np.arange(times.size) + 0.5) / times.size
+    soon = np.isfinite(bulk(times))
+    weak = {"concentration": 1e-9, "centre_pitch": 0.3}
+    (mean,) = expected("planar", STAND, points, truth_of({"relative_angle": weak}, {})).mean
+    assert mean == pytest.approx(times[soon].mean(), rel=1e-6)
+    strong = {"concentration": 10.0, "centre_pitch": 0.5}
+    (near,) = expected("planar", STAND, points, truth_of({"relative_angle": strong}, {})).mean
+    inside = times[soon & (abs(turns - 0.5) < 0.25)]
+    assert inside.min() < near < inside.max()
+    assert abs(near - np.median(inside)) < abs(mean - np.median(inside))

@@ -26,7 +26,6 @@ from dogshape.diagnosis.likelihood.observations import observe
 from dogshape.diagnosis.prediction.outliers import bulk
 from dogshape.diagnosis.settings import Rules
 from dogshape.diagnosis.terms import Array
-from dogshape.pipeline.diagnose.gap_schema import require_gap
 from dogshape.sim.units import RPM
 from tests.toy import EFFECTS, Toy, bench_of, points_of
 
@@ -191,7 +190,6 @@ def test_a_planted_drift_is_found_and_no_effect_is_named(single: bool, shifts: i
     assert drift.significant
     assert found.as_dict()["drift"]["slope_s"]["median"] == pytest.approx(drift.slope.median)
     assert f"drift by {1e3 * drift.slope.median:+.2g} ms" in found.as_dict()["summary"]
-    require_gap(found.as_dict(), "gap.json")
     assert "repeat a reference point" in drift.sentence
     assert not drift.in_order_of
 

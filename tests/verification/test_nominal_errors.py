@@ -19,7 +19,6 @@ from dogshape.diagnosis.prediction.prediction import Prediction
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
-from dogshape.pipeline.diagnose.gap_schema import require_gap
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
@@ -191,7 +190,6 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     assert widths[2] > 2.0 * widths[0]
     assert "nominal_errors" not in exact.as_dict()
     record = tight.as_dict()
-    require_gap(record, "gap.json")
     assert record["nominal_errors"]["sentence"] in record["summary"]
     assert record["nominal_errors"]["each_point_rms_s"] == 0.0
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 from zlib import crc32
@@ -34,11 +33,10 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.case_marks import Names, class_of, names_of
-from dogshape.validation.blind.data import draws, trace_rows
-from dogshape.validation.blind.field_data import measured_rows
+from dogshape.validation.blind.data import draws, measured_rows
 from dogshape.validation.blind.intervals import share
 from dogshape.validation.blind.mujoco_shift import Shift
-from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
+from dogshape.validation.blind.stand import Point, Stand, Truth
 from dogshape.validation.blind.true_effects import FIELDS, RANGES, SWITCHES, truth_of
 from dogshape.validation.blind.truth_engines import engine_of
 
@@ -54,14 +52,12 @@ _RANGES = {one.name: one for ranges in RANGES.values() for one in ranges}
 class Stage:
     """Place of a test: the stand of the case, its operating points with their true rises.
 
-    ``engine`` is that of the case. ``measured`` tells whether traces have the force that acts, as a
-    sensor at the actuator measures it, or that of the signal.
+    ``engine`` is that of the case.
     """
 
     stand: Stand
     points: tuple[Point, ...]
     engine: str = "mujoco"
-    measured: bool = False
 
 
 @dataclass(frozen=True)
@@ -128,53 +124,6 @@ class Advised:
             "settled_as_truth": self.exact,
             "wrongly_settled": self.wrong,
         }
-
-
-def advised_tests(
-    folder: Path,
-    key: Record,
-    results: Mapping[str, Record],
-    advance: Callable[[int], None] | None = None,
-) -> dict[str, Advised]:
-    """Simulate the advised test of each ambiguous case whose record predicts one.
-
-    Parameters
-    ----------
-    folder : of the set, for the stands of its cases.
-    key, results : of the set; results by case.
-    advance : counts shifts.
-
-    Raises InputError where shifts are asked for without MuJoCo, StorageError where a record
-    names an operating point that the set has not.
-    """
-    found = {}
-    for name, test in _tests(results).items():
-        case, result = key["cases"][name], results[name]["diagnosis"]
-        found[name] = judged_by_test(name, case, result, partial(stage_of, folder, key, name))
-        if advance is not None and "shifts" in test:
-            advance(int(test["shifts"]))
-    return found
-
-
-def shifts_asked(results: Mapping[str, Record]) -> int:
-    """Count the shifts of all advised tests of ambiguous cases."""
-    return sum(int(test.get("shifts", 0)) for test in _tests(results).values())
-
-
-def _tests(results: Mapping[str, Record]) -> dict[str, Record]:
-    """Return the advised tests of the ambiguous cases."""
-    every = {name: result.get("diagnosis", {}) for name, result in results.items()}
-    return {
-        name: one["next_test"]
-        for name, one in every.items()
-        if one.get("verdict") == "ambiguous" and "kind" in one.get("next_test", {})
-    }
-
-
-def stage_of(folder: Path, key: Record, name: str) -> Stage:
-    """Read the stand and the operating points of a case of a set."""
-    points = tuple(Point(*point) for point in key["points"])
-    return Stage(read_stand(folder / "cases" / name), points)
 
 
 def judged_by_test(
@@ -263,12 +212,7 @@ def more_traces(
     generator = np.random.default_rng(seed)
     shifts = _new_shifts(truth, stage, point, count, seed, keep=True)
     fade = 1.0 - truth.drift
-    tables = [
-        measured_rows(truth, point, shift, fade, generator)
-        if stage.measured
-        else trace_rows(point, shift, generator)
-        for shift in shifts
-    ]
+    tables = [measured_rows(truth, point, shift, fade, generator) for shift in shifts]
     units = (1.0, MM, 1.0, RPM, RPM)
     traces = [
         BenchTrace(Path("trace"), *(table * units).T) for table in tables if table is not None

@@ -19,7 +19,6 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from dogshape.diagnosis.inference.classes import in_short
 from dogshape.diagnosis.prediction.outliers import Array, bulk
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
@@ -39,8 +38,7 @@ class Mark:
     """Marks of one case: ``truth`` and findings; hypotheses are names in alphabetical order.
 
     ``chances`` are probabilities by hypothesis, ``group`` the top's class, ``credible`` the 90 %
-    set. ``shrink``, ``true_shrink`` and ``rival_shrink`` are held-out shrinks of the leading
-    hypothesis, of the true one where the record has it, and of the best other one. ``inside`` has
+    set. ``inside`` has
     for each true parameter whether its 90 % interval holds it. ``plain`` and ``weights`` are what
     the plain baselines say. A refusal of the data has no chances. ``also`` are what the truth looks
     like to any method: the truth without effects that the data cannot show.
@@ -48,7 +46,6 @@ class Mark:
 
     name: str
     kind: str
-    strength: str
     form: str
     truth: Names
     outside: Names
@@ -58,9 +55,6 @@ class Mark:
     chances: dict[Names, float]
     group: frozenset[Names]
     credible: tuple[Names, ...]
-    shrink: float | None
-    true_shrink: float | None
-    rival_shrink: float | None
     inside: tuple[bool, ...]
     plain: Names | None
     weights: dict[Names, float]
@@ -86,11 +80,6 @@ class Mark:
     def right_class(self) -> bool:
         """Test that the truth is the top or in its class."""
         return self.right or self.truth in self.group
-
-    @property
-    def right_as_seen(self) -> bool:
-        """Test that the truth, or its visible part, is the top or in its class."""
-        return self.right_class or any(t == self.top or t in self.group for t in self.also)
 
     @property
     def named(self) -> bool:
@@ -124,17 +113,11 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
     chances = {names_of(h["effects"]): float(h["probability"]) for h in found.get("hypotheses", [])}
     top = max(chances, key=lambda h: chances[h]) if chances else UNKNOWN
     causes = names_of(truth["causes"])
-    gap = found.get("gap", {})
-    # Where unknown leads, held out is the nearest of the known ones.
-    shrinks = {names_of(gap.get("hypothesis", top)): gap.get("shrink")}
-    if gap.get("rival") is not None:
-        shrinks[names_of(gap["rival"])] = gap.get("rival_shrink")
     plain = found.get("plain", {})
     smallest = plain.get("smallest_rmse")
     return Mark(
         name=name,
         kind=truth["kind"],
-        strength=truth["strength"],
         form=truth["form"],
         truth=causes,
         outside=tuple(truth["outside"]),
@@ -144,9 +127,6 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
         chances=chances,
         group=class_of(top, found),
         credible=_credible(found, chances),
-        shrink=gap.get("shrink"),
-        true_shrink=shrinks.get(causes),
-        rival_shrink=gap.get("rival_shrink"),
         inside=tuple(_inside(found, truth)),
         plain=None if smallest is None else names_of(smallest),
         weights={names_of(w["effects"]): w["weight"] for w in plain.get("aicc", [])},
@@ -196,17 +176,8 @@ def names_of(effects: Iterable[str]) -> Names:
 
 def class_of(one: Names, found: Record) -> frozenset[Names]:
     """List all that stands in a class with a hypothesis, itself too, by the record."""
-    groups = [{names_of(effects) for effects in group} for group in _classes(found)]
+    groups = [{names_of(effects) for effects in group} for group in found.get("classes", ())]
     return frozenset({one}.union(*(group for group in groups if one in group)))
-
-
-def _classes(found: Record) -> list[list[list[str]]]:
-    """List the classes of a record, each hypothesis as its effects."""
-    if "classes" in found:
-        return list(found["classes"])
-    # Records had names alone, of which some are no hypotheses (``in_short``).
-    known = {in_short(h["effects"]): h["effects"] for h in found.get("hypotheses", ())}
-    return [[known[n] for n in group if n in known] for group in found.get("confusable", ())]
 
 
 def _credible(found: Record, chances: dict[Names, float]) -> tuple[Names, ...]:

@@ -1,60 +1,72 @@
-"""Cases of a set: effects of the list, none, plausible pairs, and things outside the list.
+"""Cases of a field set: three engines of truths, three clutches, and data as a stand gives them.
 
-Two sets differ in strengths and in draws: *tuning* is for looking at while the diagnosis is made,
-*published* for its figures. ``small`` sets have a handful of cases, for tests and a first look.
-A *wide* set asks for what a bench may bring beyond these: any pairs and threes, strengths drawn
-anywhere and beyond the priors, a mismatch off by a factor, 3 to 50 shifts at a point.
+Each case has an engine and a clutch of its own, some of the clutch's operating points, another
+number of shifts at each, and a true force and mismatch at each that are off the nominal ones by
+some percent. Kinds and numbers of cases are fixed by engine (``COUNTS``, ``OUTSIDE``); clutch,
+effects, strengths and form are drawn. Pairs and threes have neither dead time nor friction of the
+sleeve, which come with every bench.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from dogshape.sim.errors import InputError, did_you_mean
-from dogshape.validation.blind.stand import Truth
-from dogshape.validation.blind.true_effects import OUTSIDE, RANGES, Values, truth_of, values_of
+from dogshape.validation.blind.stand import Point, Truth
+from dogshape.validation.blind.true_effects import RANGES, Values, truth_of, values_of
 
 Form = Literal["means", "singles", "traces"]
 
-#: Share of the way to the end of the prior: of a uniform one and of a log-uniform one.
-STRENGTHS: dict[str, dict[str, tuple[float, float]]] = {
-    "published": {"barely": (0.12, 0.30), "clear": (0.45, 0.60), "gross": (0.90, 0.90)},
-    "tuning": {"barely": (0.18, 0.38), "clear": (0.35, 0.52), "gross": (0.75, 0.80)},
-}
-SEEDS = {"published": 20260, "tuning": 411, "wide": 5077}  #: of the draws, unless another is given
-SPREAD = 0.1  #: by which a strength is off its nominal one, at most
-SHIFTS = {"means": 10, "singles": 10, "traces": 3}  #: shifts of an operating point
-#: Pairs: what comes with every actuator and every ring, with something else.
-PAIRS = (
-    ("actuation_delay", "moving_mass"),
-    ("actuation_delay", "sleeve_friction"),
-    ("actuation_delay", "linkage_compliance"),
-    ("actuation_delay", "contact_friction"),
-    ("actuation_delay", "force_scale"),
-    ("actuation_delay", "relative_angle"),
-    ("moving_mass", "sleeve_friction"),
-    ("contact_friction", "sleeve_friction"),
-    ("actuation_lag", "sleeve_friction"),
-    ("mismatch_speed", "sleeve_friction"),
-    ("free_play", "sleeve_friction"),
-    ("actuation_delay", "mismatch_speed"),
-)
-SINGLES = (  # effects with single shifts too, at the clear strength
-    "actuation_lag", "contact_friction", "detent_force", "drag_torque", "force_scale",
-    "linkage_compliance", "mismatch_speed", "moving_mass", "relative_angle", "sleeve_friction",
-    "spline_friction", "viscous_damping",
-)  # fmt: skip
-TRACED = (  # effects with traces too, at the clear strength
-    "actuation_delay", "actuation_lag", "axial_gap", "detent_force", "force_scale", "free_play",
-    "linkage_compliance", "moving_mass", "sleeve_friction", "viscous_damping",
-)  # fmt: skip
-
+WHICH = "field"
 REVERSED = "reversed_mismatch"
-
+CLUTCHES = ("half", "fine", "large")  #: folders of ``studies/blind``
+SEED = 6021  #: of the draws, unless another is given
+#: Cases of each kind by engine; ``single`` is how often each effect of the list comes alone.
+COUNTS: dict[str, dict[str, int]] = {
+    "planar": {"none": 60, "single": 2, "pair": 26, "three": 12, "beyond": 10, "other": 6},
+    "mujoco": {"none": 24, "single": 1, "pair": 10, "three": 4, "beyond": 4, "other": 2},
+    "drake": {"none": 24, "single": 1, "pair": 10, "three": 4, "beyond": 4, "other": 2},
+}
+#: Things outside the list by engine and name: in how many cases, the first of them with traces.
+OUTSIDE: dict[str, dict[str, tuple[int, int]]] = {
+    "planar": {"drift": (4, 0), "sticking_valve": (4, 0), "swapped_column": (2, 0)},
+    "mujoco": {
+        "drift": (3, 1),
+        "sticking_valve": (3, 1),
+        "speed_ripple": (3, 1),
+        "high_dog": (2, 1),
+        "two_stages": (3, 2),
+        "swapped_column": (2, 0),
+    },
+    "drake": {"drift": (2, 0), "sticking_valve": (2, 0), "swapped_column": (1, 0)},
+}
+#: A small set, on the first clutch: cases of each kind in each engine.
+SMALL = {"none": 1, "single": 1, "pair": 1, "outside": 1}
+SHOWN = ("actuation_lag", "detent_force", "moving_mass", "viscous_damping")
+COMMON = ("actuation_delay", "sleeve_friction")  #: come with every bench
+POINTS = (6, 12)  #: operating points of a case, at least and at most
+NUMBERS = (3, 4, 5, 6, 7, 8, 10, 12, 16, 24, 50)  #: shifts of an operating point
+SLOW = 16  #: shifts at most where a shift takes tens of milliseconds
+FEW = (3, 4, 5)  #: shifts of an operating point with traces
+FORCE_ERRORS, SPEED_ERRORS = (0.01, 0.03), (0.01, 0.02)  #: standard deviations, least and most
+OTHERWISE = (0.1, 0.25)  #: share by which a force or a mismatch is off by another law
+FORCE = 500.0  #: N, of which that is a share
+SHUFFLED = 0.5  #: share of series of single shifts that were made in random order
+DRIFTS = (0.2, 0.7)  #: strengths of a drift, least and most
+STRENGTHS = (0.4, 1.0)  #: the same of anything else outside the list
+SINGLES = 0.6  #: share of cases with single shifts
+LEAST = 0.5  #: least strength of an effect
+#: Draws of a case by engine and kind, of which the clearest by the yardstick is kept: of pairs
+#: drawn at random hardly one in thirty is clear, of single effects one in five. Drake's are dear.
+DRAWS: dict[str, dict[str, int]] = {
+    "planar": {"single": 3, "pair": 10, "three": 3, "beyond": 3},
+    "mujoco": {"single": 2, "pair": 3, "beyond": 2},
+    "drake": {},
+}
 #: Effects beyond their priors, in units of the parameters, from and to.
 BEYOND: dict[str, tuple[str, float, float]] = {
     "actuation_delay": ("delay_s", 0.42, 0.55),
@@ -65,19 +77,13 @@ BEYOND: dict[str, tuple[str, float, float]] = {
     "force_scale": ("force_factor", 0.35, 0.47),
     "drag_torque": ("drag_Nm", 8.4, 13.0),
 }
-#: How much of each a wide set has beside each single effect twice; things outside the list by name.
-WIDE = {"none": 30, "pair": 24, "three": 12, "beyond": 14, "other": 6}
-WIDE_OUTSIDE = {"drift": 4, "sticking_valve": 6, "swapped_column": 4}
-NUMBERS: dict[Form, tuple[int, ...]] = {"means": (3, 5, 10, 20, 50), "singles": (3, 5, 10, 20)}
-LEAST = 0.3  #: least strength of an effect that is drawn anywhere
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case: its causes with their parameters, and the form of its data.
+    """Causes of a case with their parameters, and the form of its data.
 
-    ``strength`` is a name, or none; ``outside`` has strengths by name. ``number`` of shifts at an
-    operating point, None for that of the form.
+    ``strength`` says how sizes came about; ``outside`` has strengths by name.
     """
 
     kind: Literal["none", "single", "pair", "three", "beyond", "other", "outside"]
@@ -86,7 +92,6 @@ class Case:
     strength: str = "none"
     parameters: dict[str, Values] = field(default_factory=dict)
     outside: dict[str, float] = field(default_factory=dict)
-    number: int | None = None
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -99,20 +104,13 @@ class Case:
         return truth_of(self.parameters, self.outside)
 
     @property
-    def shifts(self) -> int:
-        """Shifts of an operating point."""
-        return self.number or SHIFTS[self.form]
-
-    @property
     def swapped(self) -> bool:
         """Test that rise times stand beside the wrong forces."""
         return "swapped_column" in self.outside
 
     def record(self) -> dict[str, Any]:
         """Write the entry of the key."""
-        number = {} if self.number is None else {"number": self.number}
         return {
-            **number,
             "kind": self.kind,
             "strength": self.strength,
             "form": self.form,
@@ -123,127 +121,179 @@ class Case:
         }
 
 
-def cases_of(which: str, size: str, seed: int | None = None) -> tuple[Case, ...]:
-    """Return the cases of a set in shuffled order.
+@dataclass(frozen=True)
+class FieldCase:
+    """One case with its engine, clutch and test series.
 
     Parameters
     ----------
-    which : ``published``, ``tuning`` or ``wide``.
-    size : ``small`` or ``full``.
-    seed : of strengths, places and angles; each set has its own.
+    case : causes, form of the data and seed of the draws.
+    engine, stand : names of the engine and of the clutch.
+    places : of its operating points among those of the clutch, (points,).
+    numbers : shifts at each of them, (points,).
+    force_error, speed_error : standard deviations of true over nominal force and mismatch.
+    shuffled : whether shifts were made in random order, and not point by point in the table's.
+    group : number of the draws of which one is kept; 0 for a case that is kept anyway.
     """
-    for name, value, valid in (("set", which, SEEDS), ("size", size, ("small", "full"))):
-        if value not in valid:
-            raise InputError(
-                f"--{name} is '{value}', which there is not; {did_you_mean(value, valid)}"
-            )
-    generator = np.random.default_rng(SEEDS[which] if seed is None else seed)
-    if which == "wide":
-        found = list(_wide(generator))[:: 1 if size == "full" else 12]
-    else:
-        maker = _Maker(STRENGTHS[which], generator)
-        found = list(_small(maker) if size == "small" else _full(maker))
+
+    case: Case
+    engine: str
+    stand: str
+    places: tuple[int, ...]
+    numbers: tuple[int, ...]
+    force_error: float
+    speed_error: float
+    shuffled: bool = False
+    group: int = 0
+
+    def record(self) -> dict[str, Any]:
+        """Write the entry of the key."""
+        return {
+            **self.case.record(),
+            "engine": self.engine,
+            "stand": self.stand,
+            "places": list(self.places),
+            "numbers": list(self.numbers),
+            "force_error": self.force_error,
+            "speed_error": self.speed_error,
+            "shuffled": self.shuffled,
+            "group": self.group,
+        }
+
+
+def case_of(record: dict[str, Any]) -> FieldCase:
+    """Read the entry of a key."""
+    names = ("kind", "form", "seed", "strength", "parameters", "outside")
+    return FieldCase(
+        Case(**{name: record[name] for name in names}),
+        record["engine"],
+        record["stand"],
+        tuple(record["places"]),
+        tuple(record["numbers"]),
+        record["force_error"],
+        record["speed_error"],
+        record["shuffled"],
+        record["group"],
+    )
+
+
+def field_cases(
+    size: str, grids: Mapping[str, Sequence[Point]], seed: int | None = None
+) -> tuple[FieldCase, ...]:
+    """Draw the cases of a field set in shuffled order.
+
+    Parameters
+    ----------
+    size : ``small`` or ``full``.
+    grids : operating points of each clutch, by name.
+    seed : of all draws.
+    """
+    if size not in ("small", "full"):
+        raise InputError(
+            f"--size is '{size}', which there is not; {did_you_mean(size, ('small', 'full'))}"
+        )
+    generator = np.random.default_rng(SEED if seed is None else seed)
+    found, groups = list[FieldCase](), 0
+    for engine in COUNTS:
+        mine = list(_full(generator, engine) if size == "full" else _small(generator, engine))
+        # Each clutch has a third of each kind, since kinds stand in blocks.
+        order = generator.permutation(list(grids)).tolist()
+        for k, case in enumerate(mine):
+            placed = _placed(generator, case, engine, order[k % len(order)], grids)
+            draws = DRAWS[engine].get(case.kind, 1) if size == "full" else 1
+            again = [_again(generator, placed, grids) for _ in range(draws - 1)]
+            groups += bool(again)
+            number = groups if again else 0
+            found += [replace(one, group=number) for one in (placed, *again)]
     return tuple(found[k] for k in generator.permutation(len(found)))
 
 
-class _Maker:
-    """Makes cases with draws of their own."""
-
-    def __init__(
-        self, strengths: dict[str, tuple[float, float]], generator: np.random.Generator
-    ) -> None:
-        self._strengths, self._generator = strengths, generator
-
-    def none(self, form: Form) -> Case:
-        return Case("none", form, self._seed())
-
-    def single(self, name: str, strength: str, form: Form = "means") -> Case:
-        return Case("single", form, self._seed(), strength, {name: self._values(name, strength)})
-
-    def pair(self, names: tuple[str, str], strength: str = "clear", form: Form = "means") -> Case:
-        parameters = {name: self._values(name, strength) for name in names}
-        return Case("pair", form, self._seed(), strength, parameters)
-
-    def outside(self, name: str, strength: str, form: Form) -> Case:
-        share = self._near(self._strengths[strength][0])
-        return Case("outside", form, self._seed(), strength, outside={name: share})
-
-    def _seed(self) -> int:
-        return int(self._generator.integers(2**31))
-
-    def _near(self, strength: float) -> float:
-        off = SPREAD * float(self._generator.uniform(-1.0, 1.0))
-        return min(1.0, strength * (1.0 + off))
-
-    def _values(self, name: str, strength: str) -> Values:
-        if not RANGES[name]:
-            return {}
-        # A logarithmic prior with what the stand has inside it is measured from there.
-        inside = RANGES[name][0]
-        log = inside.log and inside.neutral <= inside.low
-        return values_of(name, self._near(self._strengths[strength][int(log)]), self._generator)
+def _again(
+    generator: np.random.Generator, placed: FieldCase, grids: Mapping[str, Sequence[Point]]
+) -> FieldCase:
+    """Draw another case of the kind on the same clutch: other sizes, of several causes others."""
+    case = placed.case
+    if case.kind == "beyond":
+        parameters = _beyond(generator, case.causes[0])
+    elif case.kind == "single":
+        parameters = _anywhere(generator, case.causes)
+    else:
+        names = generator.choice(_rare(), len(case.causes), replace=False).tolist()
+        parameters = _anywhere(generator, names)
+    drawn = _drawn(generator, case.kind, parameters, traced=case.form == "traces")
+    return _placed(generator, drawn, placed.engine, placed.stand, grids)
 
 
-def _small(maker: _Maker) -> Iterator[Case]:
-    yield maker.none("means")
-    yield maker.single("actuation_delay", "gross")
-    yield maker.single("sleeve_friction", "gross", "singles")
-    yield maker.pair(("actuation_delay", "moving_mass"), "gross")
-    yield maker.outside("sticking_valve", "gross", "singles")
-
-
-def _full(maker: _Maker) -> Iterator[Case]:
-    """Yield 54 single effects, 12 with single shifts, 10 traced, 12 none, 24 pairs, 18 outside.
-
-    At last come four with the reversed sense, which has no strength: alone and beside a delay.
-    """
-    for name in (effect for effect, ranges in RANGES.items() if ranges):
-        for strength in ("barely", "clear", "gross"):
-            yield maker.single(name, strength)
-    for name in SINGLES:
-        yield maker.single(name, "clear", "singles")
-    for name in TRACED:
-        yield maker.single(name, "clear", "traces")
-    forms: tuple[Form, ...] = ("means",) * 8 + ("singles",) * 3 + ("traces",)
-    for form in forms:
-        yield maker.none(form)
-    for names in PAIRS:
-        yield maker.pair(names)
-        yield maker.pair(names, "gross", "singles")
-    for name in OUTSIDE:
-        yield maker.outside(name, "clear", "means")
-        yield maker.outside(name, "gross", "means")
-        yield maker.outside(name, "gross", "singles")
-    # Speeds of traces show the sense at once, and the data set is refused.
-    for form in ("means", "singles"):
-        yield maker.single(REVERSED, "gross", form)
-    yield maker.pair(("actuation_delay", REVERSED))
-    yield maker.pair(("actuation_delay", REVERSED), "gross", "singles")
-
-
-def _wide(generator: np.random.Generator) -> Iterator[Case]:
-    """Yield single effects, none, pairs, threes, and what is beyond the priors or outside."""
-    listed = [name for name, ranges in RANGES.items() if ranges]
-    for kind, many in (("single", 1), ("pair", 2), ("three", 3)):
-        drawn = (
-            generator.choice(listed, many, replace=False).tolist() for _ in range(WIDE.get(kind, 0))
-        )
-        for names in [[n] for n in listed * 2] if kind == "single" else drawn:
-            parameters = {
-                name: values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
-                for name in sorted(names)
-            }
-            yield _drawn(generator, kind, parameters)
-    for _ in range(WIDE["none"]):
+def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
+    counts = COUNTS[engine]
+    for _ in range(counts["none"]):
         yield _drawn(generator, "none", {})
-    for name in list(BEYOND) * (WIDE["beyond"] // len(BEYOND)):
-        parameter, low, high = BEYOND[name]
-        yield _drawn(generator, "beyond", {name: {parameter: float(generator.uniform(low, high))}})
-    for place in range(WIDE["other"]):
-        factor = 1.0 + (-1.0) ** place * float(generator.uniform(0.1, 0.25))
-        yield _drawn(generator, "other", {"mismatch_speed": {"mismatch_factor": factor}})
-    for name in [name for name, many in WIDE_OUTSIDE.items() for _ in range(many)]:
-        yield _drawn(generator, "outside", {}, {name: float(generator.uniform(0.4, 1.0))})
+    for _ in range(counts["single"]):
+        for name in sorted(RANGES):
+            traced = engine == "mujoco" and name in SHOWN
+            yield _drawn(generator, "single", _anywhere(generator, [name]), traced=traced)
+    for kind, many in (("pair", 2), ("three", 3)):
+        for _ in range(counts[kind]):
+            names = generator.choice(_rare(), many, replace=False).tolist()
+            yield _drawn(generator, kind, _anywhere(generator, names))
+    beyond = generator.permutation(list(BEYOND)).tolist() * 2
+    for name in beyond[: counts["beyond"]]:
+        yield _drawn(generator, "beyond", _beyond(generator, name))
+    for place in range(counts["other"]):
+        yield _drawn(generator, "other", _otherwise(generator, place))
+    for name, (many, shown) in OUTSIDE[engine].items():
+        for k in range(many):
+            yield _outside(generator, name, traced=k < shown)
+
+
+def _small(generator: np.random.Generator, engine: str) -> Iterator[Case]:
+    for _ in range(SMALL["none"]):
+        yield _drawn(generator, "none", {})
+    for name in generator.choice(_rare(), SMALL["single"], replace=False).tolist():
+        yield _drawn(generator, "single", _anywhere(generator, [name]))
+    for _ in range(SMALL["pair"]):
+        names = generator.choice(_rare(), 2, replace=False).tolist()
+        yield _drawn(generator, "pair", _anywhere(generator, names))
+    name = {"planar": "sticking_valve", "mujoco": "two_stages", "drake": "drift"}[engine]
+    yield _outside(generator, name, traced=engine == "mujoco")
+
+
+def _rare() -> list[str]:
+    """List the effects with parameters that do not come with every bench."""
+    return sorted(name for name, ranges in RANGES.items() if ranges and name not in COMMON)
+
+
+def _anywhere(generator: np.random.Generator, names: Sequence[str]) -> dict[str, Values]:
+    return {
+        name: {}
+        if name == REVERSED
+        else values_of(name, float(generator.uniform(LEAST, 1.0)), generator)
+        for name in sorted(names)
+    }
+
+
+def _beyond(generator: np.random.Generator, name: str) -> dict[str, Values]:
+    parameter, low, high = BEYOND[name]
+    return {name: {parameter: float(generator.uniform(low, high))}}
+
+
+def _otherwise(generator: np.random.Generator, place: int) -> dict[str, Values]:
+    """Draw an effect of the list with another law: a force, or a mismatch, that is off otherwise.
+
+    The diagnosis has a factor of the force and none alone of the mismatch.
+    """
+    size, side = float(generator.uniform(*OTHERWISE)), (-1.0) ** (place // 2)
+    if place % 2:
+        return {"mismatch_speed": {"mismatch_factor": 1.0 + side * size}}
+    return {"force_scale": {"force_offset_N": side * size * FORCE}}
+
+
+def _outside(generator: np.random.Generator, name: str, *, traced: bool) -> Case:
+    drift = name == "drift"
+    strength = {name: float(generator.uniform(*(DRIFTS if drift else STRENGTHS)))}
+    # A mean has no spread, by which a sticking valve is another delay.
+    single = name in ("drift", "sticking_valve")
+    return _drawn(generator, "outside", {}, strength, traced=traced, single=single)
 
 
 def _drawn(
@@ -251,8 +301,36 @@ def _drawn(
     kind: Any,
     parameters: dict[str, Values],
     outside: dict[str, float] | None = None,
+    *,
+    traced: bool = False,
+    single: bool = False,
 ) -> Case:
-    """Make a case of any form, with a number of shifts that is drawn."""
-    form: Form = "singles" if generator.random() < 0.5 else "means"
-    number, seed = int(generator.choice(NUMBERS[form])), int(generator.integers(2**31))
-    return Case(kind, form, seed, "drawn", parameters, outside or {}, number)
+    form: Form = "singles" if generator.random() < SINGLES or single else "means"
+    seed = int(generator.integers(2**31))
+    return Case(kind, "traces" if traced else form, seed, "drawn", parameters, outside or {})
+
+
+def _placed(
+    generator: np.random.Generator,
+    case: Case,
+    engine: str,
+    stand: str,
+    grids: Mapping[str, Sequence[Point]],
+) -> FieldCase:
+    """Draw operating points, numbers of shifts and errors of the nominal values."""
+    grid = grids[stand]
+    most = min(POINTS[1], len(grid))
+    while True:
+        count = int(generator.integers(POINTS[0], most + 1))
+        places = tuple(sorted(generator.choice(len(grid), count, replace=False).tolist()))
+        speeds = [grid[k].mismatch for k in places]
+        # A stand is swept over both: of two mismatches at least there are two forces.
+        if sum(speeds.count(one) > 1 for one in set(speeds)) > 1 and len(set(speeds)) > 2:
+            break
+    usual = [n for n in NUMBERS if engine == "planar" or n <= SLOW]
+    numbers = generator.choice(FEW if case.form == "traces" else usual, count).tolist()
+    return FieldCase(
+        case, engine, stand, places, tuple(numbers),
+        float(generator.uniform(*FORCE_ERRORS)), float(generator.uniform(*SPEED_ERRORS)),
+        case.form != "means" and bool(generator.random() < SHUFFLED),
+    )  # fmt: skip

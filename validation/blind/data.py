@@ -1,6 +1,10 @@
-"""The data of a case: shifts at random angles as a folder that the diagnosis can read.
+"""Data of a field case: its test series, simulated and written as a stand gives it.
 
-Shifts are made in the order of the table, which is the order of the test series.
+A test series goes through the operating points in the order of the table, or makes all shifts in
+random order; ``order`` says the place of each single shift in it. The true force and mismatch of
+an operating point are off its nominal ones by an error of their own. Traces have the force that
+acts, as a sensor at the actuator measures it: with its delay, its lag, its stages and what a drift
+has taken of it.
 """
 
 from __future__ import annotations
@@ -9,7 +13,7 @@ import csv
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,93 +21,108 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.units import MM, RPM
-from dogshape.validation.blind.cases import Case
+from dogshape.validation.blind.cases import FieldCase
 from dogshape.validation.blind.mujoco_shift import Draw, Shift, signal
-from dogshape.validation.blind.stand import Point, Stand, Truth
+from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
 from dogshape.validation.blind.truth_engines import engine_of
+
+Array = NDArray[np.float64]
+Times = list[list[float | None]]
+_Where = tuple[int, Sequence[int], Sequence[Draw]]
 
 SAMPLING = 2000.0  #: 1/s, of traces
 NOISE = (5e-3, 0.3)  #: standard deviation of a trace's displacement in mm and speeds in 1/min
 AFTER = 0.005  #: s that a trace goes on after its shift
 HEAD = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged", "trace")
+#: Added to a case's seed for the errors of its nominal values, and for the order of its shifts.
+ERRORS, ORDER = 71, 72
+FORCE_NOISE = 0.002  #: of the nominal force, standard deviation of a sample of the measured one
 
-Rows = NDArray[np.float64]
+
+def true_points(case: FieldCase, points: Sequence[Point]) -> tuple[Point, ...]:
+    """Draw force and mismatch that a series really has at its nominal operating points."""
+    generator = np.random.default_rng((case.case.seed, ERRORS))
+    off = generator.normal(size=(len(points), 2)) * (case.force_error, case.speed_error)
+    return tuple(
+        replace(point, force=point.force * (1.0 + force), mismatch=point.mismatch * (1.0 + speed))
+        for point, (force, speed) in zip(points, off.tolist(), strict=True)
+    )
 
 
-@dataclass(frozen=True)
-class Series:
-    """All shifts of a case, point by point, (points, n)."""
-
-    points: tuple[Point, ...]
-    shifts: tuple[tuple[Shift, ...], ...]
-
-    @property
-    def times(self) -> list[list[float | None]]:
-        """Times in s, None for shifts that did not engage."""
-        return [[shift.time for shift in mine] for mine in self.shifts]
+def series_places(case: FieldCase) -> list[list[int]]:
+    """Draw the place of each shift in the test series from 1 on, point by point."""
+    total = sum(case.numbers)
+    generator = np.random.default_rng((case.case.seed, ORDER))
+    every = generator.permutation(total) if case.shuffled else np.arange(total)
+    parts = np.split(every + 1, np.cumsum(case.numbers)[:-1])
+    return [part.tolist() for part in parts]
 
 
 def draws(truth: Truth, stand: Stand, points: int, each: int, seed: int) -> list[list[Draw]]:
-    """Return the draws of all shifts: angle, waiting, phase, and what a drift has left."""
+    """Draw angle, waiting and phase of all shifts, point by point."""
     generator = np.random.default_rng(seed)
-    last = max(1, points * each - 1)
     found = []
-    for place in range(points):
+    for _ in range(points):
         mine = []
-        for k in range(each):
+        for _ in range(each):
             turn = generator.vonmises(2.0 * math.pi * truth.centre, truth.concentration)
             late, phase = generator.exponential(), generator.uniform(0.0, 2.0 * math.pi)
-            fade = 1.0 - truth.drift * (place * each + k) / last
             angle = float(turn % (2.0 * math.pi)) / (2.0 * math.pi) * stand.pitch
-            mine.append(Draw(angle, truth.sticking * float(late), float(phase), fade))
+            mine.append(Draw(angle, truth.sticking * float(late), float(phase)))
         found.append(mine)
     return found
 
 
-def simulate(stand: Stand, points: Sequence[Point], case: Case, name: str = "mujoco") -> Series:
-    """Simulate all shifts of a case in an engine."""
-    engine = engine_of(name, stand, case.truth)
-    every = draws(case.truth, stand, len(points), case.shifts, case.seed)
-    keep = case.form == "traces"
-    shifts = tuple(
-        tuple(engine.shift(point, draw, keep) for draw in mine)
-        for point, mine in zip(points, every, strict=True)
-    )
-    return Series(tuple(points), shifts)
+def series_draws(case: FieldCase, stand: Stand) -> list[list[Draw]]:
+    """Draw all shifts of a case, point by point; a drift goes by the place in the series."""
+    truth, numbers = case.case.truth, case.numbers
+    every = draws(truth, stand, len(numbers), max(numbers), case.case.seed)
+    last = max(1, sum(numbers) - 1)
+    fades = [[1.0 - truth.drift * (k - 1) / last for k in mine] for mine in series_places(case)]
+    return [
+        [replace(draw, fade=fade) for draw, fade in zip(mine[: len(left)], left, strict=True)]
+        for mine, left in zip(every, fades, strict=True)
+    ]
 
 
-def even_times(
-    stand: Stand,
-    points: Sequence[Point],
-    count: int,
-    truth: Truth | None = None,
-    name: str = "mujoco",
-) -> list[list[float | None]]:
-    """Return times at ``count`` even angles of each point, s; without any effect by default."""
-    engine = engine_of(name, stand, truth)
-    angles = (np.arange(count) + 0.5) / count * stand.pitch
-    return [[engine.shift(point, Draw(float(a))).time for a in angles] for point in points]
+def simulated(case: FieldCase, stand: Stand, points: Sequence[Point]) -> list[list[Shift]]:
+    """Simulate the shifts of a case, point by point; ``points`` are its nominal ones."""
+    engine = engine_of(case.engine, stand, case.case.truth)
+    keep = case.case.form == "traces"
+    return [
+        [engine.shift(point, draw, keep) for draw in mine]
+        for point, mine in zip(true_points(case, points), series_draws(case, stand), strict=True)
+    ]
 
 
-def write_case(
-    folder: Path, name: str, base: Path, case: Case, series: Series
-) -> list[list[float | None]]:
+def write_field_case(
+    folder: Path, base: Path, case: FieldCase, points: Sequence[Point], shifts: list[list[Shift]]
+) -> Times:
     """Write the data of a case; nothing of its truth is in them.
 
     Return the times in s as they stand beside the operating points, None for shifts that did not
     engage.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "bench.toml").write_text(bench_text(base, name), encoding="utf-8")
-    places = swapped(series.points) if case.swapped else range(len(series.points))
+    write_stand_file(folder, base, case)
+    ordered = case.case.form != "means"
+    order = swapped(points) if case.case.swapped else list(range(len(points)))
+    drawn = series_draws(case, read_stand(base))
+    series = series_places(case)
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
         table = csv.writer(file, lineterminator="\n")
-        table.writerow(HEAD)
-        for point, place in zip(series.points, places, strict=True):
+        table.writerow((*HEAD, *(["order"] if ordered else [])))
+        for point, place in zip(points, order, strict=True):
             given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{point.rise:.10g}")
-            for row in _rows(folder, case, series, place):
+            where = place, series[place], drawn[place]
+            rows = (
+                _single_rows(folder, case, points[place], shifts[place], where)
+                if ordered
+                else mean_rows(shifts[place])
+            )
+            for row in rows:
                 table.writerow((*given, *row))
-    return [series.times[place] for place in places]
+    return [[shift.time for shift in shifts[place]] for place in order]
 
 
 def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None) -> str:
@@ -150,20 +169,10 @@ def swapped(points: Sequence[Point]) -> list[int]:
     return found
 
 
-def _rows(folder: Path, case: Case, series: Series, place: int) -> list[tuple[str, ...]]:
-    """Return ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of one point's rows."""
-    mine = series.shifts[place]
-    found: list[tuple[str, ...]] = []
-    if case.form == "means":
-        return mean_rows(mine)
-    for k, shift in enumerate(mine):
-        trace = ""
-        if shift.motion is not None and shift.time is not None:
-            trace = f"traces/{place:02d}_{k}.csv"
-            _write_trace(folder / trace, case, series.points[place], shift, place * 100 + k)
-        time = "" if shift.time is None else f"{shift.time:.6f}"
-        found.append(("1", time, "false" if shift.time is None else "true", trace))
-    return found
+def write_stand_file(folder: Path, base: Path, case: FieldCase) -> None:
+    """Write ``bench.toml`` of a case, with the errors of its nominal values."""
+    text = bench_text(base, folder.name, (case.force_error, case.speed_error))
+    (folder / "bench.toml").write_text(text, encoding="utf-8")
 
 
 def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
@@ -178,21 +187,47 @@ def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
     return found
 
 
-def _write_trace(path: Path, case: Case, point: Point, shift: Shift, number: int) -> None:
-    """Write a time series from time zero on, sampled and with noise; the force is the signal's."""
+def _single_rows(
+    folder: Path, case: FieldCase, point: Point, shifts: Sequence[Shift], where: _Where
+) -> list[tuple[str, ...]]:
+    """Write ``n_shifts``, ``shift_time_s``, ``engaged``, ``trace`` and ``order`` of single shifts.
+
+    ``where`` has the operating point's place, those of its shifts in the series, and its draws.
+    """
+    place, series, drawn = where
+    found: list[tuple[str, ...]] = []
+    for k, shift in enumerate(shifts):
+        trace = ""
+        if shift.motion is not None and shift.time is not None:
+            trace = f"traces/{place:02d}_{k}.csv"
+            _write_trace(folder / trace, case, point, shift, (place * 100 + k, drawn[k].fade))
+        time = "" if shift.time is None else f"{shift.time:.6f}"
+        engaged = "false" if shift.time is None else "true"
+        found.append(("1", time, engaged, trace, str(series[k])))
+    return found
+
+
+def _write_trace(
+    path: Path, case: FieldCase, point: Point, shift: Shift, which: tuple[int, float]
+) -> None:
+    """Write a time series with the force that acted, sampled and with noise."""
+    number, fade = which
     path.parent.mkdir(exist_ok=True)
-    generator = np.random.default_rng((case.seed, number))
-    rows = trace_rows(point, shift, generator)
+    generator = np.random.default_rng((case.case.seed, number))
+    rows = measured_rows(case.case.truth, point, shift, fade, generator)
     if rows is None:
         return
     head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
     np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
 
 
-def trace_rows(point: Point, shift: Shift, generator: np.random.Generator) -> Rows | None:
-    """Return a sampled trace with noise: s, mm, N and both speeds in 1/min, (n, 5).
+def measured_rows(
+    truth: Truth, point: Point, shift: Shift, fade: float, generator: np.random.Generator
+) -> Array | None:
+    """Sample a trace with the force that a sensor at the actuator measures, with noise.
 
-    None for a shift that did not engage, or whose motion was not kept.
+    The columns are s, mm, N and both speeds in 1/min, (n, 5). None for a shift that did not engage,
+    or whose motion was not kept. ``fade`` is the share of the force that a drift has left.
     """
     motion, end = shift.motion, shift.time
     if motion is None or end is None:
@@ -202,5 +237,21 @@ def trace_rows(point: Point, shift: Shift, generator: np.random.Generator) -> Ro
     noise = generator.normal(size=(3, len(times)))
     way = columns[0] / MM + NOISE[0] * noise[0]
     speeds = [one / RPM + NOISE[1] * noise[k] for k, one in enumerate(columns[1:], 1)]
-    force = [signal(Truth(), point, time) for time in times]
-    return np.stack([times, way, np.array(force), *speeds], axis=1)
+    begin = float(motion[0, 0])  # the motion begins with the force
+    force = fade * acting(truth, point, times - begin)
+    force += FORCE_NOISE * point.force * generator.normal(size=len(force))
+    return np.stack([times, way, force, *speeds], axis=1)
+
+
+def acting(truth: Truth, point: Point, times: Array) -> Array:
+    """Return the force in N at times (n,) in s from its start: staged, lagged and scaled."""
+    step = 1.0 / SAMPLING
+    fine = np.arange(0.0, float(times.max()) + step, step)
+    factor = truth.force_factor + truth.force_offset / point.force
+    force = factor * np.array([signal(truth, point, t) for t in fine])
+    if truth.lag:
+        held, kept = 0.0, math.exp(-step / truth.lag)
+        for k, now in enumerate(force.tolist()):
+            held = now + (held - now) * kept
+            force[k] = held
+    return np.interp(times, fine, force, left=0.0)

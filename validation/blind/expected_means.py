@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.prediction.outliers import Array, bulk
-from dogshape.validation.blind.field_cases import FieldCase
-from dogshape.validation.blind.field_data import series_places
+from dogshape.validation.blind.cases import FieldCase
+from dogshape.validation.blind.data import series_places
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.stand import Point, Stand, Truth
 from dogshape.validation.blind.truth_engines import engine_of

@@ -24,13 +24,27 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
+from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN, Margin
 from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind.case_marks import timely
-from dogshape.validation.blind.data import bench_text, swapped
-from dogshape.validation.blind.equivalence import in_margins
+from dogshape.validation.blind.cases import (
+    CLUTCHES,
+    COUNTS,
+    WHICH,
+    FieldCase,
+    case_of,
+    field_cases,
+)
+from dogshape.validation.blind.data import (
+    bench_text,
+    simulated,
+    swapped,
+    write_field_case,
+    write_stand_file,
+)
 from dogshape.validation.blind.expected_means import (
     ANGLES,
     Expected,
@@ -40,20 +54,11 @@ from dogshape.validation.blind.expected_means import (
     pooled,
     times_at,
 )
-from dogshape.validation.blind.field_cases import (
-    CLUTCHES,
-    COUNTS,
-    WHICH,
-    FieldCase,
-    case_of,
-    field_cases,
-)
-from dogshape.validation.blind.field_data import simulated, write_field_case, write_stand_file
-from dogshape.validation.blind.field_figures import HEADLINES, scoring_code
-from dogshape.validation.blind.pair_refit import Seen
+from dogshape.validation.blind.figures import HEADLINES, scoring_code
 from dogshape.validation.blind.sealed import FORMAT, MAKING, Advance, hash_of, pool, read, write
 from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
 from dogshape.validation.blind.yardstick import (
+    Seen,
     Series,
     Yardstick,
     asked_of,
@@ -277,6 +282,14 @@ def yardstick_of(
         "rival": list(left.rival),
         "seen_as": [list(part) for part in found],
     }
+
+
+def in_margins(means: Array, baseline: Array, margin: Margin = USUAL_MARGIN) -> float:
+    """Compute a gap in margins below which nothing needs doing, root mean square over points.
+
+    Both are mean times in s, (points,).
+    """
+    return float(np.sqrt(np.nanmean(((means - baseline) / margin.of(baseline)) ** 2)))
 
 
 def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[str]:

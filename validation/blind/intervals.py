@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any, TypedDict
+from collections.abc import Iterable
+from typing import TypedDict
 
 import numpy as np
 
@@ -36,26 +36,15 @@ def share(flags: Iterable[bool]) -> Interval:
 
 def mean(values: Iterable[float | None], seed: int = 0) -> Interval:
     """Compute a mean with a bootstrap's 95 % interval; None among the values are left out."""
-    return _bootstrap(values, np.mean, seed)
-
-
-def median(values: Iterable[float | None], seed: int = 0) -> Interval:
-    """Compute a median with a bootstrap's 95 % interval; None among the values are left out."""
-    return _bootstrap(values, np.median, seed)
-
-
-def _bootstrap(
-    values: Iterable[float | None], statistic: Callable[..., Any], seed: int
-) -> Interval:
     given = np.array([v for v in values if v is not None], dtype=float)
     n = len(given)
     if n == 0:
         return {"value": None, "low": None, "high": None, "n": 0}
     # By hand: scipy's bootstrap refuses a single value, and a set may have no more.
     generator = np.random.default_rng(seed)
-    drawn = statistic(given[generator.integers(n, size=(DRAWS, n))], axis=1)
+    drawn = given[generator.integers(n, size=(DRAWS, n))].mean(axis=1)
     low, high = np.quantile(drawn, (0.025, 0.975))
-    return {"value": float(statistic(given)), "low": float(low), "high": float(high), "n": n}
+    return {"value": float(given.mean()), "low": float(low), "high": float(high), "n": n}
 
 
 def calibration(cases: list[list[tuple[float, bool]]], bins: int = 10, seed: int = 0) -> Interval:

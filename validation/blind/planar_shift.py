@@ -47,8 +47,8 @@ class PlanarEngine:
         self.stand, self.truth = stand, truth or Truth()
         if self.truth.ripple or self.truth.high_dog or self.truth.stage_time:
             raise InputError(
-                "the compiled engine has no ripple, no high dog and no force in stages; give "
-                "--engine mujoco"
+                "the compiled engine has no ripple, no high dog and no force in stages; take the "
+                "engine mujoco"
             )
         self._plant = planar_clutch(clutch_of(stand, self.truth, LAW).with_engine("planar"))
 

@@ -1,145 +1,33 @@
-"""Sealed cases: data and, apart, the key; then diagnoses from the data alone.
+"""Diagnoses of sealed cases from their data alone, and the key that is opened after them.
 
-    DIR/cases/case_00/      a data set; its name says nothing
-    DIR/manifest.json       how many, hashes of the key and of all data; made before any diagnosis
-    DIR/key.json            truth and a salt, without which its hash cannot be guessed
-    DIR/results/case_00.json  what was found
-    DIR/making/             while a set is made: what is finished, truth too; gone once it is sealed
-
-``run`` reads ``manifest.json`` and ``cases`` and never opens the key. It refuses data that are not
-those of the manifest, and goes on where it was stopped.
+``validation.blind.field_set`` makes a set; ``DIR/results/case_000.json`` has the diagnosis of a
+case. ``run`` reads ``manifest.json`` and ``cases`` and never opens the key. It refuses data that
+are not those of the manifest, and goes on where it was stopped.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import secrets
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from shutil import rmtree
 from typing import Any
 
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.files import write_whole
-from dogshape.validation.blind.cases import Case, cases_of
-from dogshape.validation.blind.data import even_times, simulate, write_case
-from dogshape.validation.blind.stand import Point, Stand, read_points, read_stand
-from dogshape.validation.blind.truth_engines import require_engine
+from dogshape.validation.blind.cases import WHICH
 
 Record = dict[str, Any]  #: key, manifest and results of a set, as they are kept in JSON
 Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 
-REFERENCE = {"small": 4, "full": 24}  #: even angles of the reference without any effect
-SMALL_FORCES = 2  #: a small set has so many forces, lowest and highest first
 MAKING = "making"
 PATIENCE, PAUSE = 60, 2.0  #: tries, and s between them, where another case writes the bank
 FORMAT = 1
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Request of a set: its stand, kind, size, seed, and the engine of its truths."""
-
-    base: Path
-    which: str = "published"
-    size: str = "full"
-    seed: int | None = None
-    engine: str = "mujoco"
-
-
-def points_for(wanted: Wanted) -> tuple[Point, ...]:
-    """Return the operating points of a set: all of the stand, or few of them."""
-    points = read_points(wanted.base)
-    if wanted.size == "full":
-        return points
-    forces = sorted({point.force for point in points})
-    speeds = sorted({point.mismatch for point in points})
-    few = {forces[0], forces[-1]}
-    some = {speeds[k] for k in (1, len(speeds) // 2, -1)} if len(speeds) > 2 else set(speeds)
-    return tuple(p for p in points if p.force in few and p.mismatch in some)
-
-
-def make(folder: Path, wanted: Wanted, jobs: int = 1, advance: Advance | None = None) -> Record:
-    """Write a set of sealed cases and return its manifest; goes on where it was stopped.
-
-    Raises StorageError where the folder has a set already, InputError for an unknown set.
-    """
-    if (folder / "manifest.json").exists():
-        raise StorageError(f"{folder} has a set of cases already; give another folder")
-    cases = cases_of(wanted.which, wanted.size, wanted.seed)
-    require_engine(wanted.engine, wanted.which)
-    stand, points = read_stand(wanted.base), points_for(wanted)
-    folder.mkdir(parents=True, exist_ok=True)
-    names = [f"case_{k:02d}" for k in range(len(cases))]
-    work = [
-        (folder / "cases" / name, wanted, case) for name, case in zip(names, cases, strict=True)
-    ]
-    with pool(jobs) as submit:
-        pending = [_told(submit(_one, stand, points, *each), advance) for each in work]
-        engine = wanted.engine
-        reference = submit(even_times, stand, points, REFERENCE[wanted.size], None, engine)
-        times = [future.result() for future in pending]
-        free = reference.result()
-    truths = {
-        name: {**case.record(), "times_s": mine}
-        for name, case, mine in zip(names, cases, times, strict=True)
-    }
-    manifest = _seal(folder, wanted, points, truths, free)
-    rmtree(folder / MAKING, ignore_errors=True)
-    return manifest
-
-
-def _seal(
-    folder: Path, wanted: Wanted, points: Sequence[Point], truths: Record, free: Any
-) -> Record:
-    """Write the key and the manifest."""
-    key = {
-        "format": FORMAT,
-        "salt": secrets.token_hex(16),
-        "seed": wanted.seed,
-        "points": [[p.mismatch, p.force, p.rise] for p in points],
-        "engine": wanted.engine,
-        "reference_s": free,
-        "cases": truths,
-    }
-    text = json.dumps(key, indent=1)
-    manifest = {
-        "format": FORMAT,
-        "set": wanted.which,
-        "engine": wanted.engine,
-        "size": wanted.size,
-        "cases": {name: hash_of(folder / "cases" / name) for name in truths},
-        "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
-    }
-    write(folder / "key.json", text)
-    write(folder / "manifest.json", json.dumps(manifest, indent=1))
-    return manifest
-
-
-def _one(
-    stand: Stand, points: tuple[Point, ...], folder: Path, wanted: Wanted, case: Case
-) -> list[list[float | None]]:
-    """Make a case, or take it as an interrupted run made it, and return its times."""
-    kept = folder.parent.parent / MAKING / f"{folder.name}.json"
-    asked = {
-        **case.record(),
-        "engine": wanted.engine,
-        "points": [[p.mismatch, p.force, p.rise] for p in points],
-    }
-    if kept.exists() and (made := read(kept, "remove it"))["case"] == asked:
-        return made["times_s"]
-    series = simulate(stand, points, case, wanted.engine)
-    times = write_case(folder, folder.name, wanted.base, case, series)
-    kept.parent.mkdir(exist_ok=True)
-    write(kept, json.dumps({"case": asked, "times_s": times}))
-    return times
 
 
 def hash_of(folder: Path) -> str:
@@ -155,9 +43,9 @@ def hash_of(folder: Path) -> str:
 def manifest_of(folder: Path) -> Record:
     """Return the manifest of a set; StorageError where there is none or it is of another kind."""
     found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
-    if found.get("format") != FORMAT or "cases" not in found:
+    if (found.get("format"), found.get("set")) != (FORMAT, WHICH) or "cases" not in found:
         raise StorageError(
-            f"{folder / 'manifest.json'} is no manifest of blind cases; make it again"
+            f"{folder / 'manifest.json'} is no manifest of a field set; make it again"
         )
     return found
 
@@ -185,7 +73,7 @@ def run(
     for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
         with pool(jobs if len(batch) > 1 else 1) as submit:
             pending = [
-                _told(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
+                _counted(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
             ]
             for future in as_completed(pending):
                 future.result()
@@ -278,8 +166,8 @@ def ignore(_: int) -> None:
     """Count nothing."""
 
 
-def _told(future: Future[Any], advance: Advance | None) -> Future[Any]:
-    """Return the same future, which tells when it is done."""
+def _counted(future: Future[Any], advance: Advance | None) -> Future[Any]:
+    """Count a future once it is done, and return it."""
     if advance is not None:
         future.add_done_callback(lambda _: advance(1))
     return future

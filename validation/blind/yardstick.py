@@ -10,7 +10,7 @@ single shifts. A rival hypothesis *h* changes the same by :math:`\Delta m_h(\the
           \qquad r = d - \Delta m_h(\theta),
 
 within the priors. What engine and emulator differ by without any effect cancels. *C* has all errors
-of a diagnosis that is told nothing: sampling of the case's shifts, errors of its nominal force and
+of the diagnosis: sampling of the case's shifts, errors of its nominal force and
 mismatch, emulation and 1 % of any simulation, and the discrepancy at the scale of its prior.
 Emulation errs by what is larger, the truth's or the rival's error. :math:`v` is the variance of a
 sample's logarithm of the spread and :math:`\kappa` the simulation's error of it.
@@ -43,10 +43,12 @@ from dogshape.diagnosis.likelihood.discrepancy import (
 )
 from dogshape.diagnosis.likelihood.time_parts import sample_spread
 from dogshape.diagnosis.prediction.hypotheses import NONE, Space, spaces_for
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.prediction.prediction import Emulator
+from dogshape.diagnosis.settings import USUAL, Rules
 from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import Effect
+from dogshape.sim.setting import Setting
 from dogshape.validation.blind.expected_means import Expected
-from dogshape.validation.blind.pair_refit import Seen
 
 TRIED = (1, 129, 512, 1024, 1024)  #: values of a hypothesis by its number of parameters
 REFINED = 10  #: rivals that are refitted further, those with the least of it
@@ -55,6 +57,37 @@ WIDTHS = (0.12, 0.05, 0.02, 0.008)  #: of the priors, about the best so far
 ENGAGED = 0.5  #: share below which a rival has no times where the truth has
 MOST_ERROR = 0.1  #: of the mean time, what an emulated mean errs by at most
 SERIES, DRAWN = 200, 200  #: test series that an observer is tried with, and draws for each
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Emulator, effects and settings with which a set is diagnosed.
+
+    Parameters
+    ----------
+    emulator : of the diagnosis.
+    effects : of the list, by name.
+    settings : of the emulator's cells, in their order.
+    rules : of its likelihood.
+    """
+
+    emulator: Emulator
+    effects: Mapping[str, Effect]
+    settings: Sequence[Setting]
+    rules: Rules = field(default_factory=Rules)
+
+    def predictions(
+        self, hypothesis: Hypothesis, values: Array, places: Sequence[int]
+    ) -> CellPredictions:
+        """Predict some cells at values (m, p) of a hypothesis."""
+        return CellPredictions.of(
+            [self.emulator.at(hypothesis, values, k) for k in places], self.rules
+        )
+
+    def values(self, given: Mapping[str, Mapping[str, float]]) -> Array:
+        """List parameters by effect as the emulator takes them, (1, p)."""
+        names = sorted(given)
+        return np.array([[given[n][p.name] for n in names for p in self.effects[n].parameters]])
 
 
 @dataclass(frozen=True)
@@ -153,7 +186,7 @@ class Yardstick:
         known = {n: {p.name for p in effect.parameters} for n, effect in effects.items()}
         if any(known.get(n) != set(parameters[n]) for n in names):
             return None
-        values = self.seen.values(dict(parameters))
+        values = self.seen.values(parameters)
         return self._changes(names, values, np.zeros((1, values.shape[1])))
 
     def changes(self, hypothesis: Hypothesis, shares: Array) -> Changes:

@@ -15,8 +15,8 @@ CLEAR, SEEN = 38.0, 9.0  #: noncentralities from which bands begin
 SHOWN = 0.9  #: how often data of a size can show that no gap is there, from which they do
 #: Files that score, beside this one.
 SCORING = (
-    "field_figures.py",
-    "field_score.py",
+    "figures.py",
+    "score.py",
     "case_marks.py",
     "advised_test.py",
     "intervals.py",
