@@ -11,11 +11,6 @@ from benchmarks.published.sources import PERCENT, SPAN
 PAGE = "docs/blind.md"
 
 
-def _wide(label: str) -> Callable[[], Sequence[float]]:
-    """Give a share of the wide set with its interval, in percent."""
-    return lambda: [PERCENT * one for one in numbers("blind_wide", label)[:3]]
-
-
 def _held(name: str, place: int) -> Callable[[], Sequence[float]]:
     """Give how many 90 % intervals hold what was drawn, in percent, and of how many sizes."""
 
@@ -36,29 +31,7 @@ def _drawn(label: str, *places: int) -> Callable[[], Sequence[float]]:
     return found
 
 
-AGAIN = "field_again_20261205"
-
-
 ENTRIES: list[Entry] = [
-    Entry(
-        PAGE,
-        "and *none* is said in {:.0f} instead of {:.0f} of 54",
-        lambda: numbers(
-            AGAIN,
-            "$ python -m benchmarks.field_again results/field --kinds none",
-            "none within the margin:",
-        )[1::-1],
-    ),
-    Entry(
-        PAGE,
-        "in all; {:.0f} instead of 23 clear causes lead",
-        lambda: [sum(numbers(AGAIN, kind)[1] for kind in ("beyond", "single", "three"))],
-    ),
-    Entry(
-        PAGE,
-        "lead, {:.0f} instead of 7 clear unknown ones",
-        lambda: numbers(AGAIN, "outside")[4:5],
-    ),
     *(
         Entry(PAGE, text, _drawn(*source))
         for text, source in (
@@ -106,49 +79,12 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "data, and in {:.0f} % ({:.0f} to {:.0f}) of {:.0f} of two",
+        "and in {:.0f} % ({:.0f} to {:.0f}) of {:.0f} of two",
         _held("at likely offsets", 1),
     ),
     Entry(
         PAGE,
         "they are {:.2f} apart (root mean square)",
         lambda: numbers("blind_engines", "root mean square:")[:1],
-    ),
-    Entry(
-        PAGE,
-        "of the list {:.0f} % as far as data can show it, {:.0f} % of what",
-        lambda: [
-            PERCENT * numbers("blind_fine", "of them with effects of the list (60)")[6],
-            PERCENT
-            * numbers("blind_fine", "of the list: what is named is all that can be seen")[0],
-        ],
-    ),
-    Entry(PAGE, "miss by {:.2f} errors,", lambda: numbers("blind_rest", "all cases:")[:1]),
-    Entry(
-        PAGE,
-        "and by {:.1f} % of the mean time",
-        lambda: numbers("blind_rest", "all cases:", "")[:1],
-    ),
-    Entry(
-        PAGE,
-        "(median; {:.1f} % root mean square)",
-        lambda: numbers("blind_rest", "all cases:")[1:2],
-    ),
-    *(
-        Entry(PAGE, text, _wide(label))
-        for label, text in (
-            ("none said: the true gap is within the margin", f"within the margin in {SPAN},"),
-            ("true gap within the margin: none said", f"within it in {SPAN}. No"),
-            ("all cases: all that is named is a cause", f"true in {SPAN} of 33 cases"),
-            ("kind single: an effect named", f"anywhere in its prior in {SPAN},"),
-            ("all cases: right   ", f"the truth leads in {SPAN} of all"),
-            ("pairs: both causes found", f"both are found in {SPAN},"),
-            ("all cases: named exactly, of what is named", f"the whole truth in {SPAN} only"),
-        )
-    ),
-    Entry(
-        PAGE,
-        "the largest is {:.2f} margins",
-        lambda: numbers("blind_wide", "largest true gap where none is said:"),
     ),
 ]

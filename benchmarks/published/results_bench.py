@@ -1,4 +1,4 @@
-"""List the published figures of docs/results.md on the stand and on blind cases."""
+"""List the published figures of docs/results.md on the stand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from benchmarks.kept import bank_shifts, gap, numbers
 from benchmarks.published.sources import (
     MS,
     PERCENT,
-    SPAN,
     STAND_TOP,
     hypothesis,
     interval,
@@ -17,23 +16,6 @@ from benchmarks.published.sources import (
 )
 
 PAGE = "docs/results.md"
-
-
-def _share(row: list[float], first: int = 0) -> list[float]:
-    return [PERCENT * value for value in row[first : first + 3]]
-
-
-_FINE, _FINE_SEEN = "all 130 cases", "gap of two sampling errors or more (77)"
-FINE = [
-    (_FINE, 3, f"the truth is in the leading class in {SPAN} of all"),
-    (_FINE, 9, f"what is named is the truth in {SPAN},"),
-    (_FINE, 12, f"the 90 % set holds it in {SPAN} of all"),
-    (_FINE_SEEN, 12, f"and {SPAN} of the visible ones"),
-]
-
-
-def _blind(table: str, label: str, first: int) -> Callable[[], Sequence[float]]:
-    return lambda: _share(numbers(table, label), first)
 
 
 WITH_RISE = ("actuation_delay", "actuation_lag", "drag_torque")
@@ -202,5 +184,4 @@ ENTRIES: list[Entry] = [
     ),
     Entry(PAGE, "oil damping of {:.0f} N s/m", _adams("viscous_damping", "damping_Ns_m")),
     Entry(PAGE, "dry friction of {:.0f} N that", _adams("sleeve_friction", "friction_N")),
-    *(Entry(PAGE, text, _blind("blind_fine", label, first)) for label, first, text in FINE),
 ]
