@@ -24,7 +24,7 @@ from dogshape.validation.blind import cases as field_cases
 from dogshape.validation.blind import expected_means, field_set, figures, sealed
 from dogshape.validation.blind.advised_test import Advised, Stage, more_shifts
 from dogshape.validation.blind.case_marks import Mark
-from dogshape.validation.blind.cases import BEYOND, COMMON, Case, FieldCase, case_of
+from dogshape.validation.blind.cases import BEYOND, COMMON, Case, case_of
 from dogshape.validation.blind.data import acting, series_draws, series_places, true_points
 from dogshape.validation.blind.field_set import FieldWanted, base, in_margins, make_field
 from dogshape.validation.blind.score import (
@@ -46,15 +46,15 @@ HALF = read_points(base("half"))
 
 
 def test_a_full_set_has_what_was_asked_for() -> None:
-    kinds = Counter((one.engine, one.case.kind) for one in CASES)
+    kinds = Counter((one.engine, one.kind) for one in CASES)
     engines = {one.engine for one in CASES}
     # docs/blind.md has these numbers.
     assert Counter(one.engine for one in CASES) == {"planar": 162, "mujoco": 79, "drake": 68}
-    assert Counter(one.case.kind for one in CASES) == {
+    assert Counter(one.kind for one in CASES) == {
         "none": 108, "single": 76, "pair": 46, "three": 20, "beyond": 18, "other": 10,
         "outside": 31,
     }  # fmt: skip
-    assert sum(one.case.form == "traces" for one in CASES if one.case.outside) == 6
+    assert sum(one.form == "traces" for one in CASES if one.outside) == 6
     assert engines == {"planar", "mujoco", "drake"}
     assert {one.stand for one in CASES} == {"half", "fine", "large"}
     assert sum(kinds[engine, "none"] for engine in engines) >= 100
@@ -70,14 +70,14 @@ def test_a_full_set_has_what_was_asked_for() -> None:
 
 def test_pairs_and_threes_have_no_common_effect_and_truths_beyond_are_beyond() -> None:
     for one in CASES:
-        if one.case.kind in ("pair", "three"):
-            assert not set(COMMON) & set(one.case.causes)
-        if one.case.kind == "beyond":
-            ((name, values),) = one.case.parameters.items()
+        if one.kind in ("pair", "three"):
+            assert not set(COMMON) & set(one.causes)
+        if one.kind == "beyond":
+            ((name, values),) = one.parameters.items()
             (inside,) = (r for r in RANGES[name] if r.name == BEYOND[name][0])
             assert not inside.low <= values[inside.name] <= inside.high
-    laws = {tuple(v) for one in CASES if one.case.kind == "other"
-            for v in one.case.parameters.values()}  # fmt: skip
+    laws = {tuple(v) for one in CASES if one.kind == "other"
+            for v in one.parameters.values()}  # fmt: skip
     assert laws == {("mismatch_factor",), ("force_offset_N",)}
 
 
@@ -94,10 +94,10 @@ def test_of_each_group_the_clearest_draw_is_kept() -> None:
     assert len(DRAWN) == len(CASES) + more
     for number in {one.group for one in DRAWN if one.group}:
         mine = [one for one in DRAWN if one.group == number]
-        assert len({(one.engine, one.stand, one.case.kind) for one in mine}) == 1
-        assert len(mine) == draws[mine[0].engine][mine[0].case.kind]
-        if mine[0].case.kind == "single":
-            assert len({one.case.causes for one in mine}) == 1
+        assert len({(one.engine, one.stand, one.kind) for one in mine}) == 1
+        assert len(mine) == draws[mine[0].engine][mine[0].kind]
+        if mine[0].kind == "single":
+            assert len({one.causes for one in mine}) == 1
 
 
 def test_each_case_is_read_back_from_the_key() -> None:
@@ -105,10 +105,11 @@ def test_each_case_is_read_back_from_the_key() -> None:
 
 
 def test_nominal_values_are_off_by_their_errors() -> None:
-    case = FieldCase(Case("none", "means", 5), "planar", "half", (0,) * 14, (3,) * 14, 0.03, 0.01)
+    case = Case("none", "means", 5, places=(0,) * 14, numbers=(3,) * 14,
+                force_error=0.03, speed_error=0.01)  # fmt: skip
     ratios = []
     for seed in range(60):
-        mine = replace(case, case=replace(case.case, seed=seed))
+        mine = replace(case, seed=seed)
         true = true_points(mine, HALF)
         ratios += [(t.force / p.force, t.mismatch / p.mismatch)
                    for t, p in zip(true, HALF, strict=True)]  # fmt: skip
@@ -118,8 +119,7 @@ def test_nominal_values_are_off_by_their_errors() -> None:
 
 
 def test_a_drift_goes_by_the_place_in_the_series() -> None:
-    truth = Case("outside", "singles", 5, outside={"drift": 0.5})
-    case = FieldCase(truth, "planar", "half", (0, 1), (3, 5), 0.02, 0.01)
+    case = Case("outside", "singles", 5, outside={"drift": 0.5}, places=(0, 1), numbers=(3, 5))
     fades = [d.fade for mine in series_draws(case, read_stand(base("half"))) for d in mine]
     assert fades == pytest.approx(1.0 - 0.525 * np.arange(8) / 7)
     early, middle, late = expected_means.fades_of(case)

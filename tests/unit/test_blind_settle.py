@@ -156,7 +156,7 @@ def test_what_is_absent_reads_as_the_diagnosis_foretells_it() -> None:
 
 def test_true_parameters_read_as_shares_of_the_priors() -> None:
     effects = load()
-    cases = [one.case for one in FieldWanted().cases if one.case.kind in ("single", "pair")]
+    cases = [case for case in FieldWanted().cases if case.kind in ("single", "pair")]
     for case in cases:
         for name, values in case.parameters.items():
             exact = [p.share(values[p.name]) for p in effects[name].parameters]

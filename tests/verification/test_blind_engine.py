@@ -16,7 +16,7 @@ from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.units import MM, RPM
-from dogshape.validation.blind.cases import Case, FieldCase
+from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import draws, write_field_case
 from dogshape.validation.blind.field_set import FieldWanted
 from dogshape.validation.blind.mujoco_model import damping_ratio, dog_corners, restitution
@@ -199,7 +199,7 @@ def test_reversed_sense_is_the_other_sign_of_every_mismatch(stand: Stand) -> Non
 def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
     """Each truth ends as a time or not engaged, never as a number that is none."""
     fast = Point(249.0 * RPM, 641.5, 0.12614)  # the one that costs least
-    mine = [one.case for one in FieldWanted().cases if one.engine == "mujoco"]
+    mine = [case for case in FieldWanted().cases if case.engine == "mujoco"]
     shown = {tuple(case.parameters) + tuple(case.outside): case for case in mine}
     assert {*RANGES, *OUTSIDE} <= {name for names in shown for name in names}
     for case in shown.values():
@@ -208,9 +208,10 @@ def test_every_truth_of_a_full_set_makes_a_shift(stand: Stand) -> None:
             assert time is None or 0.015 < time <= 1.0, case
 
 
-def _placed(case: Case, *numbers: int) -> FieldCase:
+def _placed(case: Case, *numbers: int) -> Case:
     places = tuple(range(len(numbers)))
-    return FieldCase(case, "mujoco", "half", places, numbers, 0.02, 0.01)
+    errors = {"force_error": 0.02, "speed_error": 0.01}
+    return replace(case, engine="mujoco", places=places, numbers=numbers, **errors)
 
 
 def test_data_of_a_case_can_be_read_and_say_nothing_of_it(tmp_path: Path) -> None:

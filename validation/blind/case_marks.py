@@ -38,10 +38,9 @@ class Mark:
     """Marks of one case: ``truth`` and findings; hypotheses are names in alphabetical order.
 
     ``chances`` are probabilities by hypothesis, ``group`` the top's class, ``credible`` the 90 %
-    set. ``inside`` has
-    for each true parameter whether its 90 % interval holds it. ``plain`` and ``weights`` are what
-    the plain baselines say. A refusal of the data has no chances. ``also`` are what the truth looks
-    like to any method: the truth without effects that the data cannot show.
+    set. ``inside`` has for each true parameter whether its 90 % interval holds it. ``plain`` and
+    ``weights`` are what the plain baselines say. A refusal of the data has no chances. ``also`` are
+    what the truth looks like to any method: the truth without effects that the data cannot show.
     """
 
     name: str

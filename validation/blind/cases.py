@@ -10,7 +10,7 @@ sleeve, which come with every bench.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -81,9 +81,20 @@ BEYOND: dict[str, tuple[str, float, float]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """Causes of a case with their parameters, and the form of its data.
+    """One case: its causes, the form of its data, its engine, its clutch and its test series.
 
-    ``strength`` says how sizes came about; ``outside`` has strengths by name.
+    Parameters
+    ----------
+    kind, form : of the truth and of the data.
+    seed : of the draws.
+    strength : how sizes came about.
+    parameters, outside : values by effect of the list, and strengths of unlisted things by name.
+    engine, stand : names of the engine and of the clutch.
+    places : of its operating points among those of the clutch, (points,).
+    numbers : shifts at each of them, (points,).
+    force_error, speed_error : standard deviations of true over nominal force and mismatch.
+    shuffled : whether shifts were made in random order, and not point by point in the table's.
+    group : number of the draws of which one is kept; 0 for a case that is kept anyway.
     """
 
     kind: Literal["none", "single", "pair", "three", "beyond", "other", "outside"]
@@ -92,6 +103,14 @@ class Case:
     strength: str = "none"
     parameters: dict[str, Values] = field(default_factory=dict)
     outside: dict[str, float] = field(default_factory=dict)
+    engine: str = "planar"
+    stand: str = "half"
+    places: tuple[int, ...] = ()
+    numbers: tuple[int, ...] = ()
+    force_error: float = 0.0
+    speed_error: float = 0.0
+    shuffled: bool = False
+    group: int = 0
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -118,38 +137,6 @@ class Case:
             "causes": list(self.causes),
             "parameters": self.parameters,
             "outside": self.outside,
-        }
-
-
-@dataclass(frozen=True)
-class FieldCase:
-    """One case with its engine, clutch and test series.
-
-    Parameters
-    ----------
-    case : causes, form of the data and seed of the draws.
-    engine, stand : names of the engine and of the clutch.
-    places : of its operating points among those of the clutch, (points,).
-    numbers : shifts at each of them, (points,).
-    force_error, speed_error : standard deviations of true over nominal force and mismatch.
-    shuffled : whether shifts were made in random order, and not point by point in the table's.
-    group : number of the draws of which one is kept; 0 for a case that is kept anyway.
-    """
-
-    case: Case
-    engine: str
-    stand: str
-    places: tuple[int, ...]
-    numbers: tuple[int, ...]
-    force_error: float
-    speed_error: float
-    shuffled: bool = False
-    group: int = 0
-
-    def record(self) -> dict[str, Any]:
-        """Write the entry of the key."""
-        return {
-            **self.case.record(),
             "engine": self.engine,
             "stand": self.stand,
             "places": list(self.places),
@@ -161,25 +148,15 @@ class FieldCase:
         }
 
 
-def case_of(record: dict[str, Any]) -> FieldCase:
+def case_of(record: dict[str, Any]) -> Case:
     """Read the entry of a key."""
-    names = ("kind", "form", "seed", "strength", "parameters", "outside")
-    return FieldCase(
-        Case(**{name: record[name] for name in names}),
-        record["engine"],
-        record["stand"],
-        tuple(record["places"]),
-        tuple(record["numbers"]),
-        record["force_error"],
-        record["speed_error"],
-        record["shuffled"],
-        record["group"],
-    )
+    values = {one.name: record[one.name] for one in fields(Case)}
+    return Case(**values | {name: tuple(values[name]) for name in ("places", "numbers")})
 
 
 def field_cases(
     size: str, grids: Mapping[str, Sequence[Point]], seed: int | None = None
-) -> tuple[FieldCase, ...]:
+) -> tuple[Case, ...]:
     """Draw the cases of a field set in shuffled order.
 
     Parameters
@@ -193,7 +170,7 @@ def field_cases(
             f"--size is '{size}', which there is not; {did_you_mean(size, ('small', 'full'))}"
         )
     generator = np.random.default_rng(SEED if seed is None else seed)
-    found, groups = list[FieldCase](), 0
+    found, groups = list[Case](), 0
     for engine in COUNTS:
         mine = list(_full(generator, engine) if size == "full" else _small(generator, engine))
         # Each clutch has a third of each kind, since kinds stand in blocks.
@@ -209,10 +186,9 @@ def field_cases(
 
 
 def _again(
-    generator: np.random.Generator, placed: FieldCase, grids: Mapping[str, Sequence[Point]]
-) -> FieldCase:
+    generator: np.random.Generator, case: Case, grids: Mapping[str, Sequence[Point]]
+) -> Case:
     """Draw another case of the kind on the same clutch: other sizes, of several causes others."""
-    case = placed.case
     if case.kind == "beyond":
         parameters = _beyond(generator, case.causes[0])
     elif case.kind == "single":
@@ -221,7 +197,7 @@ def _again(
         names = generator.choice(_rare(), len(case.causes), replace=False).tolist()
         parameters = _anywhere(generator, names)
     drawn = _drawn(generator, case.kind, parameters, traced=case.form == "traces")
-    return _placed(generator, drawn, placed.engine, placed.stand, grids)
+    return _placed(generator, drawn, case.engine, case.stand, grids)
 
 
 def _full(generator: np.random.Generator, engine: str) -> Iterator[Case]:
@@ -316,7 +292,7 @@ def _placed(
     engine: str,
     stand: str,
     grids: Mapping[str, Sequence[Point]],
-) -> FieldCase:
+) -> Case:
     """Draw operating points, numbers of shifts and errors of the nominal values."""
     grid = grids[stand]
     most = min(POINTS[1], len(grid))
@@ -329,8 +305,13 @@ def _placed(
             break
     usual = [n for n in NUMBERS if engine == "planar" or n <= SLOW]
     numbers = generator.choice(FEW if case.form == "traces" else usual, count).tolist()
-    return FieldCase(
-        case, engine, stand, places, tuple(numbers),
-        float(generator.uniform(*FORCE_ERRORS)), float(generator.uniform(*SPEED_ERRORS)),
-        case.form != "means" and bool(generator.random() < SHUFFLED),
-    )  # fmt: skip
+    return replace(
+        case,
+        engine=engine,
+        stand=stand,
+        places=places,
+        numbers=tuple(numbers),
+        force_error=float(generator.uniform(*FORCE_ERRORS)),
+        speed_error=float(generator.uniform(*SPEED_ERRORS)),
+        shuffled=case.form != "means" and bool(generator.random() < SHUFFLED),
+    )

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.units import MM, RPM
-from dogshape.validation.blind.cases import FieldCase
+from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.mujoco_shift import Draw, Shift, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
 from dogshape.validation.blind.truth_engines import engine_of
@@ -39,9 +39,9 @@ ERRORS, ORDER = 71, 72
 FORCE_NOISE = 0.002  #: of the nominal force, standard deviation of a sample of the measured one
 
 
-def true_points(case: FieldCase, points: Sequence[Point]) -> tuple[Point, ...]:
+def true_points(case: Case, points: Sequence[Point]) -> tuple[Point, ...]:
     """Draw force and mismatch that a series really has at its nominal operating points."""
-    generator = np.random.default_rng((case.case.seed, ERRORS))
+    generator = np.random.default_rng((case.seed, ERRORS))
     off = generator.normal(size=(len(points), 2)) * (case.force_error, case.speed_error)
     return tuple(
         replace(point, force=point.force * (1.0 + force), mismatch=point.mismatch * (1.0 + speed))
@@ -49,10 +49,10 @@ def true_points(case: FieldCase, points: Sequence[Point]) -> tuple[Point, ...]:
     )
 
 
-def series_places(case: FieldCase) -> list[list[int]]:
+def series_places(case: Case) -> list[list[int]]:
     """Draw the place of each shift in the test series from 1 on, point by point."""
     total = sum(case.numbers)
-    generator = np.random.default_rng((case.case.seed, ORDER))
+    generator = np.random.default_rng((case.seed, ORDER))
     every = generator.permutation(total) if case.shuffled else np.arange(total)
     parts = np.split(every + 1, np.cumsum(case.numbers)[:-1])
     return [part.tolist() for part in parts]
@@ -73,10 +73,10 @@ def draws(truth: Truth, stand: Stand, points: int, each: int, seed: int) -> list
     return found
 
 
-def series_draws(case: FieldCase, stand: Stand) -> list[list[Draw]]:
+def series_draws(case: Case, stand: Stand) -> list[list[Draw]]:
     """Draw all shifts of a case, point by point; a drift goes by the place in the series."""
-    truth, numbers = case.case.truth, case.numbers
-    every = draws(truth, stand, len(numbers), max(numbers), case.case.seed)
+    truth, numbers = case.truth, case.numbers
+    every = draws(truth, stand, len(numbers), max(numbers), case.seed)
     last = max(1, sum(numbers) - 1)
     fades = [[1.0 - truth.drift * (k - 1) / last for k in mine] for mine in series_places(case)]
     return [
@@ -85,10 +85,10 @@ def series_draws(case: FieldCase, stand: Stand) -> list[list[Draw]]:
     ]
 
 
-def simulated(case: FieldCase, stand: Stand, points: Sequence[Point]) -> list[list[Shift]]:
+def simulated(case: Case, stand: Stand, points: Sequence[Point]) -> list[list[Shift]]:
     """Simulate the shifts of a case, point by point; ``points`` are its nominal ones."""
-    engine = engine_of(case.engine, stand, case.case.truth)
-    keep = case.case.form == "traces"
+    engine = engine_of(case.engine, stand, case.truth)
+    keep = case.form == "traces"
     return [
         [engine.shift(point, draw, keep) for draw in mine]
         for point, mine in zip(true_points(case, points), series_draws(case, stand), strict=True)
@@ -96,7 +96,7 @@ def simulated(case: FieldCase, stand: Stand, points: Sequence[Point]) -> list[li
 
 
 def write_field_case(
-    folder: Path, base: Path, case: FieldCase, points: Sequence[Point], shifts: list[list[Shift]]
+    folder: Path, base: Path, case: Case, points: Sequence[Point], shifts: list[list[Shift]]
 ) -> Times:
     """Write the data of a case; nothing of its truth is in them.
 
@@ -105,8 +105,8 @@ def write_field_case(
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_stand_file(folder, base, case)
-    ordered = case.case.form != "means"
-    order = swapped(points) if case.case.swapped else list(range(len(points)))
+    ordered = case.form != "means"
+    order = swapped(points) if case.swapped else list(range(len(points)))
     drawn = series_draws(case, read_stand(base))
     series = series_places(case)
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
@@ -169,7 +169,7 @@ def swapped(points: Sequence[Point]) -> list[int]:
     return found
 
 
-def write_stand_file(folder: Path, base: Path, case: FieldCase) -> None:
+def write_stand_file(folder: Path, base: Path, case: Case) -> None:
     """Write ``bench.toml`` of a case, with the errors of its nominal values."""
     text = bench_text(base, folder.name, (case.force_error, case.speed_error))
     (folder / "bench.toml").write_text(text, encoding="utf-8")
@@ -188,7 +188,7 @@ def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
 
 
 def _single_rows(
-    folder: Path, case: FieldCase, point: Point, shifts: Sequence[Shift], where: _Where
+    folder: Path, case: Case, point: Point, shifts: Sequence[Shift], where: _Where
 ) -> list[tuple[str, ...]]:
     """Write ``n_shifts``, ``shift_time_s``, ``engaged``, ``trace`` and ``order`` of single shifts.
 
@@ -208,13 +208,13 @@ def _single_rows(
 
 
 def _write_trace(
-    path: Path, case: FieldCase, point: Point, shift: Shift, which: tuple[int, float]
+    path: Path, case: Case, point: Point, shift: Shift, which: tuple[int, float]
 ) -> None:
     """Write a time series with the force that acted, sampled and with noise."""
     number, fade = which
     path.parent.mkdir(exist_ok=True)
-    generator = np.random.default_rng((case.case.seed, number))
-    rows = measured_rows(case.case.truth, point, shift, fade, generator)
+    generator = np.random.default_rng((case.seed, number))
+    rows = measured_rows(case.truth, point, shift, fade, generator)
     if rows is None:
         return
     head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.prediction.outliers import Array, bulk
-from dogshape.validation.blind.cases import FieldCase
+from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import series_places
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.stand import Point, Stand, Truth
@@ -84,16 +84,14 @@ def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:
     return Expected(mean, np.sqrt((apart**2 * weights).sum(axis=1) / share + more**2))
 
 
-def fades_of(case: FieldCase) -> list[list[float]]:
+def fades_of(case: Case) -> list[list[float]]:
     """Return shares of the force that a drift leaves, early, middle and late ones of each point.
 
     They are (3, points), each for a third of the point's shifts.
     """
     last = max(1, sum(case.numbers) - 1)
     places = [np.quantile(mine, THIRDS) for mine in series_places(case)]
-    fades: list[list[float]] = (
-        1.0 - case.case.truth.drift * (np.array(places).T - 1) / last
-    ).tolist()
+    fades: list[list[float]] = (1.0 - case.truth.drift * (np.array(places).T - 1) / last).tolist()
     return fades
 
 

@@ -34,7 +34,7 @@ from dogshape.validation.blind.cases import (
     CLUTCHES,
     COUNTS,
     WHICH,
-    FieldCase,
+    Case,
     case_of,
     field_cases,
 )
@@ -81,7 +81,7 @@ class FieldWanted:
     seed: int | None = None
 
     @property
-    def cases(self) -> tuple[FieldCase, ...]:
+    def cases(self) -> tuple[Case, ...]:
         """Draw the cases; InputError for an unknown size."""
         clutches = CLUTCHES[:1] if self.size == "small" else CLUTCHES
         grids = {name: read_points(base(name)) for name in clutches}
@@ -206,23 +206,23 @@ def _data(folder: Path, name: str, record: Record) -> Record:
     return _kept(folder, name, record, make)
 
 
-def _points(case: FieldCase) -> tuple[Point, ...]:
+def _points(case: Case) -> tuple[Point, ...]:
     points = read_points(base(case.stand))
     return tuple(points[k] for k in case.places)
 
 
-def _truth(case: FieldCase, points: Sequence[Point]) -> Record | None:
+def _truth(case: Case, points: Sequence[Point]) -> Record | None:
     """Simulate what the engine of a case expects of its truth; None without any effect."""
-    if case.case.kind == "none":
+    if case.kind == "none":
         return None
-    stand, truth = read_stand(base(case.stand)), case.case.truth
+    stand, truth = read_stand(base(case.stand)), case.truth
     steady = replace(truth, drift=0.0)
     found = (
         pooled([expected(case.engine, stand, points, steady, fades) for fades in fades_of(case)])
         if truth.drift
         else expected(case.engine, stand, points, steady)
     )
-    if case.case.swapped:
+    if case.swapped:
         order = swapped(points)
         found = Expected(found.mean[order], found.sd[order])
     return _plain(found)
@@ -249,7 +249,7 @@ def _yardsticks(
 
 
 def yardstick_of(
-    stick: Yardstick, case: FieldCase, made: Mapping[str, Any], reference: Mapping[str, Any]
+    stick: Yardstick, case: Case, made: Mapping[str, Any], reference: Mapping[str, Any]
 ) -> Record:
     """Compute the yardstick of a case from what its engine expects.
 
@@ -267,15 +267,15 @@ def yardstick_of(
     counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
     simulated = stick.baseline[places]
     off = {"engine_off_in_margins": in_margins(plain.mean, simulated)}
-    series = Series(places, counts, case.case.form != "means", np.nan_to_num(nominal))
-    if case.case.kind == "none":
+    series = Series(places, counts, case.form != "means", np.nan_to_num(nominal))
+    if case.kind == "none":
         return {**off, "power": power_of(stick, series, plain, USUAL_MARGIN.of(simulated))}
     truth = _expected_of(dict(made["expected"]))
     asked = asked_of(stick, series, truth, plain)
-    rivals = rivals_of(case.case.kind, case.case.causes, stick.seen.effects)
-    own = None if case.case.outside else stick.at_truth(case.case.parameters)
+    rivals = rivals_of(case.kind, case.causes, stick.seen.effects)
+    own = None if case.outside else stick.at_truth(case.parameters)
     left = stick.left(asked, rivals, own)
-    found = seen_as(stick, asked, case.case.causes, own, known=left.refitted)
+    found = seen_as(stick, asked, case.causes, own, known=left.refitted)
     return {
         **off,
         "noncentrality": left.noncentrality,
@@ -292,7 +292,7 @@ def in_margins(means: Array, baseline: Array, margin: Margin = USUAL_MARGIN) -> 
     return float(np.sqrt(np.nanmean(((means - baseline) / margin.of(baseline)) ** 2)))
 
 
-def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[str]:
+def kept_of(cases: Mapping[str, Case], yards: Mapping[str, Record]) -> set[str]:
     """List the cases of a set: of each group of draws the one that the yardstick has clearest."""
     groups: dict[int, list[str]] = {}
     for name, case in cases.items():
@@ -308,7 +308,7 @@ def kept_of(cases: Mapping[str, FieldCase], yards: Mapping[str, Record]) -> set[
 def _seal(
     folder: Path,
     wanted: FieldWanted,
-    cases: Mapping[str, FieldCase],
+    cases: Mapping[str, Case],
     pairs: Sequence[tuple[str, str]],
 ) -> Record:
     """Write the key and the manifest."""
