@@ -134,7 +134,7 @@ def mark_of(name: str, truth: Record, key: Record, result: Record) -> Mark:
 
 
 def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[Any]]) -> float:
-    """Return the size of a gap in sampling errors, from times (points, n) in s with None.
+    """Compute the size of a gap in sampling errors, from times (points, n) in s with None.
 
     Late shifts (``diagnosis.prediction.outliers``) are left out, and so is the tenth of the
     operating points with the largest *z*: a few shifts of ten that skip a slot by chance move a
@@ -151,7 +151,7 @@ def gap_size(times: Sequence[Sequence[float | None]], free: Sequence[Sequence[An
 
 
 def counted(squares: Sequence[float]) -> float:
-    """Return the mean of those operating points that count, the largest being left out."""
+    """Average the squares that count, without the largest."""
     return float(np.sort(squares)[: max(1, math.ceil(COUNTED * len(squares)))].mean())
 
 
@@ -162,14 +162,14 @@ def timely(times: Sequence[float | None]) -> Array:
 
 
 def sampling_error(free: Sequence[float | None], count: int) -> float:
-    """Return the standard error, s, of a mean of ``count`` shifts from times without any effect."""
+    """Compute the standard error, s, of a mean of ``count`` shifts by times without effect."""
     base = timely(free)
     spread = float(base.std(ddof=1)) if base.size > 1 else LEAST
     return max(LEAST, spread) / math.sqrt(count)
 
 
 def names_of(effects: Iterable[str]) -> Names:
-    """Return a hypothesis as marks have it, in alphabetical order."""
+    """Sort the effects of a hypothesis in alphabetical order."""
     return tuple(sorted(effects))
 
 

@@ -126,7 +126,7 @@ def write_field_case(
 
 
 def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None) -> str:
-    """Return the base's ``bench.toml`` with another name and the sensor at the actuator.
+    """Write the base's ``bench.toml`` with another name and the sensor at the actuator.
 
     ``errors`` are the standard deviations of true over nominal force and mismatch, where the stand
     says them.
@@ -159,7 +159,7 @@ def _toml(value: Any) -> str:
 
 
 def swapped(points: Sequence[Point]) -> list[int]:
-    """Return whose shifts stand beside each point: those of the forces in reverse order."""
+    """List the place whose shifts stand beside each point: forces in reverse order."""
     found = list(range(len(points)))
     for mismatch in {point.mismatch for point in points}:
         mine = [k for k, point in enumerate(points) if point.mismatch == mismatch]
@@ -176,7 +176,7 @@ def write_stand_file(folder: Path, base: Path, case: Case) -> None:
 
 
 def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
-    """Return ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of a mean's rows."""
+    """Write ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of a mean's rows."""
     times = [shift.time for shift in shifts if shift.time is not None]
     failed = len(shifts) - len(times)
     found: list[tuple[str, ...]] = []
@@ -244,7 +244,7 @@ def measured_rows(
 
 
 def acting(truth: Truth, point: Point, times: Array) -> Array:
-    """Return the force in N at times (n,) in s from its start: staged, lagged and scaled."""
+    """Compute the force in N at times (n,) in s from its start: staged, lagged and scaled."""
     step = 1.0 / SAMPLING
     fine = np.arange(0.0, float(times.max()) + step, step)
     factor = truth.force_factor + truth.force_offset / point.force

@@ -29,6 +29,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
+from dogshape.sim.files import write_whole
 from dogshape.validation.blind.case_marks import timely
 from dogshape.validation.blind.cases import (
     CLUTCHES,
@@ -55,7 +56,7 @@ from dogshape.validation.blind.expected_means import (
     times_at,
 )
 from dogshape.validation.blind.figures import HEADLINES, scoring_code
-from dogshape.validation.blind.sealed import FORMAT, MAKING, Advance, hash_of, pool, read, write
+from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, pool, read
 from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
 from dogshape.validation.blind.yardstick import (
     Seen,
@@ -69,7 +70,7 @@ from dogshape.validation.blind.yardstick import (
 
 Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
 
-STANDS = "stands"
+MAKING, STANDS = "making", "stands"
 STEP = 0.05  #: by which force and mismatch are changed for what their errors do
 
 
@@ -89,7 +90,7 @@ class FieldWanted:
 
 
 def base(stand: str) -> Path:
-    """Return the folder of a clutch that the package brings."""
+    """Locate the folder of a clutch that the package brings."""
     return bundled_root() / "blind" / stand
 
 
@@ -120,7 +121,7 @@ def make_field(
         made = [submit(_data, folder, name, case.record()) for name, case in cases.items()]
         for future in (*references, *made):
             future.result()
-            (advance or _ignore)(int(future in made))
+            (advance or ignore)(int(future in made))
     for stand in stands:
         seen(folder / STANDS / stand, jobs)
     with pool(jobs) as submit:
@@ -131,19 +132,15 @@ def make_field(
             for stand in stands
         }
         for part in parts.values():
-            (advance or _ignore)(part.result())
+            (advance or ignore)(part.result())
     return _seal(folder, wanted, cases, pairs)
-
-
-def _ignore(_: int) -> None:
-    """Count nothing."""
 
 
 def _write_stand(folder: Path, stand: str) -> None:
     """Write clutch and operating points of the cases on it."""
     folder.mkdir(parents=True, exist_ok=True)
-    write(folder / "bench.toml", bench_text(base(stand), stand))
-    write(folder / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
+    write_whole(folder / "bench.toml", bench_text(base(stand), stand))
+    write_whole(folder / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
 
 
 def _kept(folder: Path, name: str, asked: Record, make: Callable[[], Record]) -> Record:
@@ -153,7 +150,7 @@ def _kept(folder: Path, name: str, asked: Record, make: Callable[[], Record]) ->
         return dict(found["made"])
     made = make()
     path.parent.mkdir(exist_ok=True)
-    write(path, json.dumps({"asked": asked, "made": made}))
+    write_whole(path, json.dumps({"asked": asked, "made": made}))
     return made
 
 
@@ -345,7 +342,7 @@ def _seal(
         "figures": [asdict(one) for one in HEADLINES],
         "scoring_sha256": scoring_code(),
     }
-    write(folder / "key.json", text)
-    write(folder / "manifest.json", json.dumps(manifest, indent=1))
+    write_whole(folder / "key.json", text)
+    write_whole(folder / "manifest.json", json.dumps(manifest, indent=1))
     rmtree(making, ignore_errors=True)
     return manifest

@@ -1,8 +1,7 @@
 """Score of a field set by bands of the yardstick, all aims fixed before it was opened.
 
 ``headline`` has the figures of ``validation.blind.figures`` over all cases, and the same by
-engine, clutch, kind and form. Shares have Wilson's 95 % interval. The diagnosis is told nothing of
-what engines differ by, since only a stand without any effect could tell that.
+engine, clutch, kind and form. Shares have Wilson's 95 % interval.
 
 A diagnosis counts effects that are too weak to be seen as none, so what it says is held against the
 truth and, beside that, against what the data can show of it, which the key has. Its probabilities

@@ -25,13 +25,12 @@ Record = dict[str, Any]  #: key, manifest and results of a set, as they are kept
 Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 
-MAKING = "making"
 PATIENCE, PAUSE = 60, 2.0  #: tries, and s between them, where another case writes the bank
 FORMAT = 1
 
 
 def hash_of(folder: Path) -> str:
-    """Return a hash of all files of a folder, names and contents."""
+    """Hash all files of a folder, names and contents."""
     total = hashlib.sha256()
     for path in sorted(p for p in folder.rglob("*") if p.is_file()):
         content = path.read_bytes()
@@ -41,7 +40,7 @@ def hash_of(folder: Path) -> str:
 
 
 def manifest_of(folder: Path) -> Record:
-    """Return the manifest of a set; StorageError where there is none or it is of another kind."""
+    """Read the manifest of a set; StorageError where there is none or it is of another kind."""
     found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
     if (found.get("format"), found.get("set")) != (FORMAT, WHICH) or "cases" not in found:
         raise StorageError(
@@ -57,7 +56,7 @@ def run(
     advance: Advance | None = None,
     first: Diagnose | None = None,
 ) -> dict[str, Record]:
-    """Diagnose what is not diagnosed yet and return all results by case.
+    """Diagnose the cases that are left and return all results by case.
 
     ``diagnose`` gets the folder of a case and returns the record of a diagnosis; where it refuses
     the data, the refusal is the result. It has to be picklable where ``jobs`` is above one. The
@@ -90,7 +89,7 @@ def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) ->
     except DogshapeError as error:
         record["refused"] = str(error)
     record["time_s"] = time.monotonic() - begin
-    write(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
+    write_whole(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
 
 
 def _patient(diagnose: Diagnose, folder: Path) -> Record:
@@ -121,7 +120,7 @@ def _require_untouched(folder: Path, manifest: Record, names: Sequence[str]) -> 
 
 
 def opened(folder: Path) -> Record:
-    """Return the key, once its hash is that of the manifest; else StorageError."""
+    """Read the key; StorageError where its hash is not that of the manifest."""
     manifest = manifest_of(folder)
     path = folder / "key.json"
     try:
@@ -134,7 +133,7 @@ def opened(folder: Path) -> Record:
 
 
 def results_of(folder: Path) -> dict[str, Record]:
-    """Return all results; InputError where cases are not diagnosed yet."""
+    """Read all results; InputError where cases are not diagnosed yet."""
     manifest = manifest_of(folder)
     paths = {name: folder / "results" / f"{name}.json" for name in manifest["cases"]}
     left = [name for name, path in paths.items() if not _done(path, manifest)]
@@ -157,11 +156,6 @@ def read(path: Path, remedy: str) -> Record:
     return found
 
 
-def write(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
-    write_whole(path, text)
-
-
 def ignore(_: int) -> None:
     """Count nothing."""
 
@@ -175,7 +169,7 @@ def _counted(future: Future[Any], advance: Advance | None) -> Future[Any]:
 
 @contextmanager
 def pool(jobs: int) -> Iterator[Callable[..., Future[Any]]]:
-    """Yield what hands work to so many processes, or does it at once for one."""
+    """Yield a function that submits work to so many processes; one does it at once."""
     if jobs <= 1:
         yield _at_once
         return

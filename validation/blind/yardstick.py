@@ -1,4 +1,4 @@
-r"""Yardstick of what can be told: what the best refit by a rival leaves of a truth's change.
+r"""Yardstick of a case: the noncentrality that the best refit by a rival leaves.
 
 The engine that made a case says without scatter what the truth changes against no effect: of the
 mean of each operating point :math:`d`, and of the logarithm of the spread :math:`g` where there are

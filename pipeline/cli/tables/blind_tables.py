@@ -23,7 +23,7 @@ def made_lines(folder: Path, manifest: Record) -> RenderableType:
 
 
 def run_table(results: Mapping[str, Record]) -> RenderableType:
-    """Return verdict, leading hypothesis and time of each case."""
+    """Write verdict, leading hypothesis and time of each case."""
     table = columns("case", "verdict", "leading", "probability", "s")
     for name, result in results.items():
         time = f"{result['time_s']:.1f}"
@@ -38,7 +38,7 @@ def run_table(results: Mapping[str, Record]) -> RenderableType:
 
 
 def score_table(found: Record) -> RenderableType:
-    """Return the headline figures of a field set with their aims, then by engine and clutch."""
+    """Write the headline figures of a field set with their aims, then by engine and clutch."""
     table = columns("figure", "value (95 %)", "n", "aim", "met")
     met = {True: "yes", False: "no", None: "-"}
     for one in found["headline"]:
