@@ -1,7 +1,8 @@
 """Corrections of units, axes and set values that a user confirms; none is made unasked.
 
 A correction is written ``QUANTITY=WAY``, for instance ``time=ms``: the column is in
-milliseconds. ``QUANTITY=given`` says that it is right as it stands, however odd it looks.
+milliseconds. ``QUANTITY=given`` says that it is right as it stands, however odd it looks. A
+unit and a zero of one quantity go together: ``trace_time=ms``, ``trace_time=from_force``.
 """
 
 from __future__ import annotations
@@ -9,13 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
+from dogshape.diagnosis.bench.force_start import ForceStart, find_force_start
 from dogshape.diagnosis.bench.near_points import joined_values
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.sim.errors import InputError, did_you_mean
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.units import MM, MS, RPM
 
 GIVEN = "given"
+ZEROS = ("from_force", "zeroed")  #: ways that move a zero and change no unit
 
 Change = Callable[[Sheet, Sensor], Sheet]
 
@@ -59,6 +63,23 @@ def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Cha
         return replace(row, trace=replace(trace, **{f: getattr(trace, f) * by for f in fields}))
 
     return _each(change)
+
+
+def _from_start(change: Callable[[BenchTrace, ForceStart], BenchTrace]) -> Change:
+    """Return a change of a row's trace, where it has one, by the start of its force."""
+
+    def changed(row: Row, _: Sensor) -> Row:
+        if row.trace is None:
+            return row
+        start = find_force_start(row.trace, row.rise)
+        if start is None:
+            raise DataError(
+                f"{row.trace.path}: no rise of force_N stands out from its noise, so that neither "
+                "time zero nor values at rest can be found from it; correct the file"
+            )
+        return replace(row, trace=change(row.trace, start))
+
+    return _each(changed)
 
 
 def _at_sleeve(sensor: Sensor) -> float:
@@ -105,27 +126,50 @@ WAYS: dict[str, dict[str, Change]] = {
     "displacement": {
         "m": _in_trace(("displacement",), lambda _: 1.0 / MM),
         "arm": _in_trace(("displacement",), lambda sensor: 1.0 / _ratio(sensor)),
+        "zeroed": _from_start(
+            lambda t, start: replace(t, displacement=t.displacement - start.displacement)
+        ),
     },
-    "trace_time": {"ms": _in_trace(("time",), lambda _: MS)},
+    "trace_time": {
+        "ms": _in_trace(("time",), lambda _: MS),
+        "from_force": _from_start(
+            lambda t, start: replace(t, time=t.time - start.time, start_error=start.error)
+        ),
+    },
     "trace_force": {
         "kN": _in_trace(("force",), lambda _: 1e3),
         "arm": _in_trace(("force",), _at_sleeve),
+        "zeroed": _from_start(lambda t, start: replace(t, force=t.force - start.force)),
     },
     "speeds": {"rad_s": _in_trace(SPEEDS, lambda _: 1.0 / RPM)},
     "points": {"joined": _joined},
 }
 
 
+def contradict(one: Correction, other: Correction) -> bool:
+    """Test that two corrections of one quantity cannot both be made."""
+    if one.quantity != other.quantity or one.way == other.way:
+        return False
+    return GIVEN in (one.way, other.way) or (one.way in ZEROS) == (other.way in ZEROS)
+
+
 def parse(texts: Iterable[str]) -> tuple[Correction, ...]:
-    """Read corrections such as ``time=ms``; a wrong or a doubled one raises InputError."""
-    found: dict[str, Correction] = {}
+    """Read corrections such as ``time=ms``; one that is wrong or contradicts raises InputError.
+
+    They come in the order in which they are made.
+    """
+    found: list[Correction] = []
     for text in texts:
         one = _parse(text)
-        if found.setdefault(one.quantity, one) != one:
-            raise InputError(
-                f"the corrections {found[one.quantity]} and {one} contradict each other; give one"
-            )
-    return tuple(found[quantity] for quantity in WAYS if quantity in found)
+        for other in found:
+            if contradict(one, other):
+                raise InputError(
+                    f"the corrections {other} and {one} contradict each other; give one"
+                )
+        if one not in found:
+            found.append(one)
+    every = [Correction(quantity, way) for quantity in WAYS for way in (*WAYS[quantity], GIVEN)]
+    return tuple(sorted(found, key=every.index))
 
 
 def _parse(text: str) -> Correction:

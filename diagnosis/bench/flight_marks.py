@@ -11,8 +11,9 @@ the samples, from their third differences or from what the parabola leaves, its 
 trace does not pass. Traces whose mark lies far from the others' (a first touch before its time) are
 left out, the rest averaged.
 
-All marks of a profile err together: by the start of each trace within its sampling step, by the
-gain of the sensor (:math:`\delta t = g x/\dot x`), and by what the rigid flight leaves out.
+All marks of a profile err together: by the start of each trace within its sampling step, or by the
+error with which it was found from the force; by the gain of the sensor
+(:math:`\delta t = g x/\dot x`); and by what the rigid flight leaves out.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.force_start import scatter, smoothed
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.actuation import ForceProfile
@@ -86,11 +88,11 @@ def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFl
     places = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
     known = [one for one in joined if one is not None]
     times = np.array([one.time for one in known])
-    step = float(np.median([trace.step for trace in traces]))
+    start = float(np.mean([trace.step**2 / 12.0 + trace.start_error**2 for trace in traces]))
     covariance = np.diag([one.error**2 for one in known]) + model_covariance(
         places, times, np.array([one.reach for one in known])
     )
-    covariance = covariance + step**2 / 12.0 / len(traces)
+    covariance = covariance + start / len(traces)
     return SeenFlight(profile, tuple(cells), places, times, covariance, len(traces))
 
 
@@ -146,12 +148,6 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Ma
     return [*ways, *forces]
 
 
-def smoothed(values: Array) -> Array:
-    """Return the median of three neighbours, (n,)."""
-    padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
-
-
 def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:
     """Return the last sample below a level before it is passed for good or at ``end``, and the
     first sample at or above it, both as places; (end, end) where it is not passed.
@@ -162,14 +158,6 @@ def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:
         return end, end
     first = int(np.argmax(above))
     return first - 1, first
-
-
-def scatter(values: Array) -> float:
-    """Return the standard deviation of the noise of samples from their third differences."""
-    if values.size < 8:
-        return 0.0
-    rough = float(np.median(abs(np.diff(values, 3))))
-    return 1.48 * rough / float(np.sqrt(20.0))
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:

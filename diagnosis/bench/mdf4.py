@@ -1,7 +1,7 @@
 """Traces in MDF files of measurement systems (ASAM MDF 3 and 4), by asammdf (extra ``mdf``).
 
-Channels are named as the columns of a CSV trace, whatever groups they stand in; the time is the
-master of the displacement. A unit that a channel gives must be that of its name.
+Channels are named as the columns of a CSV trace, whatever groups they stand in; each has the times
+of its master. A unit that a channel gives must be that of its name.
 """
 
 from __future__ import annotations
@@ -12,16 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.measured_units import unit_named
+from dogshape.diagnosis.bench.time_axis import Channel, Series
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 
-Series = NDArray[np.float64]
-
 SUFFIXES = (".mf4", ".mdf", ".dat")
-TIME = "t_s"
-LEAD = "displacement_mm"  #: the channel whose master is the time
 
 
 def mdf_available() -> bool:
@@ -43,8 +39,8 @@ def _asammdf() -> Any:
         ) from error
 
 
-def read_mdf(path: Path, names: Sequence[str]) -> dict[str, Series]:
-    """Return the channels called ``names`` of an MDF file, each (n,), in the units of the names.
+def read_mdf(path: Path, names: Sequence[str]) -> dict[str, Channel]:
+    """Read the channels called ``names`` of an MDF file, without samples that are marked invalid.
 
     Raises InputError without the extra, DataError where file or channels are not as they must be.
     """
@@ -54,18 +50,12 @@ def read_mdf(path: Path, names: Sequence[str]) -> dict[str, Series]:
     except Exception as error:  # what it raises for foreign bytes depends on these bytes
         raise DataError(f"{path} is not an MDF file: {error}; export the trace again") from error
     with file:
-        signals = {name: _signal(path, file, name) for name in names if name != TIME}
-    found = {name: _values(path, name, signal) for name, signal in signals.items()}
-    time = np.asarray(signals[LEAD].timestamps, dtype=float)
+        signals = {name: _signal(path, file, name) for name in names}
+    found = {}
     for name, signal in signals.items():
-        own = np.asarray(signal.timestamps, dtype=float)
-        if own.shape != time.shape or not np.allclose(own, time, rtol=0.0, atol=1e-9):
-            raise DataError(
-                f"{path}, channel {name} has {own.size} samples at other times than the "
-                f"{time.size} of {LEAD}, but all need the same; record them at one rate, or "
-                "resample them"
-            )
-    return {**found, TIME: time}
+        time = np.asarray(signal.timestamps, dtype=float)
+        found[name] = Channel(time, _values(path, name, signal), range(time.size))
+    return found
 
 
 def _signal(path: Path, file: Any, name: str) -> Any:
@@ -82,7 +72,7 @@ def _signal(path: Path, file: Any, name: str) -> Any:
             "write a file for each shift"
         )
     group, index = places[0]
-    return file.get(name, group=group, index=index)
+    return file.get(name, group=group, index=index).validate()
 
 
 def _values(path: Path, name: str, signal: Any) -> Series:

@@ -67,12 +67,12 @@ def _set_at(row: Row) -> str:
     return f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
 
 
-def ends_early(row: Row) -> bool:
-    """Test that the trace of a row ends before its shift does."""
+def ends_early(stand: Stand, row: Row) -> bool:
+    """Test that the trace of a row ends before its shift does, in time and in travel."""
     trace = row.trace
-    if trace is None or row.time is None:
+    if trace is None or row.time is None or trace.time[-1] >= row.time - 2.0 * trace.step:
         return False
-    return bool(trace.time[-1] < row.time - 2.0 * trace.step)
+    return bool(trace.displacement.max() < stand.clutch.shift_travel)
 
 
 def short_traces(stand: Stand, sheet: Sheet) -> list[Finding]:
@@ -81,7 +81,7 @@ def short_traces(stand: Stand, sheet: Sheet) -> list[Finding]:
     Of those that end before the first touch a part of the flight is left, by which a diagnosis
     still tells what acts so early.
     """
-    short = [(row, row.trace, row.time) for row in sheet.rows if ends_early(row)]
+    short = [(row, row.trace, row.time) for row in sheet.rows if ends_early(stand, row)]
     known = [(row, trace, time) for row, trace, time in short if trace is not None and time]
     if not known:
         return []

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from dogshape.diagnosis.bench.corrections import GIVEN, Correction, corrected
+from dogshape.diagnosis.bench.corrections import GIVEN, Correction, contradict, corrected
 from dogshape.diagnosis.bench.finding import Finding
 from dogshape.diagnosis.bench.repeats import nearly_same_points, repeated_rows, short_traces
 from dogshape.diagnosis.bench.stand_file import Stand
@@ -30,8 +30,10 @@ from dogshape.diagnosis.bench.trace_slips import (
     axes_by_speed,
     displacement,
     speeds,
+    trace_clock,
     trace_force,
-    trace_start,
+    trace_notes,
+    trace_rest,
     trace_time,
 )
 from dogshape.sim.errors import DataError, number
@@ -50,11 +52,13 @@ CHECKS: tuple[Check, ...] = (
     force_by_calibration,
     linkage,
     early_times,
+    trace_notes,
     trace_time,
+    trace_clock,
     displacement,
-    trace_start,
     speeds,
     trace_force,
+    trace_rest,
     repeated_rows,
     nearly_same_points,
     short_traces,
@@ -67,17 +71,16 @@ def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tup
     ``asked`` are these corrections; quantities that are to be taken as given, or that have
     been swapped already, are not questioned.
     """
-    settled = {one.quantity for one in asked if one.way == GIVEN or one.quantity == "axes"}
+    settled = [one for one in asked if one.way == GIVEN or one.quantity == "axes"]
     found: list[Finding] = []
     for check in CHECKS:
         for finding in check(stand, sheet):
-            if finding.quantity in settled:
+            taken = Correction(finding.quantity, finding.way or GIVEN)
+            if taken in settled or any(contradict(taken, one) for one in settled):
                 continue
             found.append(finding)
             if finding.certain:
-                settled.add(finding.quantity)
-            if finding.certain and finding.way is not None:
-                taken = Correction(finding.quantity, finding.way)
+                settled.append(taken)
                 sheet = corrected(sheet, taken, stand.sensor)
     return tuple(found)
 

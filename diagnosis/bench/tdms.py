@@ -1,8 +1,8 @@
 """Traces in LabVIEW's TDMS files, by npTDMS (extra ``tdms``).
 
-One group holds the channels, named as the columns of a CSV trace. Where it has no channel
-``t_s``, the time comes from the waveform properties ``wf_increment`` and ``wf_start_offset``
-of the displacement.
+Channels are named as the columns of a CSV trace. The times of a channel are the channel ``t_s`` of
+its group, or else its waveform properties ``wf_start_time``, ``wf_start_offset`` and
+``wf_increment``; a channel without these has the times of the displacement.
 """
 
 from __future__ import annotations
@@ -14,14 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dogshape.diagnosis.bench.time_axis import LEAD, TIME, Channel, Series
 from dogshape.sim.errors import DataError, InputError, did_you_mean
-
-Series = NDArray[np.float64]
-
-TIME = "t_s"
-LEAD = "displacement_mm"  #: the channel that tells the group, and its time
 
 
 def tdms_available() -> bool:
@@ -43,11 +38,10 @@ def _nptdms() -> Any:
         ) from error
 
 
-def read_channels(path: Path, names: Sequence[str]) -> dict[str, Series]:
-    """Return the channels called ``names`` of a TDMS file, each (n,), in its units.
+def read_tdms(path: Path, names: Sequence[str]) -> dict[str, Channel]:
+    """Read the channels called ``names`` of a TDMS file, in its units.
 
-    Raises InputError without the extra, DataError where file or channels are not as they
-    must be.
+    Raises InputError without the extra, DataError where file or channels are not as they must be.
     """
     library = _nptdms()
     try:
@@ -55,15 +49,17 @@ def read_channels(path: Path, names: Sequence[str]) -> dict[str, Series]:
     except (ValueError, KeyError, IndexError, EOFError, OSError, struct.error) as error:
         raise DataError(f"{path} is not a TDMS file: {error}; export the trace again") from error
     group = _group(path, file)
-    found = {name: _channel(path, group, name) for name in names if name != TIME}
-    found[TIME] = _time(path, group)
-    size = found[LEAD].size
-    for name, values in found.items():
-        if values.size != size:
+    lead, found = group[LEAD], {}
+    for name in names:
+        own = _group_of(path, file, group, name)
+        values = _values(path, own[name])
+        time = _values(path, own[TIME]) if TIME in own else _waveform(path, own[name], lead)
+        if time.size != values.size:
             raise DataError(
-                f"{path}, channel {name} has {values.size} samples and {LEAD} {size}, but all "
-                "need the same; record them at one rate, or resample them"
+                f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
+                "both need the same; write the waveform properties of each channel"
             )
+        found[name] = Channel(time, values, range(time.size))
     return found
 
 
@@ -84,28 +80,47 @@ def _group(path: Path, file: Any) -> Any:
     )
 
 
-def _channel(path: Path, group: Any, name: str) -> Series:
-    if name not in group:
+def _group_of(path: Path, file: Any, group: Any, name: str) -> Any:
+    """Find the group of a channel: that of the displacement, or else the only other one."""
+    having = [group] if name in group else [one for one in file.groups() if name in one]
+    if len(having) != 1:
         channels = [channel.name for channel in group.channels()]
+        what = f"is in {len(having)} other groups; keep one" if having else "is missing; add it"
         raise DataError(
-            f"{path}, group '{group.name}': the channel '{name}' is missing; add it "
+            f"{path}, group '{group.name}': the channel '{name}' {what} "
             f"(in the file: {did_you_mean(name, channels)})"
         )
+    if (TIME in having[0]) != (TIME in group):
+        raise DataError(
+            f"{path} has a channel {TIME} in one of the groups '{group.name}' and "
+            f"'{having[0].name}' only, so that their clocks cannot be compared; write it in both"
+        )
+    return having[0]
+
+
+def _values(path: Path, channel: Any) -> Series:
     try:
-        return np.asarray(group[name][:], dtype=float)
+        return np.asarray(channel[:], dtype=float)
     except (TypeError, ValueError) as error:
         raise DataError(
-            f"{path}, channel {name} does not hold numbers ({error}); write it as numbers"
+            f"{path}, channel {channel.name} does not hold numbers ({error}); write it as numbers"
         ) from error
 
 
-def _time(path: Path, group: Any) -> Series:
-    if TIME in group:
-        return _channel(path, group, TIME)
+def _waveform(path: Path, channel: Any, lead: Any) -> Series:
+    """Return the times of a channel after the start time of the displacement, s, (n,)."""
+    own = channel if "wf_increment" in channel.properties else lead
+    starts = [one.properties.get("wf_start_time") for one in (own, lead)]
+    if (starts[0] is None) != (starts[1] is None):
+        raise DataError(
+            f"{path} has wf_start_time on one of the channels {own.name} and {LEAD} only, so that "
+            "their times cannot be compared; write it on both"
+        )
     try:
-        return np.asarray(group[LEAD].time_track(), dtype=float)
+        late = 0.0 if starts[0] is None else (starts[0] - starts[1]) / np.timedelta64(1, "s")
+        return late + np.asarray(own.time_track(), dtype=float)
     except KeyError as error:
         raise DataError(
             f"{path} has neither a channel {TIME} nor the waveform properties wf_increment and "
-            f"wf_start_offset on {LEAD}; write one of them"
+            f"wf_start_offset on {own.name}; write one of them"
         ) from error

@@ -8,6 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.finding import Finding
+from dogshape.diagnosis.bench.force_start import (
+    FIRST,
+    find_force_start,
+    scatter,
+    smoothed,
+)
 from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
@@ -18,6 +24,11 @@ from dogshape.sim.units import MM, RPM
 
 NEAR = 1.3  #: factor within which two readings of one quantity are taken as the same
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
+CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
+REST_WAY = 0.02  #: of the axial gap, least displacement at rest that is said: the first flight mark
+REST_FORCE = 0.02  #: of the nominal force, least force at rest that is said: a load cell's error
+MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
+CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
 
 Ratios = NDArray[np.float64]
 
@@ -40,18 +51,13 @@ def _share_near(ratios: Ratios, target: float, factor: float = NEAR) -> float:
     return float(((apart > 1.0 / factor) & (apart < factor)).mean())
 
 
-def _middle(ratios: Ratios) -> str:
+def _middle(ratios: Ratios | list[float]) -> str:
     return number(float(f"{np.median(ratios):.3g}"))
-
-
-def _start(trace: BenchTrace) -> slice:
-    """Return the first samples, in which nothing has touched yet."""
-    return slice(0, max(5, trace.time.size // 32))
 
 
 def _first_speed(trace: BenchTrace) -> float:
     """Return output less sliding speed at the start, 1/min."""
-    return float(np.median(trace.relative_speed[_start(trace)])) / RPM
+    return float(np.median(trace.relative_speed[: max(FIRST, trace.time.size // 32)])) / RPM
 
 
 def axes_by_speed(stand: Stand, sheet: Sheet) -> list[Finding]:
@@ -91,16 +97,129 @@ def speeds(stand: Stand, sheet: Sheet) -> list[Finding]:
     return [Finding("mismatch", found, "another speed than the nominal one")]
 
 
-def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return traces whose time runs a hundred times as long as the shift."""
-    timeout = stand.clutch.timeout
-    ratios = _ratios(sheet, lambda row, t: float(t.time[-1]) / (row.time or timeout))
-    ends = _ratios(sheet, lambda _, t: float(t.time[-1]))
-    if not ratios.size or np.median(ratios) < 100.0 or np.median(ends) < timeout:
+def trace_notes(stand: Stand, sheet: Sheet) -> list[Finding]:
+    """Return traces with channels that were interpolated, cut, or have samples lost."""
+    noted = [row.trace for row in sheet.rows if row.trace is not None and row.trace.notes]
+    if not noted:
         return []
-    found = f"t_s of the traces runs to {_middle(ratios)} times the time of the shift"
+    more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
+    found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
+    looks = "channels with start times or rates of their own, or with lost samples"
+    return [Finding("traces", found, looks, arguable=False)]
+
+
+def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
+    """Return traces whose travel takes a hundred times as long as the shift."""
+    timeout = stand.clutch.timeout
+    took = _ratios(sheet, _motion)
+    ratios = _ratios(sheet, lambda row, t: _motion(row, t) / (row.time or timeout))
+    if not ratios.size or np.median(ratios) < 100.0 or np.median(took) < timeout:
+        return []
+    found = f"by t_s the travel of the traces takes {_middle(ratios)} times the time of the shift"
     looks = "milliseconds"
     return [Finding("trace_time", found, looks, "ms", certain=True, arguable=False)]
+
+
+def _motion(row: Row, trace: BenchTrace) -> float:
+    """Return the time from the start of the force to nine tenths of the trace's travel, s."""
+    start = find_force_start(trace, row.rise)
+    way = trace.displacement - _rest(row, trace)
+    end = trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
+    return float(end - (trace.time[0] if start is None else start.time))
+
+
+def _rest(row: Row, trace: BenchTrace) -> float:
+    """Return the displacement at rest, m; zero where the record begins after the force."""
+    start = find_force_start(trace, row.rise)
+    if _begins_in_motion(trace) or (start and start.time < trace.time[0]):
+        return 0.0
+    return start.displacement if start else float(np.median(trace.displacement[:FIRST]))
+
+
+def _begins_in_motion(trace: BenchTrace) -> bool:
+    """Test that the first samples move at a speed that is no start from rest."""
+    way = smoothed(trace.displacement)
+    first, second = way[FIRST - 1] - way[0], way[2 * FIRST - 1] - way[FIRST]
+    seen = first > max(MOVED * np.ptp(way), CLEAR * scatter(trace.displacement))
+    return bool(seen and first > 0.4 * second)  # from rest it is at most 0.3: way grows as t^2
+
+
+def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
+    """Return traces whose force does not begin at time zero, or whose shifts end at other times."""
+    traced = [(row, row.trace) for row in sheet.rows if row.trace is not None]
+    if not traced:
+        return []
+    clocks = np.array([_clock(stand, row, trace) for row, trace in traced])
+    took = np.array([row.time or np.nan for row, _ in traced])
+    start, end, least = clocks.T
+    off = abs(start) > least
+    late = (end - took)[off if off.any() else slice(None)]
+    # Times of the table, and the travel at which a stand ends a shift, scatter as well.
+    between, middle = CLOCK + float(np.median(least)), _median(late)
+    ends = f"the travel of the traces ends {_apart(middle)} shift_time_s of their rows (median)"
+    if off.any():
+        over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
+        rest = _median(late - start[off])
+        said = _off_zero(start, off, ends, late=middle, rest=rest, least=between)
+        found, looks, way = said
+        return [Finding("trace_time", found, looks, way, bool((off & over).any()))]
+    if np.isnan(start).all():
+        found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
+        found += " be compared with the start of the force"
+        found += f"; {ends}" if abs(middle) > between else ""
+        looks = "a sensor that is not connected, or a force that is there from the first sample"
+        return [Finding("trace_time", found, looks)]
+    if abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
+        looks = "shift times that count from another instant than the force, or to another travel"
+        return [Finding("trace_time", ends, looks)]
+    return []
+
+
+def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, float]:
+    """Return start of the force and end of travel in a trace, and the least time that is seen, s.
+
+    A start or an end that the trace does not show is not a number.
+    """
+    start = None if _begins_in_motion(trace) else find_force_start(trace, row.rise)
+    travel = stand.clutch.shift_travel
+    way = np.maximum.accumulate(smoothed(trace.displacement) - _rest(row, trace))
+    end = float(np.interp(travel, way, trace.time)) if way[-1] >= travel else np.nan
+    least = max(CLOCK, 3.0 * trace.step, 4.0 * (start.error if start else 0.0))
+    return (start.time if start else np.nan), end, least
+
+
+def _off_zero(
+    start: Ratios, off: np.ndarray, ends: str, *, late: float, rest: float, least: float
+) -> tuple[str, str, str | None]:
+    """Describe traces with another time zero: what was found, probable cause, and correction.
+
+    ``late`` and ``rest`` are travel's end in the traces less the time of the shift, and less the
+    start of the force too.
+    """
+    low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
+    found = (
+        f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
+        f"{low if low == high else f'{low} to {high}'} s; {ends}"
+    )
+    if np.isnan(start).any():
+        return f"{found}; other traces show no rise of the force", "several clocks", None
+    if abs(late) <= least:
+        return found, "a dead time or slow rise of the force, which a diagnosis weighs", None
+    if abs(rest) > least:
+        looks = "the recorder's clock, and shift times that count from another instant"
+        return found, looks, "from_force"
+    return found, "the recorder's clock, or a record that begins before its trigger", "from_force"
+
+
+def _median(values: Ratios) -> float:
+    """Return the median of the values that are numbers, zero where none is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0
+
+
+def _apart(time: float) -> str:
+    size = f"{1e3 * abs(time):.1f} ms" if abs(time) < 1.0 else f"{abs(time):.4f} s"
+    return f"{size} {'after' if time > 0.0 else 'before'}"
 
 
 def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
@@ -108,7 +227,11 @@ def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
     travel = stand.clutch.dog.travel
     ratios = _ratios(
         sheet,
-        lambda row, t: t.displacement.max() / travel if row.time and not ends_early(row) else None,
+        lambda row, t: (
+            (t.displacement.max() - _rest(row, t)) / travel
+            if row.time and not ends_early(stand, row)
+            else None
+        ),
     )
     most = 1.8 if stand.sensor.displacement_at == "actuator" else 1.15
     if not ratios.size or 0.9 <= np.median(ratios) <= most:
@@ -136,17 +259,6 @@ def _other_displacement(stand: Stand, middle: float) -> tuple[str, str | None, b
     return "a sensor with a wrong scale or a soft linkage", None, False
 
 
-def trace_start(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return displacements that do not begin at zero."""
-    travel = stand.clutch.dog.travel
-    ratios = _ratios(sheet, lambda row, t: float(np.median(t.displacement[_start(t)])) / travel)
-    if not ratios.size or abs(np.median(ratios)) < 0.1:
-        return []
-    found = f"displacement_mm of the traces begins at {_middle(ratios)} of the travel instead of 0"
-    looks = "a sensor that is not set to zero, or traces that begin after the force"
-    return [Finding("displacement", found, looks)]
-
-
 def trace_force(stand: Stand, sheet: Sheet) -> list[Finding]:
     """Return a force in traces of another scale than that of the table."""
     ratios = _ratios(sheet, _last_force)
@@ -172,8 +284,40 @@ def trace_force(stand: Stand, sheet: Sheet) -> list[Finding]:
 
 def _last_force(row: Row, trace: BenchTrace) -> float | None:
     """Return the last force of a trace over the nominal one at that time, None without one."""
+    start = find_force_start(trace, row.rise)
     try:
-        nominal = ForceProfile(row.force, row.rise).at(float(trace.time[-1]))
+        profile = ForceProfile(row.force, row.rise)
     except InputError:
         return None
-    return float(np.median(trace.force[-5:])) / nominal if nominal > 0.0 else None
+    nominal = profile.at(float(trace.time[-1]) - start.time) if start else 0.0
+    return (
+        (float(np.median(trace.force[-5:])) - start.force) / nominal if start and nominal else None
+    )
+
+
+def trace_rest(stand: Stand, sheet: Sheet) -> list[Finding]:
+    """Return displacements and forces that are not zero before the force begins."""
+    traced = [(row, row.trace) for row in sheet.rows if row.trace is not None]
+    gap = stand.clutch.dog.axial_gap
+    moving, way, force = 0, [], []
+    for row, trace in traced:
+        start = find_force_start(trace, row.rise)
+        moving += _begins_in_motion(trace)
+        least = max(REST_WAY * gap, CLEAR * scatter(trace.displacement) / np.sqrt(FIRST))
+        if abs(rest := _rest(row, trace)) > least:
+            way.append(rest / MM)
+        least = max(REST_FORCE * row.force, CLEAR * scatter(trace.force) / np.sqrt(FIRST))
+        if start and start.time >= trace.time[0] and abs(start.force) > least:
+            force.append(start.force)
+    if 2 * moving > max(1, len(traced)):
+        found = f"the sleeve moves already at the first samples of {moving} of {len(traced)} traces"
+        return [Finding("displacement", found, "records that begin after the force")]
+    looks, told = "a sensor that is not set to zero", "(median) before the force begins"
+    findings = []
+    if way:
+        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_middle(way)} mm {told}"
+        findings.append(Finding("displacement", found, looks, "zeroed"))
+    if force:
+        found = f"force_N of {len(force)} of {len(traced)} traces is {_middle(force)} N {told}"
+        findings.append(Finding("trace_force", found, looks, "zeroed"))
+    return findings

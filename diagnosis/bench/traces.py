@@ -1,7 +1,7 @@
 """Time series of bench shifts, from CSV, LabVIEW's TDMS or ASAM's MDF.
 
-A trace starts with the force. Time has to grow from sample to sample, and every value has to
-be a finite number; other columns or channels than those of ``COLUMNS`` are let be.
+Time zero is the start of the force. Time has to grow from sample to sample, and every value has to
+be a finite number. Other columns or channels than those of ``COLUMNS`` are not read.
 """
 
 from __future__ import annotations
@@ -14,22 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.mdf4 import SUFFIXES, read_mdf
-from dogshape.diagnosis.bench.tdms import read_channels
+from dogshape.diagnosis.bench.tdms import read_tdms
+from dogshape.diagnosis.bench.time_axis import TIME, Channel, join_channels
 from dogshape.sim.errors import DataError, number_rule
 from dogshape.sim.texts import TextTable, read_table
 from dogshape.sim.units import to_si
 
 Series = NDArray[np.float64]
 
-COLUMNS = ("t_s", "displacement_mm", "force_N", "sliding_speed_rpm", "output_speed_rpm")
-LEAST = 10  #: samples that a trace must have
+COLUMNS = (TIME, "displacement_mm", "force_N", "sliding_speed_rpm", "output_speed_rpm")
 
 
 @dataclass(frozen=True, eq=False)
 class BenchTrace:
     """Time series of one bench shift, each (n,), SI units.
 
-    ``displacement`` and ``force`` are referred to the sleeve, wherever they are measured.
+    ``displacement`` and ``force`` are referred to the sleeve, wherever they are measured. ``notes``
+    say what was interpolated, cut or lost; ``start_error`` is the standard error of time zero where
+    it was found from the force, s.
     """
 
     path: Path
@@ -38,6 +40,8 @@ class BenchTrace:
     force: Series
     sliding_speed: Series
     output_speed: Series
+    notes: tuple[str, ...] = ()
+    start_error: float = 0.0
 
     @property
     def relative_speed(self) -> Series:
@@ -55,30 +59,34 @@ def read_trace(path: Path) -> BenchTrace:
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
     suffix = path.suffix.lower()
-    if suffix == ".tdms" or suffix in SUFFIXES:
-        table = (read_channels if suffix == ".tdms" else read_mdf)(path, COLUMNS)
-        rows: Sequence[int] = range(next(iter(table.values())).size)
-    else:
-        text = read_table(path, COLUMNS, COLUMNS)
-        text.require(COLUMNS)
-        table = {column: _numbers(text, column) for column in COLUMNS}
-        rows = [number for number, _ in text.rows]
-    for column in COLUMNS:
-        _require_finite(path, column, table[column], rows)
-    _require_order(path, table["t_s"], rows)
-    values = [to_si(column, 1.0) * table[column] for column in COLUMNS]
-    return BenchTrace(path, *values)
+    read = read_tdms if suffix == ".tdms" else read_mdf if suffix in SUFFIXES else _read_csv
+    table, notes = join_channels(path, read(path, COLUMNS[1:]))
+    return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes)
 
 
-def _numbers(table: TextTable, column: str) -> Series:
-    texts = table.column(column)
+def _read_csv(path: Path, names: Sequence[str]) -> dict[str, Channel]:
+    """Read the columns of a CSV trace; a row without a value is no sample of that channel."""
+    text = read_table(path, COLUMNS, COLUMNS)
+    text.require(COLUMNS)
+    time, lines = _numbers(text, TIME, range(len(text.rows))), [row for row, _ in text.rows]
+    found = {}
+    for name in names:
+        places = [place for place, cell in enumerate(text.column(name)) if cell]
+        found[name] = Channel(
+            time[places], _numbers(text, name, places), [lines[place] for place in places]
+        )
+    return found
+
+
+def _numbers(table: TextTable, column: str, places: Sequence[int]) -> Series:
+    cells = table.column(column)
     try:
-        return np.array(texts, dtype=float)
+        return np.array([cells[place] for place in places], dtype=float)
     except ValueError:
-        place, text = next((k, t) for k, t in enumerate(texts) if not _is_number(t))
+        place = next(place for place in places if not _is_number(cells[place]))
         raise DataError(
-            f"{table.path}, row {table.rows[place][0]}, column {column} is '{text}', but it must "
-            f"be {number_rule(text)}; correct the cell"
+            f"{table.path}, row {table.rows[place][0]}, column {column} is '{cells[place]}', but "
+            f"it must be {number_rule(cells[place])}; correct the cell"
         ) from None
 
 
@@ -88,29 +96,3 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _require_finite(path: Path, column: str, values: Series, rows: Sequence[int]) -> None:
-    bad = ~np.isfinite(values)
-    if bad.any():
-        place = int(np.argmax(bad))
-        raise DataError(
-            f"{path}, row {rows[place]}, column {column} is '{values[place]}', but it must be a "
-            "finite number; correct the cell"
-        )
-
-
-def _require_order(path: Path, time: Series, rows: Sequence[int]) -> None:
-    if time.size < LEAST:
-        raise DataError(
-            f"{path} has {time.size} samples, but a trace needs at least {LEAST}; "
-            "export the whole shift"
-        )
-    back = np.diff(time) <= 0.0
-    if back.any():
-        place = int(np.argmax(back)) + 1
-        raise DataError(
-            f"{path}, row {rows[place]}, column t_s is '{time[place]:.6g}' after "
-            f"'{time[place - 1]:.6g}', but time must grow from sample to sample; "
-            "sort the trace and leave doubled samples out"
-        )

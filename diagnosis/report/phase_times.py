@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.force_start import smoothed
 from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.engines import engage
@@ -173,7 +174,7 @@ def durations(clutch: Clutch, trace: BenchTrace) -> Series | None:
 
 def marks_of(clutch: Clutch, trace: BenchTrace) -> tuple[float, ...] | None:
     """Find the end of each phase, s, (5,), none before the one before it."""
-    way = _smoothed(trace.displacement)
+    way = smoothed(trace.displacement)
     end = _first(trace.time, way, clutch.shift_travel)
     if end is None:
         return None
@@ -189,12 +190,6 @@ def entry_depth(clutch: Clutch) -> float:
     """Return the displacement beyond which no face touches a face, m."""
     dog = clutch.dog
     return dog.axial_gap + 2.0 * dog.face_width * math.tan(dog.chamfer)
-
-
-def _smoothed(values: Series) -> Series:
-    """Return the median of three neighbours, so that one noisy sample is no mark, (n,)."""
-    padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
 
 
 def _between(time: Series, way: Series, place: int, level: float) -> float:
@@ -223,7 +218,7 @@ def _first_flank(trace: BenchTrace, start: float | None, end: float) -> float | 
     """
     if start is None:
         return None
-    speed = _smoothed(trace.relative_speed)
+    speed = smoothed(trace.relative_speed)
     scatter = 1.5 * float(np.median(np.abs(np.diff(speed))))
     before = float(np.interp(start, trace.time, speed))
     least = max(STEP * abs(float(np.median(speed[:5]))), 4.0 * scatter)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -264,14 +265,15 @@ def _copy_traces(
 def _trace_text(path: Path, said: Mapping[str, str], report: Report) -> str:
     table, own = read_foreign(path), Report()
     matches = match_columns(table, TRACE, said, own)
-    columns = {m.quantity.name: numbers_of(table, m, own)[0] for m in matches}
+    # A row without a value is no sample of that channel.
+    columns = {m.quantity.name: numbers_of(table, m, own, needed=False)[0] for m in matches}
     own.require_one_sign(path)
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed if "not used" not in line]
     names = [one.name for one in TRACE if one.name in columns]
     lines = [",".join(names)]
     for values in zip(*(columns[name] for name in names), strict=True):
-        lines.append(",".join("" if v is None else f"{v:.9g}" for v in values))
+        lines.append(",".join("" if v is None else f"{v:.15g}" for v in values))
     return "\n".join(lines) + "\n"
 
 
@@ -367,5 +369,6 @@ def _warnings(folder: Path, out: Path) -> list[str]:
     try:
         bench = load_bench(folder)
     except DogshapeError as error:
-        raise type(error)(str(error).replace(str(folder), str(out))) from error
+        told = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", str(error))
+        raise type(error)(told.replace(str(folder), str(out))) from error
     return [finding.sentence for finding in bench.warnings]

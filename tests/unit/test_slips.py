@@ -51,7 +51,7 @@ CERTAIN: list[tuple[Spoil, list[str], str]] = [
     (table(mismatch_rpm=-1.0), ["mismatch=reversed"], "sliding less output speed"),
     (traces(displacement_mm=1e-3), ["displacement=m"], "this looks like metres"),
     (traces(displacement_mm=3.1914), ["displacement=arm"], "3.1914 times the sleeve's"),
-    (traces(t_s=1e3), ["trace_time=ms"], "t_s of the traces runs to"),
+    (traces(t_s=1e3), ["trace_time=ms"], "by t_s the travel of the traces takes"),
     (traces(force_N=1e-3), ["trace_force=kN"], "force_N of the traces ends at"),
     (traces(**SPEED), ["speeds=rad_s"], "speeds of the traces in radians a second"),
     (table(shift_time_s=1e3, force_rise_s=1e3), ["time=ms", "rise=ms"], "Also: "),

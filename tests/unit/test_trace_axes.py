@@ -1,0 +1,252 @@
+"""Channels of traces with start times, rates and clocks of their own, and one time axis for all."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.mdf4 import mdf_available
+from dogshape.diagnosis.bench.tdms import tdms_available
+from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
+from dogshape.sim.errors import DataError
+from dogshape.sim.units import MM, RPM
+from tests.benches import edit, good_set
+from tests.conftest import needed
+
+Series = NDArray[np.float64]
+
+BEGIN = np.datetime64("2024-05-31T14:05:09", "us")
+UNITS = dict(zip(COLUMNS[1:], (MM, 1.0, RPM, RPM), strict=True))
+FIELDS = dict(
+    zip(COLUMNS[1:], ("displacement", "force", "sliding_speed", "output_speed"), strict=True)
+)
+
+
+def curve(name: str, time: Series) -> Series:
+    """Quantities that bend little within a sample step, in the units of the columns."""
+    shapes = {
+        "displacement_mm": 4.0 * (time / 0.06) ** 4,
+        "force_N": 2e4 * time**2,
+        "sliding_speed_rpm": 40.0 * time,
+        "output_speed_rpm": 100.0 - 30.0 * time,
+    }
+    return shapes[name]
+
+
+def regular(late: float = 0.0, step: float = 1e-3, count: int = 61) -> Series:
+    return np.asarray(late + step * np.arange(count), dtype=float)
+
+
+def write_tdms(path: Path, times: Mapping[str, Series], how: str) -> None:
+    """Write channels, each with its own times told by one of the waveform properties."""
+    nptdms = importlib.import_module("nptdms")
+    channels = []
+    for name, time in times.items():
+        late, step = float(time[0]), float(time[1] - time[0])
+        told = {"wf_increment": step, "wf_start_offset": late, "wf_start_time": BEGIN}
+        if how == "wf_start_time":
+            micro = np.timedelta64(round(late * 1e6), "us")
+            told |= {"wf_start_offset": 0.0, "wf_start_time": BEGIN + micro}
+        channels.append(nptdms.ChannelObject("shift", name, curve(name, time), properties=told))
+    with nptdms.TdmsWriter(str(path)) as writer:
+        writer.write_segment(channels)
+
+
+def write_mdf(path: Path, times: Mapping[str, Series], how: str) -> None:
+    """Write channels, each in a group with a master of its own."""
+    asammdf = importlib.import_module("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        for name, time in times.items():
+            master = time.astype(np.float32) if how == "float32" else time
+            file.append([asammdf.Signal(curve(name, time), master, name=name)])
+        file.save(path, overwrite=True)
+
+
+def write_csv(path: Path, times: Mapping[str, Series], _: str) -> None:
+    """Write a table of all times of all channels, with empty cells where one has no sample."""
+    every = np.unique(np.round(np.concatenate(list(times.values())), 9))
+    lines = [",".join(COLUMNS)]
+    for one in every:
+        cells = [
+            f"{curve(name, np.array([one]))[0]:.9g}" if abs(times[name] - one).min() < 1e-9 else ""
+            for name in COLUMNS[1:]
+        ]
+        lines.append(",".join([f"{one:.9g}", *cells]))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def check_values(trace: BenchTrace, rel: float = 2e-3) -> None:
+    """Compare all channels with the curves at the times of the trace."""
+    for name, field in FIELDS.items():
+        known = curve(name, trace.time) * UNITS[name]
+        most = float(abs(known).max())
+        assert getattr(trace, field) == pytest.approx(known, abs=rel * most)
+
+
+def some(late: float = 0.0, step: float = 1e-3, count: int = 61) -> dict[str, Series]:
+    """Times of the channels: both speeds have other ones."""
+    own = regular(late, step, count)
+    names = ("sliding_speed_rpm", "output_speed_rpm")
+    return {name: own if name in names else regular() for name in COLUMNS[1:]}
+
+
+#: Times of the channels, first and last time of the trace in ms, samples that are cut.
+APART = {
+    "5 ms later": (some(late=5e-3), (5, 60), 5),
+    "a tenth of a step later": (some(late=1.2e-4), (1, 60), 1),
+    "8 ms earlier and shorter": (some(late=-8e-3), (0, 52), 8),
+    "at half the rate": (some(step=2e-3, count=31), (0, 60), 0),
+    "at ten times the rate": (some(step=1e-4, count=601), (0, 60), 0),
+    "at another rate and start": (some(late=3.3e-3, step=2.7e-3, count=21), (4, 57), 7),
+}
+
+
+@pytest.mark.parametrize("kind", APART)
+@pytest.mark.parametrize("how", ["wf_start_time", "wf_start_offset", "mdf", "csv"])
+def test_all_channels_get_the_times_of_the_displacement(
+    tmp_path: Path, kind: str, how: str
+) -> None:
+    times, (first, last), cut = APART[kind]
+    if how == "csv":
+        path, write = tmp_path / "x.csv", write_csv
+    elif how == "mdf":
+        needed(mdf_available(), "asammdf")
+        path, write = tmp_path / "x.mf4", write_mdf
+    else:
+        needed(tdms_available(), "npTDMS")
+        path, write = tmp_path / "x.tdms", write_tdms
+    write(path, times, how)
+    trace = read_trace(path)
+    assert trace.time == pytest.approx(1e-3 * np.arange(first, last + 1))
+    check_values(trace)
+    said = "; ".join(trace.notes)
+    assert "output_speed_rpm" in said
+    assert "interpolated on the times of displacement_mm (every 1 ms)" in said
+    assert (f"{cut} of 61 samples of displacement_mm cut" in said) == (cut > 0)
+
+
+@pytest.mark.parametrize("late", [4.36e-9, -4.36e-9, 2e-8, 5e-6, 9e-5])
+def test_masters_that_differ_by_a_small_share_of_the_step_are_alike(
+    tmp_path: Path, late: float
+) -> None:
+    needed(mdf_available(), "asammdf")
+    write_mdf(tmp_path / "x.mf4", some(late=late), "")
+    trace = read_trace(tmp_path / "x.mf4")
+    assert trace.time.size == 61
+    assert trace.notes == ()
+    check_values(trace)
+
+
+@pytest.mark.parametrize("zero", [0.0, 1.0, 200.0])
+def test_masters_in_single_precision_are_alike(tmp_path: Path, zero: float) -> None:
+    needed(mdf_available(), "asammdf")
+    asammdf = importlib.import_module("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        for name in COLUMNS[1:]:
+            master = (zero + regular()).astype(np.float32 if name == "force_N" else np.float64)
+            file.append([asammdf.Signal(curve(name, regular()), master, name=name)])
+        file.save(tmp_path / "x.mf4")
+    trace = read_trace(tmp_path / "x.mf4")
+    assert trace.notes == ()
+    assert trace.time == pytest.approx(zero + regular())
+    assert trace.force == pytest.approx(curve("force_N", regular()), abs=0.1)
+
+
+def test_samples_of_mdf_that_are_marked_invalid_are_left_out(tmp_path: Path) -> None:
+    needed(mdf_available(), "asammdf")
+    asammdf = importlib.import_module("asammdf")
+    bad = (regular() > 0.02) & (regular() < 0.04)
+    with asammdf.MDF(version="4.10") as file:
+        for name in COLUMNS[1:]:
+            values = curve(name, regular())
+            marked = bad if name == "force_N" else np.zeros(61, dtype=bool)
+            values[marked] = 1e9
+            file.append([asammdf.Signal(values, regular(), name=name, invalidation_bits=marked)])
+        file.save(tmp_path / "x.mf4")
+    trace = read_trace(tmp_path / "x.mf4")
+    assert trace.force.max() < 100.0
+    assert "force_N (42 samples, every 1 ms) interpolated" in trace.notes[0]
+    assert "force_N without a sample from 0.02 to 0.04 s" in trace.notes[1]
+
+
+def test_what_was_cut_becomes_a_warning_of_the_data_set(tmp_path: Path) -> None:
+    needed(tdms_available(), "npTDMS")
+    folder = good_set(tmp_path, sensor=False)
+    known = load_bench(folder).readings[0].trace
+    assert known is not None
+    nptdms = importlib.import_module("nptdms")
+    with nptdms.TdmsWriter(str(folder / "traces" / "x.tdms")) as writer:
+        for name, field in FIELDS.items():
+            late = 5 if "speed" in name else 0
+            told = {"wf_increment": known.step, "wf_start_offset": 0.0,
+                    "wf_start_time": BEGIN + np.timedelta64(late, "ms")}  # fmt: skip
+            values = getattr(known, field)[late:] / UNITS[name]
+            writer.write_segment([nptdms.ChannelObject("shift", name, values, properties=told)])
+    edit(folder / "shifts.csv", trace=lambda name: name.replace("0041.csv", "x.tdms"))
+    bench = load_bench(folder)
+    (warning,) = bench.warnings
+    assert "x.tdms: sliding_speed_rpm (71 samples, every 1" in warning.sentence
+    assert "5 of 76 samples of displacement_mm cut" in warning.sentence
+    trace = bench.readings[0].trace
+    assert trace is not None
+    assert np.interp(trace.time, known.time, known.output_speed) == pytest.approx(
+        trace.output_speed, abs=2e-2
+    )
+
+
+def test_clocks_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
+    needed(tdms_available(), "npTDMS")
+    nptdms = importlib.import_module("nptdms")
+    told = {"wf_increment": 1e-3, "wf_start_offset": 0.0}
+    begun = {**told, "wf_start_time": BEGIN}
+    hours = {**told, "wf_start_time": BEGIN + np.timedelta64(2, "h")}
+    cases = [
+        ({"force_N": told}, begun, "has wf_start_time on one of the channels force_N and"),
+        ({"force_N": hours}, begun, "the channels have 0 samples of displacement_mm in common"),
+        ({}, {"wf_increment": 0.0, "wf_start_offset": 0.0}, "time must grow from sample to sample"),
+    ]
+    for own, others, words in cases:
+        with nptdms.TdmsWriter(str(tmp_path / "x.tdms")) as writer:
+            for name in COLUMNS[1:]:
+                values, properties = curve(name, regular()), own.get(name, others)
+                one = nptdms.ChannelObject("shift", name, values, properties=properties)
+                writer.write_segment([one])
+        with pytest.raises(DataError) as refused:
+            read_trace(tmp_path / "x.tdms")
+        assert words in str(refused.value)
+        assert str(tmp_path / "x.tdms") in str(refused.value)
+
+
+def test_a_slow_group_of_its_own_is_found(tmp_path: Path) -> None:
+    needed(tdms_available(), "npTDMS")
+    nptdms = importlib.import_module("nptdms")
+    slow = regular(step=5e-3, count=13)
+    with nptdms.TdmsWriter(str(tmp_path / "x.tdms")) as writer:
+        for group, time, names in (
+            ("fast", regular(), ("displacement_mm", "force_N")),
+            ("slow", slow, ("sliding_speed_rpm", "output_speed_rpm")),
+        ):
+            channels = [("t_s", time), *((name, curve(name, time)) for name in names)]
+            writer.write_segment([nptdms.ChannelObject(group, *one) for one in channels])
+    trace = read_trace(tmp_path / "x.tdms")
+    assert trace.time.size == 61
+    check_values(trace)
+    assert "sliding_speed_rpm (13 samples, every 5 ms)" in trace.notes[0]
+
+
+def test_lost_samples_are_said_and_doubled_ones_refused(tmp_path: Path) -> None:
+    path, time = tmp_path / "x.csv", regular()
+    lost = np.concatenate([time[:20], time[40:]])
+    write_csv(path, dict.fromkeys(COLUMNS[1:], lost), "")
+    assert read_trace(path).notes == ("displacement_mm without a sample from 0.019 to 0.04 s",)
+    lines = path.read_text().splitlines()
+    for spoilt in ([*lines[:12], *lines[11:]], [*lines[:12], lines[14], lines[12], *lines[13:]]):
+        path.write_text("\n".join(spoilt))
+        with pytest.raises(DataError, match="but time must grow from sample to sample"):
+            read_trace(path)
