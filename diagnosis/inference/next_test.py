@@ -5,7 +5,8 @@ too (``diagnosis.inference.outcome``).
 
 Unless the decision is settled, tests are ranked by the chance that it is afterwards, minus 4 % per
 hour of work: a cheap test that settles nothing would lead by nats an hour. Otherwise tests are
-ranked by nats an hour; if nothing is left to learn, the direct test of the named cause leads.
+ranked by nats an hour, behind the direct test of the named cause where that costs no more than the
+first of them.
 Either way a test that misleads in more than 5 % comes behind those that are worth their cost and do
 not. If no known effect fits, the test is traces at the operating point with the largest residual.
 
@@ -251,6 +252,10 @@ def choose(standing: Standing) -> tuple[NextTest, ...]:
         blind = {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
         tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not set(top) & set(t.shows), t.hours))
         tests.sort(key=lambda t: (not blind & set(t.shows), not t.sound))
+        direct = [t for t in tests if top and set(top) <= set(t.shows) and t.misleads <= MISLED]
+        confirming = min(direct, key=lambda t: t.hours, default=tests[0])
+        if confirming.hours <= tests[0].hours:
+            tests.sort(key=lambda t: t is not confirming)
     else:
         tests.sort(key=lambda t: (not t.sound, -t.value))
     first = _look(standing) if top == UNKNOWN and possible(standing.bench, "traces") else []
@@ -401,7 +406,8 @@ def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
         rows.append((order, 1.0, mean, variance))
     owner, share, mean, variance = (np.array([row[k] for row in rows]) for k in range(4))
     names = {effect.name for effect in effects}
-    read = np.array([bool(names & set(forward(h))) for h in standing.plausible])
+    # The sense is read of a hypothesis that is nothing else; beside others those may be imitated.
+    read = np.array([bool(names & set(forward(h) or h)) for h in standing.plausible])
     return Outcome(owner, share, mean, variance[:, None, :] * np.eye(absent.size), read)
 
 

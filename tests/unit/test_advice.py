@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
+from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.bench.stand_file import TestTerms
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference import next_test
@@ -26,7 +27,7 @@ from dogshape.diagnosis.inference.next_test import (
 )
 from dogshape.diagnosis.inference.outcome import ODDS, Decision, Outcome
 from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
-from dogshape.diagnosis.prediction.prediction import Marks
+from dogshape.diagnosis.prediction.prediction import Marks, Prediction
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.shift.actuation import ForceProfile
 from tests.toy import EFFECTS, Toy, bench_of, named_values, points_of
@@ -243,3 +244,50 @@ def test_the_record_of_each_kind_of_test_has_its_keys() -> None:
 def test_traces_that_a_stand_cannot_make_are_not_advised() -> None:
     found = _found(TestTerms("traces", possible=False), emulator=Flying(POINTS))
     assert not [t for t in found.tests if t.asked.kind == "traces"]
+
+
+@dataclass(frozen=True)
+class Sided(Toy):
+    """The toy whose shifts are shorter with the reversed sense."""
+
+    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
+        """Return what a hypothesis says of an operating point."""
+        one = super().at(hypothesis, values, cell)
+        return replace(one, times=one.times * (0.75 if REVERSED in hypothesis else 1.0))
+
+
+def test_the_sense_is_looked_at_first_where_a_reversed_one_is_named() -> None:
+    bench = bench_of({}, np.random.default_rng(1), shifts=40, points=POINTS)
+    cells = tuple(
+        replace(
+            cell, readings=tuple(replace(r, time=0.75 * (r.time or 0.0)) for r in cell.readings)
+        )
+        for cell in bench.cells
+    )
+    few = {name: EFFECTS[name] for name in (*DELAY, *LAG, *MASS, REVERSED)}
+    found = diagnose(replace(bench, cells=cells), Sided(POINTS), few, pairs=[])
+    assert found.verdict.causes == (REVERSED,)
+    first = found.tests[0]
+    assert first.name == EFFECTS[REVERSED].test.name
+    assert first.misleads < MISLED
+    assert first.hours == 0.25
+
+
+@pytest.mark.parametrize(("hours", "leads"), [(0.1, True), (0.65, True), (9.0, False)])
+def test_the_direct_test_of_a_settled_cause_leads_where_it_costs_least(
+    monkeypatch: pytest.MonkeyPatch, hours: float, leads: bool
+) -> None:
+    """Ten more shifts, of 0.7 h, would tell something, the direct test nothing."""
+    judged = next_test._judged
+
+    def informed(standing: Standing, test: NextTest) -> NextTest:
+        told = 0.5 if test.asked.kind == "shifts" else 0.0
+        return replace(judged(standing, test), information=told, misleads=0.0)
+
+    monkeypatch.setattr(next_test, "_judged", informed)
+    bench = bench_of({"delay_s": 0.16}, np.random.default_rng(1), shifts=40, points=POINTS)
+    few = {name: EFFECTS[name] for name in (*DELAY, *MASS)}
+    found = diagnose(replace(bench, tests=(TestTerms(FORCE, hours),)), Toy(POINTS), few, pairs=[])
+    assert found.verdict.causes == DELAY
+    assert found.tests[0].decided
+    assert (found.tests[0].name == FORCE) == leads
