@@ -20,31 +20,18 @@ from dogshape.sim.errors import DataError, InputError, did_you_mean
 SUFFIXES = (".mf4", ".mdf", ".dat")
 
 
-def mdf_available() -> bool:
-    """Test that asammdf can be imported."""
-    try:
-        _asammdf()
-    except InputError:
-        return False
-    return True
-
-
-def _asammdf() -> Any:
-    try:
-        return import_module("asammdf")
-    except ImportError as error:
-        raise InputError(
-            f"asammdf cannot be loaded ({error}), but an MDF trace needs it; install it with: "
-            "pip install -c constraints.txt '.[mdf]', or export the trace as CSV."
-        ) from error
-
-
 def read_mdf(path: Path, names: Sequence[str]) -> dict[str, Channel]:
     """Read the channels called ``names`` of an MDF file, without samples that are marked invalid.
 
     Raises InputError without the extra, DataError where file or channels are not as they must be.
     """
-    library = _asammdf()
+    try:
+        library = import_module("asammdf")
+    except ImportError as error:
+        raise InputError(
+            f"asammdf cannot be loaded ({error}), but an MDF trace needs it; install it with: "
+            "pip install -c constraints.txt '.[mdf]', or export the trace as CSV."
+        ) from error
     try:
         file = library.MDF(str(path))
     except Exception as error:  # what it raises for foreign bytes depends on these bytes

@@ -19,31 +19,18 @@ from dogshape.diagnosis.bench.time_axis import LEAD, TIME, Channel, Series
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 
 
-def tdms_available() -> bool:
-    """Test that npTDMS can be imported."""
-    try:
-        _nptdms()
-    except InputError:
-        return False
-    return True
-
-
-def _nptdms() -> Any:
-    try:
-        return import_module("nptdms")
-    except ImportError as error:
-        raise InputError(
-            f"npTDMS cannot be loaded ({error}), but a TDMS trace needs it; install it with: "
-            "pip install -c constraints.txt '.[tdms]', or export the trace as CSV."
-        ) from error
-
-
 def read_tdms(path: Path, names: Sequence[str]) -> dict[str, Channel]:
     """Read the channels called ``names`` of a TDMS file, in its units.
 
     Raises InputError without the extra, DataError where file or channels are not as they must be.
     """
-    library = _nptdms()
+    try:
+        library = import_module("nptdms")
+    except ImportError as error:
+        raise InputError(
+            f"npTDMS cannot be loaded ({error}), but a TDMS trace needs it; install it with: "
+            "pip install -c constraints.txt '.[tdms]', or export the trace as CSV."
+        ) from error
     try:
         file = library.TdmsFile.read(str(path))
     except (ValueError, KeyError, IndexError, EOFError, OSError, struct.error) as error:

@@ -61,7 +61,7 @@ def read_trace(path: Path) -> BenchTrace:
     suffix = path.suffix.lower()
     read = read_tdms if suffix == ".tdms" else read_mdf if suffix in SUFFIXES else _read_csv
     table, notes = join_channels(path, read(path, COLUMNS[1:]))
-    return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes)
+    return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes=notes)
 
 
 def _read_csv(path: Path, names: Sequence[str]) -> dict[str, Channel]:
