@@ -75,7 +75,8 @@ def _from_start(change: Callable[[BenchTrace, ForceStart], BenchTrace]) -> Chang
         if start is None:
             raise DataError(
                 f"{row.trace.path}: no rise of force_N stands out from its noise, so that neither "
-                "time zero nor values at rest can be found from it; correct the file"
+                "time zero nor values at rest can be found from it; correct the file, or leave the "
+                "cell trace empty"
             )
         return replace(row, trace=change(row.trace, start))
 

@@ -152,26 +152,26 @@ def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
     clocks = np.array([_clock(stand, row, trace) for row, trace in traced])
     took = np.array([row.time or np.nan for row, _ in traced])
     start, end, least = clocks.T
-    off = abs(start) > least
-    late = (end - took)[off if off.any() else slice(None)]
+    late = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
-    between, middle = CLOCK + float(np.median(least)), _median(late)
-    ends = f"the travel of the traces ends {_apart(middle)} shift_time_s of their rows (median)"
+    between = CLOCK + float(np.median(least))
+    off = abs(start) > least
+    over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
+    # A single start that the travel does not confirm is scatter of the fit.
+    off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
     if off.any():
-        over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
-        rest = _median(late - start[off])
-        said = _off_zero(start, off, ends, late=middle, rest=rest, least=between)
-        found, looks, way = said
+        found, looks, way = _other_zero(start, late, off, between)
         return [Finding("trace_time", found, looks, way, bool((off & over).any()))]
+    middle = _median(late)
     if np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
         found += " be compared with the start of the force"
-        found += f"; {ends}" if abs(middle) > between else ""
+        found += f"; {_ends(middle)}" if abs(middle) > between else ""
         looks = "a sensor that is not connected, or a force that is there from the first sample"
         return [Finding("trace_time", found, looks)]
     if abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
         looks = "shift times that count from another instant than the force, or to another travel"
-        return [Finding("trace_time", ends, looks)]
+        return [Finding("trace_time", _ends(middle), looks)]
     return []
 
 
@@ -188,27 +188,29 @@ def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, flo
     return (start.time if start else np.nan), end, least
 
 
-def _off_zero(
-    start: Ratios, off: np.ndarray, ends: str, *, late: float, rest: float, least: float
+def _other_zero(
+    start: Ratios, late: Ratios, off: np.ndarray, least: float
 ) -> tuple[str, str, str | None]:
     """Describe traces with another time zero: what was found, probable cause, and correction.
 
-    ``late`` and ``rest`` are travel's end in the traces less the time of the shift, and less the
-    start of the force too.
+    ``late`` is the end of travel in the traces less the time of their shifts, s.
     """
     low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
     found = (
         f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
-        f"{low if low == high else f'{low} to {high}'} s; {ends}"
+        f"{low if low == high else f'{low} to {high}'} s"
     )
+    looks, way = "the recorder's clock, or a record that begins before its trigger", "from_force"
+    if np.isfinite(late[off]).any():
+        found += f"; {_ends(_median(late[off]))}"
+        if abs(_median(late[off])) <= least:
+            return found, "a dead time or slow rise of the force, which a diagnosis weighs", None
+        if abs(_median((late - start)[off])) > least:
+            looks = "the recorder's clock, and shift times that count from another instant"
     if np.isnan(start).any():
-        return f"{found}; other traces show no rise of the force", "several clocks", None
-    if abs(late) <= least:
-        return found, "a dead time or slow rise of the force, which a diagnosis weighs", None
-    if abs(rest) > least:
-        looks = "the recorder's clock, and shift times that count from another instant"
-        return found, looks, "from_force"
-    return found, "the recorder's clock, or a record that begins before its trigger", "from_force"
+        unseen = np.isnan(start).sum()
+        return f"{found}; in {unseen} traces no rise of the force is seen at all", looks, None
+    return found, looks, way
 
 
 def _median(values: Ratios) -> float:
@@ -217,9 +219,10 @@ def _median(values: Ratios) -> float:
     return float(np.median(known)) if known.size else 0.0
 
 
-def _apart(time: float) -> str:
-    size = f"{1e3 * abs(time):.1f} ms" if abs(time) < 1.0 else f"{abs(time):.4f} s"
-    return f"{size} {'after' if time > 0.0 else 'before'}"
+def _ends(late: float) -> str:
+    size = f"{1e3 * abs(late):.1f} ms" if abs(late) < 1.0 else f"{abs(late):.4f} s"
+    when = "after" if late > 0.0 else "before"
+    return f"the travel of the traces ends {size} {when} shift_time_s of their rows (median)"
 
 
 def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
@@ -317,7 +320,7 @@ def trace_rest(stand: Stand, sheet: Sheet) -> list[Finding]:
     if way:
         found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_middle(way)} mm {told}"
         findings.append(Finding("displacement", found, looks, "zeroed"))
-    if force:
+    if 2 * len(force) > len(traced):
         found = f"force_N of {len(force)} of {len(traced)} traces is {_middle(force)} N {told}"
         findings.append(Finding("trace_force", found, looks, "zeroed"))
     return findings
