@@ -123,7 +123,7 @@ def _fit_start(
     """Fit the shapes to a force that rises from ``place`` on: start, its error, force at rest."""
     span = float(time[-1] - time[place])
     # Times in lengths of the fitted rise keep the fit well conditioned.
-    scaled, full = (time - time[place]) / span, rise / span
+    scaled, full = (time - time[place]) / span, max(rise / span, 1.0 / time.size)
     shapes: tuple[Shape, ...] = (
         lambda tau: [(1.0 - np.minimum(tau, full) / (1.5 * full)) * np.minimum(tau, full) ** 2],
         lambda tau: [tau**2, tau**3],

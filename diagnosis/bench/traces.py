@@ -7,7 +7,7 @@ be a finite number. Other columns or channels than those of ``COLUMNS`` are not 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +40,8 @@ class BenchTrace:
     force: Series
     sliding_speed: Series
     output_speed: Series
-    notes: tuple[str, ...] = ()
-    start_error: float = 0.0
+    notes: tuple[str, ...] = field(default=(), kw_only=True)
+    start_error: float = field(default=0.0, kw_only=True)
 
     @property
     def relative_speed(self) -> Series:

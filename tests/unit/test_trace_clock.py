@@ -300,3 +300,11 @@ def test_times_of_traces_in_another_unit_are_found_by_the_travel(tmp_path: Path)
     with pytest.raises(DataError) as refused:
         load_bench(folder)
     assert "milliseconds" not in str(refused.value)
+
+
+@pytest.mark.parametrize("rise", [0.0, -1.0, 1e-9, 1e6])
+def test_a_rise_time_that_cannot_be_has_a_start_without_a_warning(rise: float) -> None:
+    time = np.arange(-0.1, 0.3, 1e-3)
+    found = find_force_start(record("cubic step", time, 0.0, 0.0, 1), rise)
+    assert found is not None
+    assert abs(found.time) < 0.02
