@@ -116,8 +116,10 @@ def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
     if not ratios.size or np.median(ratios) < 100.0 or np.median(took) < timeout:
         return []
     found = f"by t_s the travel of the traces takes {_middle(ratios)} times the time of the shift"
-    looks = "milliseconds"
-    return [Finding("trace_time", found, looks, "ms", certain=True, arguable=False)]
+    if np.median(ratios) > 3e4:
+        looks = "another unit than seconds or milliseconds"
+        return [Finding("trace_time", found, looks, certain=True, arguable=False)]
+    return [Finding("trace_time", found, "milliseconds", "ms", certain=True, arguable=False)]
 
 
 def _motion(row: Row, trace: BenchTrace) -> float:
@@ -167,7 +169,8 @@ def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
         found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
         found += " be compared with the start of the force"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
-        looks = "a sensor that is not connected, or a force that is there from the first sample"
+        looks = "a sensor that is not connected or of the opposite sign, or a force that is there "
+        looks += "from the first sample"
         return [Finding("trace_time", found, looks)]
     if abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
         looks = "shift times that count from another instant than the force, or to another travel"
@@ -204,7 +207,8 @@ def _other_zero(
     if np.isfinite(late[off]).any():
         found += f"; {_ends(_median(late[off]))}"
         if abs(_median(late[off])) <= least:
-            return found, "a dead time or slow rise of the force, which a diagnosis weighs", None
+            looks = "a dead time or slow rise of the force, or a zero that table and traces share"
+            return found, f"{looks}, which a diagnosis weighs", None
         if abs(_median((late - start)[off])) > least:
             looks = "the recorder's clock, and shift times that count from another instant"
     if np.isnan(start).any():

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import parse
+from dogshape.diagnosis.bench.flight_marks import flights_of
 from dogshape.diagnosis.bench.force_start import StartRule, find_force_start
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError
@@ -160,6 +161,18 @@ def test_a_recorders_clock_is_refused_and_corrected_as_asked(
             assert 1e-4 < mine.trace.start_error < 5e-3
 
 
+def test_marks_of_the_flight_come_back_after_the_correction(tmp_path: Path) -> None:
+    """Marks differ within errors, which the error of the found start makes larger."""
+    (tmp_path / "good").mkdir()
+    known = flights_of(load_bench(good_set(tmp_path / "good", sensor=False)))
+    bench = load_bench(spoilt(tmp_path, later(2.0, 0.37)), ["trace_time=from_force"])
+    for mine, theirs in zip(flights_of(bench), known, strict=True):
+        assert set(mine.places) == set(theirs.places)
+        errors = np.sqrt(np.diag(mine.covariance))
+        assert (abs(mine.times - theirs.times) < 2.5 * errors).all()
+        assert (errors > np.sqrt(np.diag(theirs.covariance))).all()
+
+
 def test_a_small_offset_of_the_clock_is_a_warning(tmp_path: Path) -> None:
     folder = spoilt(tmp_path, recorded_before(0.02))
     (warning,) = load_bench(folder).warnings
@@ -290,6 +303,23 @@ def test_a_foreign_trace_keeps_its_clock(dogshape: Call) -> None:
     assert found is not None
     assert found.time - found.time[0] == pytest.approx(trace.t_s - trace.t_s[0], abs=1e-6)
     assert abs(found.time[0] - trace.t_s[0]) < 4.0 * found.start_error
+
+
+@pytest.mark.parametrize(
+    ("factor", "zero", "words"),
+    [
+        (1e3, 0.0, "this looks like milliseconds"),
+        (1e3, 1.7e12, "this looks like milliseconds"),
+        (1e6, 4e6, "another unit than seconds or milliseconds"),
+    ],
+)
+def test_the_unit_of_a_clock_is_told_by_the_travel(
+    tmp_path: Path, factor: float, zero: float, words: str
+) -> None:
+    folder = spoilt(tmp_path, lambda f, _: f.assign(t_s=zero + factor * f.t_s))
+    with pytest.raises(DataError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
 
 
 def test_times_of_traces_in_another_unit_are_found_by_the_travel(tmp_path: Path) -> None:
