@@ -134,10 +134,9 @@ class WorkCounter:
         self._forecast.report(kind, count)
         self._update()
 
-    def more(self, kind: Kind, count: int, later: float = 0.0) -> None:
-        """Expect ``count`` more shifts of a kind, and ``later`` more that are likely."""
-        self._forecast.left[kind] = count + later
-        self._total += count
+    def foresee(self, kind: Kind, count: float) -> None:
+        """Expect ``count`` more shifts of a kind, which the total has already."""
+        self._forecast.left[kind] = count
         self._update()
 
     def confirms(self, other: bool = True) -> None:

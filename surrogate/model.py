@@ -205,5 +205,6 @@ def require_enough(data: Dataset) -> None:
     if counted < MIN_DESIGNS:
         raise InputError(
             f"the surrogate has {counted} designs with three shifts that engage at an operating "
-            f"point, but it needs at least {MIN_DESIGNS}; simulate more"
+            f"point, but it needs at least {MIN_DESIGNS}; raise surrogate.designs or surrogate.angles "
+            "for 'fit', search.trials for 'study'"
         )

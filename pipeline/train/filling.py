@@ -9,6 +9,9 @@ Each design gets operating points of its own, the next ones of a sequence that f
 of mismatch and force evenly (Roberts 2018, from the plastic number), drawn towards the edges
 by a cosine, since a process knows least there. All sequences go on where they ended, so
 more designs add to those simulated before.
+
+The study's own dog and the reference of its search come first, with all operating points of the
+study: predictions are conditioned on the design that is asked about first.
 """
 
 from __future__ import annotations
@@ -27,11 +30,14 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import RPM
 
 SLACK = 0.15  #: of a limit, by which designs beyond the border break it
 BEYOND = 3  #: one design in so many lies beyond the border
 MOST = 2**16  #: draws without a new design after which there is none
+OWN = 30_000  #: added to the seed for the study's own designs
+DENSER = 4  #: times the angles of other rows for the study's own designs
 PLASTIC = 1.32471795724474602596  #: root of x^3 = x + 1
 
 
@@ -45,6 +51,48 @@ def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator
         if design is None:
             return  # whole numbers alone run out
         yield design
+
+
+def own_designs(study: Setup) -> list[dict[str, float]]:
+    """Return the study's own dog and the reference of its search, as far as they can be simulated.
+
+    A dog that cannot be made, or whose face holds by friction, teaches nothing about others.
+    """
+    reference = study.file.search.reference or {}
+    wanted = [study.prototype]
+    if set(reference) <= set(study.variables):
+        wanted.append({**study.prototype, **reference})
+    return [
+        design
+        for place, design in enumerate(wanted)
+        if design not in wanted[:place] and _slides(study, design)
+    ]
+
+
+def _slides(study: Setup, design: dict[str, float]) -> bool:
+    """Test that a dog can be made and that its face lets go of itself."""
+    try:
+        dog = study.dog_with(design)
+        require_makeable(dog, study.limits.manufacturing)
+    except GeometryError:
+        return False
+    return dog.chamfer > math.atan(study.limits.load.friction_release)
+
+
+def own_blocks(study: Setup) -> list[Block]:
+    """Return the shifts of the study's own designs at all of its operating points."""
+    settings, size = study.file.surrogate, len(study.points)
+    return [
+        even_block(
+            study.clutch.with_dog(study.dog_with(design)),
+            point,
+            DENSER * settings.angles,
+            (settings.seed + OWN, index * size + place),
+            uncertainty=study.uncertainty,
+        )
+        for index, design in enumerate(own_designs(study))
+        for place, point in enumerate(study.points)
+    ]
 
 
 def first_designs(study: Setup, count: int) -> list[dict[str, float]]:

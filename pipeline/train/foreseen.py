@@ -9,9 +9,10 @@ from dogshape.pipeline.forecast import COST, Kind
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.mix_rows import count_of
+from dogshape.pipeline.train.reference_designs import MOST
 from dogshape.pipeline.train.two_level_rows import paired
 
-AGAIN = 0.4  #: shifts of the later rounds of references over those of the first, about
+AGAIN = 3.0  #: shifts of the later rounds of references over those of the first, about
 #: First guesses of the cost where the fit that chooses designs has them at all operating points.
 IN_TWO_LEVELS: Mapping[Kind, float] = {**COST, "fit": 2.0}
 
@@ -32,6 +33,15 @@ def to_fill(
     return {"fit": choosing, engine_kind(study): rows + references}
 
 
+def most_references(study: Setup, levels: int) -> int:
+    """Count the shifts of references at most, those of Drake beside them included."""
+    settings = study.file.surrogate
+    designs = settings.references + settings.best_references
+    angles = max(MOST, settings.reference_angles)
+    apart = len(paired(0, len(study.points))) + 1 if levels == 2 else 0
+    return designs * (len(study.points) * angles + apart)
+
+
 def engine_kind(study: Setup) -> Kind:
     """Return the kind of a shift of the study's own engine."""
     return "quick" if study.clutch.solver.engine == "planar" else "shift"
@@ -43,7 +53,7 @@ def round_by_round(counter: WorkCounter, kind: Kind) -> Callable[[int], None]:
 
     def ahead(count: int) -> None:
         nonlocal rounds
-        counter.more(kind, count, later=0.0 if rounds else AGAIN * count)
+        counter.foresee(kind, count + (0.0 if rounds else AGAIN * count))
         rounds += 1
 
     return ahead

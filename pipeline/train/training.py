@@ -23,8 +23,14 @@ from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import filling_blocks, first_designs
-from dogshape.pipeline.train.foreseen import IN_TWO_LEVELS, engine_kind, round_by_round, to_fill
+from dogshape.pipeline.train.filling import filling_blocks, first_designs, own_blocks
+from dogshape.pipeline.train.foreseen import (
+    IN_TWO_LEVELS,
+    engine_kind,
+    most_references,
+    round_by_round,
+    to_fill,
+)
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.mix_rows import (
     angles_of,
@@ -77,7 +83,7 @@ def fill(
     *,
     levels: int = 1,
 ) -> None:
-    """Simulate designs that fill their space, and references; go on where a call was stopped.
+    """Simulate own designs, some that fill their space, and references; go on where stopped.
 
     In two ``levels`` most shifts are of the compiled engine (``pipeline.train.two_level_rows``).
     InputError for a study that searches its operation: a stored shift does not say which.
@@ -91,21 +97,26 @@ def fill(
     with folder.writing():
         folder.open(study, resume=True)
         designs = first_designs(study, settings.designs)
-        total = settings.designs * settings.points * settings.angles
+        own = own_blocks(study)
+        blocks = [
+            block
+            for index, design in enumerate(designs)
+            for block in filling_blocks(study, design, index, settings.seed)
+        ]
+        total = sum(len(block.angles) for block in (*own, *blocks))
         keeping = "the same command goes on"
         foreseen = Forecast(to_fill(study, folder, total, 0, 1), workers_of(jobs))
         with (
-            WorkCounter(progress, total, forecast=foreseen) as counter,
+            WorkCounter(
+                progress, total + most_references(study, 1), most=True, forecast=foreseen
+            ) as counter,
             counter.kept_in(folder.root, keeping),
         ):
-            counter.say(_lasting(foreseen, jobs))
             shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
-            blocks = [
-                block
-                for index, design in enumerate(designs)
-                for block in filling_blocks(study, design, index, settings.seed)
-            ]
-            _executor(shifts, jobs, cluster, counter, kind).run(blocks)
+            rows = _executor(shifts, jobs, cluster, counter, kind)
+            rows.run(own)
+            counter.say(_lasting(foreseen, jobs))
+            rows.run(blocks)
             executor = _executor(apart_from_them, jobs, cluster, counter, kind)
             both = _references(study, folder, designs, counter)
             simulate_references(study, both, executor, round_by_round(counter, kind))
@@ -114,7 +125,9 @@ def fill(
 
 
 def _lasting(foreseen: Forecast, jobs: int) -> str:
-    return f"that takes {about(foreseen.seconds)} with {workers_of(jobs)} workers; the fit follows"
+    """Say how long the rest takes, by the shifts that were simulated first."""
+    took = about(foreseen.seconds)
+    return f"the rest takes {took} with {workers_of(jobs)} workers; the fit follows"
 
 
 def _executor(
@@ -152,17 +165,19 @@ def _fill_in_two_levels(
     with folder.writing():
         folder.open(study, resume=True)
         designs = row_designs(study)
+        own = own_blocks(compiled(study))
         cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
-        every, few = (sum(len(block.angles) for block in both) for both in (cheap, dear))
+        every, few = (sum(len(block.angles) for block in both) for both in ([*own, *cheap], dear))
         every += count_of(study) * angles_of(study) * len(study.points)
         keeping = "the same command goes on"
         expected_work = to_fill(study, folder, every, few, 2)
         foreseen = Forecast(expected_work, workers_of(jobs), cost=IN_TWO_LEVELS)
         with (
-            WorkCounter(progress, every + few, forecast=foreseen) as counter,
+            WorkCounter(
+                progress, every + few + most_references(study, 2), most=True, forecast=foreseen
+            ) as counter,
             counter.kept_in(folder.root, keeping),
         ):
-            counter.say(_lasting(foreseen, jobs))
             files = folder.compiled, folder.pairs, folder.compiled_references, folder.references
             journals = [ShiftJournal(path) for path in files]
             kinds: tuple[Kind, ...] = ("quick", "shift", "quick", "shift")
@@ -170,6 +185,8 @@ def _fill_in_two_levels(
                 _executor(journal, jobs, cluster, counter, kind)
                 for journal, kind in zip(journals, kinds, strict=True)
             )
+            rows.run(own)
+            counter.say(_lasting(foreseen, jobs))
             rows.run(cheap)
             pairs.run(dear)
             simulate_mix_rows(compiled(study), folder, rows, lambda: counter.worked("fit"))
@@ -177,7 +194,7 @@ def _fill_in_two_levels(
                 study,
                 _references(study, folder, designs, counter),
                 (many, one_each),
-                (round_by_round(counter, "quick"), lambda count: counter.more("shift", count)),
+                (round_by_round(counter, "quick"), partial(counter.foresee, "shift")),
             )
             for journal in journals:
                 journal.say_unfinished(progress.say)

@@ -28,14 +28,14 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import filling_blocks, first_designs
+from dogshape.pipeline.train.filling import filling_blocks, first_designs, own_designs
 from dogshape.pipeline.train.mix_rows import mix_rows
 from dogshape.pipeline.train.reference_designs import APART, simulate_references
 from dogshape.pipeline.train.training_rows import dataset_of, shifts_of, study_mix
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import DIGITS, WHERE, Dataset
+from dogshape.surrogate.dataset import DIGITS, WHERE, Dataset, among
 from dogshape.surrogate.discrepancy import Pair, discrepancy_of
 from dogshape.surrogate.model import MIN_DESIGNS
 from dogshape.surrogate.references import Reference, reference_of
@@ -125,9 +125,14 @@ def two_level_data(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset]
     there = {tuple(round(float(shift[name]), DIGITS) for name in names) for shift in dear}
     beside = [s for s in cheap if tuple(round(float(s[name]), DIGITS) for name in names) in there]
     found = discrepancy_of(pairs_of(times_of(compiled(study), beside), times_of(study, dear)))
-    mixed = replace(data, rows=mix_rows(compiled(study), folder))
+    whole = mix_rows(compiled(study), folder)
+    shifts = data.shifts + replace(data, rows=whole).shifts
+    if len(whole):
+        own = np.round(study.rows(own_designs(study)), DIGITS)
+        whole = np.concatenate([whole, data.rows[among(data.x, own)]])
+    mixed = replace(data, rows=whole)
     levels: dict[str, Any] = {
-        "planar": data.shifts + mixed.shifts,
+        "planar": shifts,
         "drake": len(dear),
         "discrepancy": found.as_dict(),
     }
