@@ -1,7 +1,4 @@
-"""Designs at once: their closed forms, and the time by the surrogate or the compiled engine.
-
-Whoever asks often wants the answer at once, so nothing that is slow to load belongs here.
-"""
+"""Designs at once: their closed forms, the time by the compiled engine and by the surrogate."""
 
 from __future__ import annotations
 
@@ -10,61 +7,119 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dogshape.checked import Checked
 from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import margins_within, spread_record, time_spread
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import Measured, design_of
 from dogshape.pipeline.train.found_surrogates import own_surrogate
 from dogshape.pipeline.train.training_rows import mix_over
 from dogshape.result import ms
+from dogshape.sim.errors import GeometryError
+from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.strength.tolerance import Spread
+from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.model import Expected
-from dogshape.surrogate.query import Answer, ask
+from dogshape.surrogate.model import Expected, interval
+from dogshape.surrogate.query import LEAST_ENGAGED, Answer, ask
 from dogshape.surrogate.validation_figures import Validation
 
 LEAST_ANGLES = 16  #: at an operating point
-SHIFTS = 672  #: of the compiled engine for a design without a surrogate, over all points
+SHIFTS = 672  #: of the compiled engine for a design, over all points
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
 #: 0.01 % with the design set and up to 0.8 % with the published one (docs/evidence/engines.txt).
 ENGINE_ERROR = 0.01
 NORMAL_95 = 1.96
 
 
-@dataclass(frozen=True, repr=False)
-class Check(Checked):
-    """Quick answer about one design: its checks, and its expected shift time.
+@dataclass(frozen=True)
+class Quick:
+    """Shifts of a design by the compiled engine: its expected time and what landings demand.
 
-    The time is the surrogate's prediction. Where there is no surrogate of the study's physics the
-    compiled engine simulates the design, landing included, and the interval has its error in it.
+    ``engaged`` is the least share engaged at a point, ``refusal`` why there is no time; ``rows``
+    are what a surrogate learns from, (k, d + 8).
+    """
+
+    expected: Expected | None
+    engaged: float
+    refusal: str
+    measured: Measured
+    rows: Array
+    shifts: int
+
+
+@dataclass(frozen=True)
+class Guess:
+    """Prediction of a surrogate for a design.
 
     Parameters
     ----------
     answer : expected shift time with its interval, and what speaks against trusting it.
-    mix : the operating points that were asked about.
-    spread : how far the time moves within the tolerances, s; None without a surrogate.
-    validation : figures of the surrogate on designs that it had not seen; None without one.
-    surrogate : its file; None without one.
-    shifts : of the compiled engine, 0 with a surrogate.
+    spread : change of the time within the tolerances, s.
+    validation : figures of the surrogate on designs that it had not seen.
+    path : its file.
     """
 
     answer: Answer
+    spread: Spread
+    validation: Validation
+    path: Path
+
+
+@dataclass(frozen=True, repr=False)
+class Check(Checked):
+    """Quick answer about one design: its checks, and its expected shift time.
+
+    The compiled engine simulates the design, landing included, and the interval has its error in
+    it. A surrogate that is named answers in its place, and the landing is not judged. A clutch
+    that does not engage, or a dog that cannot be made, has no time.
+
+    Parameters
+    ----------
+    mix : the operating points that were asked about.
+    quick : shifts of the compiled engine; None for a named surrogate and a dog that cannot be made.
+    guess : prediction of the surrogate; None where there is none of the study's physics.
+    refusal : why there is no time; empty where there is one.
+    """
+
     mix: Mix
-    spread: Spread | None = None
-    validation: Validation | None = None
-    surrogate: Path | None = None
-    shifts: int = 0
+    quick: Quick | None = None
+    guess: Guess | None = None
+    refusal: str = ""
 
     @property
-    def time_s(self) -> float:
-        """Predicted expected shift time, s."""
-        return self.answer.expected.time
+    def expected(self) -> Expected | None:
+        """Expected shift time with its interval; None where there is none."""
+        if self.quick is not None:
+            return self.quick.expected
+        return None if self.guess is None else self.guess.answer.expected
 
     @property
-    def interval_s(self) -> tuple[float, float]:
+    def time_s(self) -> float | None:
+        """Expected shift time, s; None where there is none."""
+        return None if self.expected is None else self.expected.time
+
+    @property
+    def interval_s(self) -> tuple[float, float] | None:
         """Interval that holds the expected shift time with 95 %, s."""
-        return self.answer.expected.low, self.answer.expected.high
+        return None if self.expected is None else (self.expected.low, self.expected.high)
+
+    @property
+    def shifts(self) -> int:
+        """Number of shifts of the compiled engine."""
+        return 0 if self.quick is None else self.quick.shifts
+
+    @property
+    def missed(self) -> bool:
+        """Test that the surrogate misses the simulated time by more than both intervals."""
+        if self.quick is None or self.guess is None:
+            return False
+        seen, told = self.quick.expected, self.guess.answer.expected
+        if seen is None or told is None:
+            return False
+        return abs(seen.time - told.time) > NORMAL_95 * math.hypot(seen.error, told.error)
 
     @property
     def said(self) -> list[str]:
@@ -73,43 +128,68 @@ class Check(Checked):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Predicted time with its interval, verdict and smallest margin."""
-        low, high = self.interval_s
-        time = f"{ms(self.time_s)} (95 %: {ms(low)} to {ms(high)})"
-        if self.shifts:
-            return {"shift time by the compiled engine": time, **self.verdict}
-        trained = "yes" if self.answer.in_range else f"no: {'; '.join(self.answer.warnings)}"
-        return {"predicted shift time": time, "in the trained range": trained, **self.verdict}
+        """Expected time with its interval, verdict and smallest margin."""
+        found, name = self.expected, "compiled engine" if self.quick else "surrogate"
+        if found is None:
+            return {"shift time": f"none: {self.refusal}", **self.verdict}
+        time = f"{ms(found.time)} (95 %: {ms(found.low)} to {ms(found.high)})"
+        facts = {f"shift time by the {name}": time}
+        if self.guess is not None:
+            warnings = "; ".join(self.guess.answer.warnings)
+            facts["in the surrogate's trained range"] = f"no: {warnings}" if warnings else "yes"
+        return {**facts, **self.verdict}
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the predicted time, its move within tolerances, and every check."""
-        answer, expected = self.answer, self.answer.expected
+        """Give the expected time, the surrogate's prediction, and every check."""
         return {
-            "expected_shift_time_s": expected.time,
-            "low_s": expected.low,
-            "high_s": expected.high,
-            "standard_error_s": expected.error,
-            "sd_s": expected.sd,
-            "engaged": expected.engaged,
+            **time_record(self.expected, self.refusal),
+            **({} if self.quick is None else {"engaged": self.quick.engaged}),
             "operating_points": len(self.mix.points),
-            "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
-            "in_range": answer.in_range,
-            "distance": answer.distance,
-            "warnings": [*answer.warnings, *self.notes],
-            **self._origin,
+            "engine": "planar" if self.quick else self.config.clutch.solver.engine,
+            "shifts_planar": self.shifts,
+            **self._guessed,
             **self.record,
         }
 
     @property
-    def _origin(self) -> dict[str, Any]:
-        """Source of the time: the surrogate, or shifts of the compiled engine."""
-        if self.spread is None or self.validation is None:
-            return {"q2": None, "surrogate": None, "shifts_planar": self.shifts}
+    def _guessed(self) -> dict[str, Any]:
+        if self.guess is None:
+            return {"in_range": True, "distance": 0.0, "warnings": [*self.notes], "q2": None,
+                    "surrogate": None, "predicted": None}  # fmt: skip
+        answer = self.guess.answer
         return {
-            "q2": self.validation.q2,
-            "surrogate": str(self.surrogate),
-            "time_within_tolerances": spread_record(self.spread),
+            "in_range": answer.in_range,
+            "distance": answer.distance,
+            "warnings": [*answer.warnings, *self.notes],
+            "q2": self.guess.validation.q2,
+            "surrogate": str(self.guess.path),
+            "predicted": time_record(answer.expected, answer.refusal),
+            "missed_by_surrogate": self.missed,
+            "time_within_tolerances": spread_record(self.guess.spread),
         }
+
+
+def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
+    """Give an expected time with its parts as a record, s; None with a reason where there is none."""
+    if found is None:
+        keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
+                "without_retries_s", "without_retries_error_s", "retries_s",
+                "retries_error_s")  # fmt: skip
+        return {**dict.fromkeys(keys), "reason": refusal}
+    bare, error = found.without_retries
+    return {
+        "expected_shift_time_s": found.time,
+        "low_s": found.low,
+        "high_s": found.high,
+        "standard_error_s": found.error,
+        "sd_s": found.sd,
+        "engaged": found.engaged,
+        "without_retries_s": bare,
+        "without_retries_error_s": error,
+        "retries_s": found.retries,
+        "retries_error_s": found.retries_error,
+        "reason": None,
+    }
 
 
 def check_design(
@@ -118,13 +198,13 @@ def check_design(
     force_N: float | None = None,
     surrogate: Path | None = None,
 ) -> Check:
-    """Check the design of a study at once.
+    """Check the design of a study: seconds by the compiled engine, at once by a named surrogate.
 
     Parameters
     ----------
     mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
-    surrogate : its file; None for that of the study's results, or the package's, or without
-        either for the compiled engine.
+    surrogate : file of the surrogate that answers in place of the compiled engine. The one of the
+        study's results, or the package's, is asked beside the engine.
 
     Raises
     ------
@@ -132,21 +212,42 @@ def check_design(
         For one half of an operating point, or a named surrogate of other physics or not there.
     """
     points = points_of(config, mismatch_rpm, force_N)
-    mix = mix_over(config, points)
-    found = own_surrogate(config, surrogate)
+    mix, refusal = mix_over(config, points), unmade(config)
+    guess, quick = _guess(config, mix, surrogate, refusal), None
+    if guess is not None and surrogate is not None:
+        refusal = guess.answer.refusal
+    elif not refusal:
+        quick = simulate_quickly(replace(config, points=points))
+        refusal = quick.refusal
+    design = design_of(config, {}, None if quick is None else quick.measured)
+    return Check(config, design, margins_within(config, design), mix, quick, guess, refusal)
+
+
+def unmade(config: Setup) -> str:
+    """Explain why the dog of a study cannot be made; empty for one that can."""
+    try:
+        require_makeable(config.clutch.dog, config.limits.manufacturing)
+    except GeometryError as error:
+        return str(error)
+    return ""
+
+
+def _guess(config: Setup, mix: Mix, named: Path | None, refusal: str) -> Guess | None:
+    """Ask the surrogate of the study's physics about its own design; ``refusal`` of a time."""
+    found = own_surrogate(config, named)
     if found is None:
-        return _simulated(replace(config, points=points), mix)
+        return None
     stored, path = found
     model, own = stored.surrogate, config.prototype
     answer = ask(model, own, mix, config.physics)
-    design = design_of(config, {})
-    within = margins_within(config, design)
-    spread = time_spread(config, model, own, mix)
-    return Check(config, design, within, answer, mix, spread, stored.validation, path)
+    if refusal:
+        warnings = (*answer.warnings, "the dog cannot be made")
+        answer = Answer(None, answer.distance, warnings, refusal)
+    return Guess(answer, time_spread(config, model, own, mix), stored.validation, path)
 
 
-def _simulated(config: Setup, mix: Mix) -> Check:
-    """Check a design by the compiled engine."""
+def simulate_quickly(config: Setup) -> Quick:
+    """Simulate the design of a study by the compiled engine at all of its operating points."""
     # Half a second that an answer of the surrogate does not need.
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
     from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
@@ -157,17 +258,30 @@ def _simulated(config: Setup, mix: Mix) -> Check:
     plan, seed = whole_plan(quick, angles), config.file.expectation.seed
     one = evaluate(quick, [config.clutch.dog], scratch_executor(1), [plan], seed)[0]
     found = one.expectation
-    error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
-    weights = mix.weights / mix.weights.sum()
-    variance = sum(w * p.sd**2 for w, p in zip(weights, found.points, strict=True))
-    expected = Expected(
-        time=found.mean,
-        low=max(found.mean - NORMAL_95 * error, 0.0),
-        high=found.mean + NORMAL_95 * error,
-        error=error,
-        sd=math.sqrt(variance),
-        engaged=found.engaged,
-    )
-    design = design_of(config, {}, one.measured)
-    within = margins_within(config, design)
-    return Check(config, design, within, Answer(expected, 0.0, ()), mix, shifts=found.shifts)
+    mix = mix_over(config, config.points)
+    lost = np.array([p.lost for p in found.points])
+    expected, refusal = None, ""
+    share = np.array([p.engaged for p in found.points])
+    if found.mean_engaged is None or found.engaged < LEAST_ENGAGED:
+        refusal = (
+            f"engages in {found.shifts - lost.sum()} of {found.shifts} shifts, in "
+            f"{found.engaged:.0%} where fewest do"
+        )
+    else:
+        n = np.array([p.n for p in found.points])
+        sd = np.array([p.sd for p in found.points])
+        weights = mix.weights * mix.retry
+        unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
+        error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
+        low, high = interval(np.array([found.mean]), np.array([error]))
+        expected = Expected(
+            time=found.mean,
+            low=float(low[0]),
+            high=float(high[0]),
+            error=error,
+            sd=math.sqrt(mix.weights @ sd**2),
+            engaged=found.engaged,
+            retries=float(weights @ ((1.0 - share) / share)),
+            retries_error=float(np.linalg.norm(unsure)),
+        )
+    return Quick(expected, found.engaged, refusal, one.measured, one.rows, found.shifts)

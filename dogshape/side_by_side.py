@@ -95,9 +95,11 @@ def _with_time(item: Item) -> Item:
     if item.standing.time is not None:
         return item
     found = check_design(item.study)
-    by = "compiled engine" if found.shifts else "surrogate"
     margins = {check.name: check.margin for check in found.design.checks}
-    time = found.time_s, found.answer.expected.error
-    standing = replace(item.standing, time=time, margins=margins)
+    expected, by = found.expected, "compiled engine"
+    if expected is None:
+        standing = replace(item.standing, margins=margins)
+        return replace(item, standing=standing, source=f"{item.source}; {found.refusal}")
+    standing = replace(item.standing, time=(expected.time, expected.error), margins=margins)
     source = f"{item.source}; time by the {by}"
     return replace(item, standing=standing, predicted=by, source=source)

@@ -70,7 +70,8 @@ class Expected:
     """Expected shift time over a mix with its 95 % interval, s.
 
     ``error`` is its standard error, ``sd`` the standard deviation of a single shift of the mix,
-    ``engaged`` the least share engaged at a point.
+    ``engaged`` the least share engaged at a point. ``retries`` is the part of the time that shifts
+    which do not engage cost, with its standard error.
     """
 
     time: float
@@ -79,6 +80,14 @@ class Expected:
     error: float
     sd: float
     engaged: float
+    retries: float = 0.0
+    retries_error: float = 0.0
+
+    @property
+    def without_retries(self) -> tuple[float, float]:
+        """Expected time of the shifts that engage, and its standard error, s."""
+        left = max(self.error**2 - self.retries_error**2, 0.0)
+        return self.time - self.retries, left**0.5
 
 
 @dataclass(frozen=True)
@@ -167,7 +176,14 @@ class Surrogate:
         low, high = interval(np.array([time + retries]), np.array([error]))
         sd = float(mix.weights @ within) ** 0.5
         return Expected(
-            time + retries, float(low[0]), float(high[0]), error, sd, float(share.min())
+            time=time + retries,
+            low=float(low[0]),
+            high=float(high[0]),
+            error=error,
+            sd=sd,
+            engaged=float(share.min()),
+            retries=retries,
+            retries_error=retry_error,
         )
 
     def spread(self, inputs: Array) -> Array:
@@ -205,6 +221,6 @@ def require_enough(data: Dataset) -> None:
     if counted < MIN_DESIGNS:
         raise InputError(
             f"the surrogate has {counted} designs with three shifts that engage at an operating "
-            f"point, but it needs at least {MIN_DESIGNS}; raise surrogate.designs or surrogate.angles "
-            "for 'fit', search.trials for 'study'"
+            f"point, but it needs at least {MIN_DESIGNS}; raise surrogate.designs or "
+            "surrogate.angles for 'fit', search.trials for 'study'"
         )

@@ -1,4 +1,8 @@
-"""Predictions of the surrogate for one design."""
+r"""Predictions of the surrogate for one design.
+
+Below the friction angle, :math:`\tan\alpha < \mu_s`, faces hold dog on dog. Where no simulated
+design has so small a chamfer nothing is known of that, and there is no estimate.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,10 @@ from dogshape.surrogate.dataset import Dataset, differences
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Expected, Surrogate
 
+CHAMFER = "chamfer_deg"
+HOLDS = "faces hold: no estimate"  #: reason of a missing time
+SOLVER = ("engine", "accuracy")  #: keys in which the engines differ
+LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
 
 
@@ -21,12 +29,14 @@ class Answer:
     """Expected shift time of a design with what speaks against trusting it.
 
     ``distance`` is that to the next simulated design, in the usual distance of one to the next.
-    ``warnings`` is empty exactly when the question lies in the trained range.
+    ``warnings`` is empty exactly when the question lies in the trained range. ``refusal`` is why
+    there is no time, empty where there is one.
     """
 
-    expected: Expected
+    expected: Expected | None
     distance: float
     warnings: tuple[str, ...]
+    refusal: str = ""
 
     @property
     def in_range(self) -> bool:
@@ -34,9 +44,22 @@ class Answer:
         return not self.warnings
 
 
+def other_physics(data: Dataset, physics: Record) -> str:
+    """List what differs in the physics of data and study; nothing for another engine alone.
+
+    Both engines agree far better than a surrogate knows (docs/evidence/engines.txt).
+    """
+    mine, theirs = dict(physics), dict(data.physics)
+    if mine.get("engine") != theirs.get("engine"):
+        for record in (mine, theirs):
+            for key in SOLVER:
+                record.pop(key, None)
+    return differences(mine, theirs)
+
+
 def require_same_physics(data: Dataset, physics: Record) -> None:
     """Raise InputError where the data are of other physics: their times would not apply."""
-    if apart := differences(physics, data.physics):
+    if apart := other_physics(data, physics):
         raise InputError(
             f"the surrogate was fitted to other physics than the study's: {apart}; fit one for "
             "this study with 'dogshape fit'"
@@ -52,8 +75,32 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     require_same_physics(data, physics)
     x = np.array([design[name] for name in data.variables], dtype=float)
     distance = float(surrogate.distance(x[None, :])[0])
-    return Answer(
-        surrogate.expected(x, mix), distance, tuple(_warnings(data, x, mix.points, distance))
+    warnings = _warnings(data, x, mix.points, distance)
+    if bool(faces_hold(data, x[None, :])[0]):
+        return Answer(None, distance, tuple(warnings), held_because(data, design))
+    expected = surrogate.expected(x, mix)
+    if expected.engaged < LEAST_ENGAGED:
+        few = f"about {expected.engaged:.0%} of the shifts engage where fewest do: no time"
+        return Answer(None, distance, tuple(warnings), few)
+    return Answer(expected, distance, tuple(warnings))
+
+
+def faces_hold(data: Dataset, x: Array) -> Mask:
+    """Mark designs (m, d) whose faces hold by friction, as no simulated design's do, (m,)."""
+    if CHAMFER not in data.variables:
+        return np.zeros(len(x), dtype=bool)
+    column = data.variables.index(CHAMFER)
+    chamfer, least = x[:, column], data.x[:, column].min()
+    slides = np.tan(np.radians(chamfer)) > data.physics["static_friction"]
+    return np.logical_and(~slides, chamfer < least)
+
+
+def held_because(data: Dataset, design: dict[str, float]) -> str:
+    """Explain why the faces of a design hold."""
+    friction = float(data.physics["static_friction"])
+    return (
+        f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
+        f"{np.degrees(np.arctan(friction)):.3g} deg; 'dogshape expect' simulates it)"
     )
 
 
@@ -65,6 +112,8 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
         if not _within(x, low, high)[k]
     ]
     found += _point_warnings(data, points)
+    if not found and bool(faces_hold(data, x[None, :])[0]):
+        found.append(f"chamfer {x[data.variables.index(CHAMFER)]:.4g} deg: faces hold by friction")
     if distance > FAR and not found:
         found.append(
             f"the next simulated design is {distance:.1f} times as far as designs usually are "
@@ -106,7 +155,7 @@ def in_range(
         return np.zeros(len(x), dtype=bool)
     inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
     apart = surrogate.distance(x) if distance is None else distance
-    return np.logical_and(inside.all(axis=1), apart <= FAR)
+    return inside.all(axis=1) & (apart <= FAR) & ~faces_hold(data, x)
 
 
 def half_difference(

@@ -20,7 +20,7 @@ from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate, interval
-from dogshape.surrogate.query import in_range, require_same_physics
+from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,14 +49,16 @@ class Asked:
 
 @dataclass(frozen=True)
 class Answers:
-    """Verdict of the checks on each design, and predicted times where there is such a design.
+    """Verdict of the checks on each design, and predicted times where it can be made and slides.
 
-    ``times`` (n, 5) are NaN where there is none; ``known`` tells which lie in the trained range.
+    ``times`` (n, 5) are NaN elsewhere, for ``reason``; ``known`` tells which lie in the trained
+    range.
     """
 
     checked: Verdicts
     times: Array
     known: Mask
+    reason: list[str]
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,9 @@ def _number(text: str) -> float:
 
 def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
     checked = verdicts(study, surrogate.data.variables, x)
-    real = checked.real
+    held = faces_hold(surrogate.data, x)
+    reason = [why or HOLDS * bool(still) for why, still in zip(checked.refusal, held, strict=True)]
+    real = np.array([not why for why in reason], dtype=bool)
     times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
     if real.any():
         time, error = Over(surrogate, mix).predict(x[real])
@@ -196,7 +200,7 @@ def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
         distance = surrogate.distance(x[real])
         times[real] = np.column_stack([time, low, high, error, distance])
         known[real] = in_range(surrogate, x[real], mix, distance)
-    return Answers(checked, times, known)
+    return Answers(checked, times, known, reason)
 
 
 def write_predicted(found: Predicted, target: Path) -> None:
@@ -211,10 +215,11 @@ def write_predicted(found: Predicted, target: Path) -> None:
                 refusal = checked.refusal[place]
                 writer.writerow([*cells, *[""] * len(TIMES), False, "", "", refusal])
                 continue
-            texts = ["%.6g" % number for number in numbers[place]]  # noqa: UP031  half the time
+            why = answers.reason[place]
+            texts = ["" if why else "%.6g" % n for n in numbers[place]]  # noqa: UP031  half the time
             margin, name = f"{checked.margin[place]:.4g}", checked.worst[place]
             known, feasible = answers.known[place], checked.feasible[place]
-            writer.writerow([*cells, *texts, known, feasible, margin, name, ""])
+            writer.writerow([*cells, *texts, known, feasible, margin, name, why])
 
 
 def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
@@ -227,7 +232,7 @@ def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
         zip(judged.real.tolist(), judged.feasible.tolist(), strict=True)
     ):
         margin = float(judged.margin[place]) if real else None
-        checks = (feasible, margin, judged.worst[place], judged.refusal[place])
+        checks = (feasible, margin, judged.worst[place], answers.reason[place])
         rows.append(
             dict(zip(asked.kept, (column[place] for column in kept), strict=True))
             | dict(zip(found.variables, asked.designs[place].tolist(), strict=True))
@@ -242,12 +247,16 @@ def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
     """Give what was asked and answered, as JSON takes it; ``target`` is where it was written."""
     variables, asked, answers = found.variables, found.asked, found.answers
     checked = answers.checked
-    impossible = [
-        {"row": asked.table.rows[place][0], "reason": checked.refusal[place]}
-        for place in np.flatnonzero(~checked.real).tolist()
-    ]
+    impossible, without = (
+        [
+            {"row": asked.table.rows[place][0], "reason": answers.reason[place]}
+            for place in np.flatnonzero(marked).tolist()
+        ]
+        for marked in (~checked.real, checked.real & np.isnan(answers.times[:, 0]))
+    )
 
     def best(among: Mask) -> dict[str, Any] | None:
+        among = among & np.isfinite(answers.times[:, 0])
         if not among.any():
             return None
         row = int(np.where(among, answers.times[:, 0], np.inf).argmin())
@@ -263,6 +272,7 @@ def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
         "in_range": int(answers.known.sum()),
         "feasible": int(checked.feasible.sum()),
         "impossible": impossible,
+        "without_time": without,
         "filled": dict(asked.filled),
         "kept": list(asked.kept),
         "best": best(checked.real),

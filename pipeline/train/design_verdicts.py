@@ -14,6 +14,7 @@ from dogshape.sim.clutch_tables import si_fields
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.columns import Dogs
+from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.many import covers, strength_margins
 from dogshape.surrogate.covariance import Array, Mask
 
@@ -30,7 +31,7 @@ class Verdicts:
     feasible : whether it keeps every check before landing.
     margin : the smallest one, NaN where there is no dog.
     worst : the check that has it, empty without one.
-    refusal : why there is no dog, empty where there is one.
+    refusal : why there is no dog, or why it cannot be made; empty where it can.
     """
 
     real: Mask
@@ -69,8 +70,17 @@ def _one_by_one(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
         np.array([one.feasible for one in designs], dtype=bool),
         np.array([np.nan if check is None else check.margin for check in weakest]),
         ["" if check is None else check.name for check in weakest],
-        [one.refusal for one in designs],
+        [one.refusal or _unmade(_broken(one)) for one in designs],
     )
+
+
+def _broken(design: Design) -> list[str]:
+    """List the checks that keep a design from being made."""
+    return [check.name for check in design.checks if check.name in MAKEABLE and not check.passed]
+
+
+def _unmade(broken: Sequence[str]) -> str:
+    return f"cannot be made: fails {', '.join(broken).replace('_', ' ')}" if broken else ""
 
 
 def _checked(study: Setup, params: dict[str, float]) -> Design:
@@ -94,6 +104,11 @@ def _in_columns(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
     worst, refusal = np.full(len(x), "", dtype=object), np.full(len(x), "", dtype=object)
     worst[real], worst[~real] = [every[place] for place in least], other.worst
     refusal[~real] = other.refusal
+    made = [name for name in every if name in MAKEABLE]
+    broken = columns[:, [every.index(name) for name in made]] < 0.0
+    places = np.flatnonzero(real)
+    for row in np.flatnonzero(broken.any(axis=1)).tolist():
+        refusal[places[row]] = _unmade([made[k] for k in np.flatnonzero(broken[row])])
     dog = real.copy()
     dog[~real] = other.real
     return Verdicts(dog, dog & (margin >= 0.0), margin, worst.tolist(), refusal.tolist())

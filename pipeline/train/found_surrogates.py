@@ -7,8 +7,7 @@ from pathlib import Path
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
-from dogshape.sim.statistics.shift_records import content_key
-from dogshape.surrogate.dataset import differences
+from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 
 
@@ -26,7 +25,7 @@ def known_surrogate(study: Setup) -> Stored | None:
 def _brought(study: Setup) -> tuple[Stored, Path] | None:
     for path in sorted(bundled_root().glob("*/surrogate.json")):
         stored = load(path)
-        if content_key(stored.surrogate.data.physics) == study.physics_hash:
+        if not other_physics(stored.surrogate.data, study.physics):
             return stored, path
     return None
 
@@ -57,5 +56,5 @@ def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | Non
         if named is not None:
             raise
         return None
-    apart = differences(study.physics, stored.surrogate.data.physics)
+    apart = other_physics(stored.surrogate.data, study.physics)
     return None if apart and named is None else (stored, path)

@@ -182,6 +182,9 @@ def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> 
     return Check(TIP_CORE_RULE, core / MM, limits.tip_core / MM)
 
 
+#: Checks that a dog must pass to be made at all.
+MAKEABLE = tuple(_RULES)
+
 #: What helps a shape that breaks a rule.
 _REMEDIES = {
     "tip_width": "use fewer or lower dogs or smaller side angles",

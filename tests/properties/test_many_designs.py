@@ -13,6 +13,7 @@ from dogshape.pipeline.train.design_verdicts import by_columns, verdicts
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.columns import Dogs
 from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.strength.many import strength_margins
 from dogshape.sim.units import DEG, MM
 from dogshape.surrogate.covariance import Array
@@ -105,7 +106,9 @@ def test_verdicts_are_those_of_each_design(settings: tuple[str, ...]) -> None:
             design = Design(params, None, (), str(error))
         assert found.real[place] == (design.dog is not None)
         assert found.feasible[place] == design.feasible
-        assert found.refusal[place] == design.refusal
+        broken = [c.name for c in design.checks if c.name in MAKEABLE and not c.passed]
+        words = f"cannot be made: fails {', '.join(broken).replace('_', ' ')}" if broken else ""
+        assert found.refusal[place] == (design.refusal or words)
         if design.dog is not None:
             margins = {check.name: check.margin for check in design.checks}
             assert found.margin[place] == pytest.approx(min(margins.values()), rel=1e-12)

@@ -17,14 +17,14 @@ from dogshape.surrogate.fitting import Effort
 from dogshape.surrogate.learning import fit
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.query import ask
+from dogshape.surrogate.query import ask, in_range
 from dogshape.surrogate.references import reference_of
 from dogshape.surrogate.store import Stored, load, save
 from dogshape.surrogate.validation import validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
-PHYSICS = {"contact_set": "made_up", "dynamic_friction": 0.1}
+PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
 QUICK = Effort(rows=200, steps=25)
@@ -216,6 +216,7 @@ def test_asking_warns_outside_the_data_and_refuses_other_physics(surrogate: Surr
     inside = {"chamfer_deg": 10.0, "height_mm": 4.0, "count": 18.0}
     answer = ask(surrogate, inside, MIX, PHYSICS)
     assert answer.in_range
+    assert answer.expected is not None
     assert answer.expected.low < answer.expected.time < answer.expected.high
     outside = ask(surrogate, {**inside, "chamfer_deg": 35.0}, MIX, PHYSICS)
     assert not outside.in_range
@@ -224,3 +225,42 @@ def test_asking_warns_outside_the_data_and_refuses_other_physics(surrogate: Surr
     assert "mismatch 1000 1/min is outside" in ask(surrogate, inside, fast, PHYSICS).warnings[0]
     with pytest.raises(InputError, match=r"other physics .*: contact_set is x here and made_up"):
         ask(surrogate, inside, MIX, {**PHYSICS, "contact_set": "x"})
+    compiled = {**PHYSICS, "engine": "planar", "accuracy": 1e-4}
+    assert ask(surrogate, inside, MIX, compiled).expected == answer.expected
+
+
+@pytest.mark.parametrize(
+    ("chamfer", "friction", "holds"),
+    [(4.0, 0.12, True), (6.8, 0.12, True), (6.9, 0.12, False), (4.0, 0.05, False)],
+)
+def test_faces_that_hold_have_no_estimate(
+    surrogate: Surrogate, chamfer: float, friction: float, holds: bool
+) -> None:
+    """The least chamfer that was simulated is 7 degrees, the friction angle of 0.12 is 6.84."""
+    rows = surrogate.data.rows[surrogate.data.x[:, 0] > 7.0]
+    data = replace(surrogate.data, rows=rows, physics={**PHYSICS, "static_friction": friction})
+    model = replace(surrogate, data=data)
+    asked = {"chamfer_deg": chamfer, "height_mm": 4.0, "count": 18.0}
+    answer = ask(model, asked, MIX, data.physics)
+    assert (answer.expected is None) == holds
+    assert answer.refusal.startswith("faces hold: no estimate") == holds
+    assert bool(in_range(model, np.array([list(asked.values())]))[0]) <= (not holds)
+
+
+def test_a_simulated_chamfer_has_an_estimate_whatever_the_friction(surrogate: Surrogate) -> None:
+    """Faces of a creeping contact law let go below its friction angle, as its rows say."""
+    physics = {**PHYSICS, "static_friction": 0.9}
+    model = replace(surrogate, data=replace(surrogate.data, physics=physics))
+    asked = {"chamfer_deg": 10.0, "height_mm": 4.0, "count": 18.0}
+    assert ask(model, asked, MIX, physics).expected is not None
+
+
+def test_an_interval_is_split_into_retries_and_the_rest(surrogate: Surrogate) -> None:
+    x = np.array([10.0, 4.0, 18.0])
+    losing = replace(surrogate.share, engaged=surrogate.share.engaged * 0.9)
+    found = replace(surrogate, share=losing).expected(x, MIX)
+    bare, error = found.without_retries
+    engaging = surrogate.expected(x, replace(MIX, retry=0.0))
+    assert (bare, error) == pytest.approx((engaging.time, engaging.error))
+    assert found.retries > 0.0
+    assert np.hypot(error, found.retries_error) == pytest.approx(found.error)

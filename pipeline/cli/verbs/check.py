@@ -1,6 +1,6 @@
-"""``check``: designs at once, by their closed forms and the surrogate or the compiled engine.
+"""``check``: designs at once, by their closed forms and the compiled engine or a surrogate.
 
-Whoever asks often wants the answer at once, so nothing that is slow to load belongs here.
+Whoever asks a surrogate often wants the answer at once, so nothing slow to load belongs here.
 """
 
 from __future__ import annotations
@@ -27,10 +27,9 @@ from dogshape.pipeline.cli.options import (
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.cli.tables.prediction_tables import (
-    answer_text,
+    check_text,
     filled_lines,
     many_text,
-    simulated_text,
 )
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.output_files import require_targets
@@ -55,10 +54,10 @@ def check(
 ) -> None:
     """Quick check of one design, or predicted times of many.
 
-    The time is expected over the study's operating points, or at the one that is given. It is the
-    surrogate's; where the study has none, or with --engine planar, the compiled engine simulates
-    the one design, landing included. Of a table the answers go beside it, into NAME-times.csv;
-    status 1 if a row is no design at all.
+    The time is expected over the study's operating points, or at the one that is given. The
+    compiled engine simulates one design in seconds, landing included, and the surrogate's
+    prediction stands beside it; --surrogate FILE answers at once, without the landing. A table is
+    the surrogate's: answers go beside it, into NAME-times.csv; status 1 if a row has no answer.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
@@ -85,6 +84,4 @@ def check(
 def _text(found: Check) -> RenderableType:
     held, checks = found.blocking_force_N, found.design.checks
     table = strength_table(checks, found.within, held, found.notes, said=found.said)
-    if found.spread is None or found.validation is None:
-        return simulated_text(found.answer.expected, found.shifts, table)
-    return answer_text(found.answer, found.validation, found.spread, table)
+    return check_text(found, table)

@@ -106,7 +106,7 @@ def slices_figure(base: Row) -> go.Figure:
 
 def _ticks(curve: Row) -> Row:
     """Return the axis of mismatch or force: few ticks on a logarithmic one."""
-    if not curve["logarithmic"]:
+    if not curve["logarithmic"] or not curve["values"]:
         return {}
     low, high = min(curve["values"]), max(curve["values"])
     steps = (1, 2, 5) if high > 8.0 * low else range(1, 10)
@@ -135,7 +135,7 @@ def _series(
     near = [any(failed[max(0, k - 1) : k + 2]) for k in range(len(x))]
     passing = [None if out else t for t, out in zip(time, failed, strict=True)]
     failing = [t if out else None for t, out in zip(time, near, strict=True)]
-    at = [] if own is None else [min(range(len(x)), key=lambda k: abs(x[k] - own))]
+    at = [] if own is None or not x else [min(range(len(x)), key=lambda k: abs(x[k] - own))]
     return [
         _band(x, curve["low_s"], curve["high_s"]),
         {"x": x, "y": passing, "text": words},

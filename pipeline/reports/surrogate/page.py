@@ -41,11 +41,15 @@ def write_page(record: Row, path: Path) -> None:
 def _said(base: Row, choice: Row) -> list[str]:
     """Describe a base in lines: its shape, its time, and cautions."""
     shape = ", ".join(f"{label(name)} {value(name, v)}" for name, v in base["design"].items())
-    time, low, high = (1e3 * choice[key] for key in ("expected_shift_time_s", "low_s", "high_s"))
-    lines = [
-        f"{shape}.",
-        f"Expected shift time {time:.1f} ms, 95 % interval {low:.1f} to {high:.1f} ms.",
-    ]
+    lines = [f"{shape}."]
+    if choice["reason"]:
+        lines.append(f"No shift time: {choice['reason']}.")
+    else:
+        keys = ("expected_shift_time_s", "low_s", "high_s")
+        time, low, high = (1e3 * choice[key] for key in keys)
+        lines.append(
+            f"Expected shift time {time:.1f} ms, 95 % interval {low:.1f} to {high:.1f} ms."
+        )
     lines += [
         f"{label(name)[0].upper()}{label(name)[1:]} is varied at "
         f"{' and '.join(value(key, number) for key, number in curve['fixed'].items())}."

@@ -17,15 +17,17 @@ from dogshape.pipeline.reports.surrogate.operating_choices import (
     operating_inputs,
 )
 from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.train.design_verdicts import verdicts
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.query import ask, in_range
+from dogshape.surrogate.query import HOLDS, ask, faces_hold, in_range
 from dogshape.surrogate.sobol_indices import LOG, Input
 from dogshape.surrogate.time_curves import Curve, at_points, over_designs
 
 VALUES = 41  #: of each variable
+NOTHING = Curve(np.zeros(0), np.zeros(0), np.zeros(0))  #: where no design has an estimate
 RIVALS = 12  #: designs of the front beside the study's own, at most
 
 
@@ -71,7 +73,10 @@ def rounded(values: Iterable[float]) -> list[float]:
 
 @dataclass(frozen=True)
 class _Cut:
-    """A base with the designs along each variable, over the simulated part of its range."""
+    """A base with the designs along each variable, over the simulated part of its range.
+
+    Designs whose faces hold by friction have no estimate and are left out.
+    """
 
     study: Setup
     surrogate: Surrogate
@@ -97,7 +102,15 @@ class _Cut:
                 values = np.unique(np.append(whole, own))
             found[name] = np.repeat(self.own, len(values), axis=0)
             found[name][:, column] = values
+            found[name] = found[name][~faces_hold(data, found[name])]
         return found
+
+    @cached_property
+    def refusal(self) -> str:
+        """Reason of a missing time of the base; empty where there is a time."""
+        names = self.surrogate.data.variables
+        why = verdicts(self.study, names, self.own).refusal[0]
+        return why or HOLDS * bool(faces_hold(self.surrogate.data, self.own)[0])
 
     def record(self) -> Row:
         """Record the base at all operating points."""
@@ -122,29 +135,35 @@ class _Cut:
     def choice(self, operating: Operating, over: Over) -> Row:
         """Record the curves at one choice of operating points."""
         # Residuals of a single simulated design would stand in its slices as a false peak.
-        smooth = {name: over_designs(over, x, alone=False) for name, x in self.lines.items()}
+        smooth = {
+            name: over_designs(over, x, alone=False) if len(x) else NOTHING
+            for name, x in self.lines.items()
+        }
         curves = {name: _curve_record(curve) for name, curve in smooth.items()}
         points = {one.name: self._points(one, operating) for one in operating_inputs(self.study)}
         expected = over_designs(over, self.own)
         return {
             "name": operating.name,
-            "expected_shift_time_s": float(expected.time[0]),
-            "low_s": float(expected.low[0]),
-            "high_s": float(expected.high[0]),
+            "expected_shift_time_s": None if self.refusal else float(expected.time[0]),
+            "low_s": None if self.refusal else float(expected.low[0]),
+            "high_s": None if self.refusal else float(expected.high[0]),
+            "reason": self.refusal or None,
             "curves": {**curves, **points},
         }
 
     def _points(self, moved: Input, operating: Operating) -> Row:
         """Record the curve over mismatch or force, the other one fixed."""
-        values = moved.at(np.linspace(0.0, 1.0, VALUES))
+        count = 0 if faces_hold(self.surrogate.data, self.own)[0] else VALUES
+        values = moved.at(np.linspace(0.0, 1.0, count))
         mismatch, force = operating.mismatch, middle(self.study.forces)
         fixed = {
             "mismatch_rpm": middle(self.study.mismatches) if mismatch is None else mismatch,
             "force_N": force,
         }
-        columns = [values if k == moved.name else np.full(VALUES, v) for k, v in fixed.items()]
-        x = np.repeat(self.own, VALUES, axis=0)
-        curve = at_points(self.surrogate, x, np.column_stack(columns), operating.mix.retry)
+        columns = [values if k == moved.name else np.full(count, v) for k, v in fixed.items()]
+        x = np.repeat(self.own, count, axis=0)
+        points = np.column_stack(columns)
+        curve = at_points(self.surrogate, x, points, operating.mix.retry) if count else NOTHING
         other = {k: v for k, v in fixed.items() if k != moved.name}
         own = mismatch if moved.name == "mismatch_rpm" else force
         return {
