@@ -116,10 +116,7 @@ class Check(Checked):
         """Test that the surrogate misses the simulated time by more than both intervals."""
         if self.quick is None or self.guess is None:
             return False
-        seen, told = self.quick.expected, self.guess.answer.expected
-        if seen is None or told is None:
-            return False
-        return abs(seen.time - told.time) > NORMAL_95 * math.hypot(seen.error, told.error)
+        return misses(self.guess.answer.expected, self.quick.expected)
 
     @property
     def said(self) -> list[str]:
@@ -169,8 +166,15 @@ class Check(Checked):
         }
 
 
+def misses(told: Expected | None, seen: Expected | None) -> bool:
+    """Test that a prediction misses a simulated time by more than both intervals."""
+    if told is None or seen is None:
+        return False
+    return abs(seen.time - told.time) > NORMAL_95 * math.hypot(seen.error, told.error)
+
+
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
-    """Give an expected time with its parts as a record, s; None with a reason where there is none."""
+    """Give an expected time with its parts, s; None with a reason where there is none."""
     if found is None:
         keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
                 "without_retries_s", "without_retries_error_s", "retries_s",

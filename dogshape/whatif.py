@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dogshape.check import Quick, misses, simulate_quickly, unmade
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.whatif.page import require_fixed_points, write_whatif
+from dogshape.pipeline.reports.whatif.page import designs_of, require_fixed_points, write_whatif
+from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.train.found_surrogates import stored_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.result import Result
-from dogshape.surrogate.query import ask
+from dogshape.result import Result, ms
+from dogshape.surrogate.learning import condition
+from dogshape.surrogate.query import Answer, ask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -66,7 +69,9 @@ def write_what_if(
     surrogate: Path | None = None,
     command: str = "",
 ) -> WhatIf:
-    """Write the live page of a study.
+    """Write the live page of a study, whose own design the compiled engine simulates first.
+
+    Predictions are conditioned on its time, and its landing is judged.
 
     Parameters
     ----------
@@ -83,10 +88,41 @@ def write_what_if(
     """
     require_fixed_points(config)
     stored, source = stored_surrogate(config, surrogate)
-    answer = ask(stored.surrogate, config.prototype, study_mix(config), config.physics)
     folder = StudyFolder(default_out(config))
     page = out or folder.root / "whatif.html"
     require_targets({"--out": page}, folders=True)
     result = folder.stored_result() if folder.result.is_file() else None
-    offered = write_whatif(config, stored, (source, command or config.name), result, page)
-    return WhatIf(config, source, page, tuple(offered), answer.warnings)
+    answer = ask(stored.surrogate, config.prototype, study_mix(config), config.physics)
+    warnings, own = list(answer.warnings), {}
+    if not unmade(config):
+        quick = simulate_quickly(config)
+        own = _simulated(config, quick)
+        warnings += _missed(answer, quick)
+        if quick.expected is not None and answer.expected is not None:
+            known = condition(stored.surrogate, quick.rows)
+            stored = replace(stored, surrogate=known)
+    offered = designs_of(config, result, own)
+    names = source, command or config.name
+    said = warnings[len(answer.warnings) :]
+    write_whatif(config, stored, names, (offered, said), page)
+    return WhatIf(config, source, page, tuple(offered), tuple(warnings))
+
+
+def _simulated(config: Setup, quick: Quick) -> dict[str, Any]:
+    """Give time and margins of the simulated design with the keys of a row of a front."""
+    margins = {one.name: one.margin for one in design_of(config, {}, quick.measured).checks}
+    if quick.expected is None:
+        return {"margins": margins}
+    time, error = quick.expected.time, quick.expected.error
+    return {"expected_shift_time_s": time, "standard_error_s": error, "margins": margins}
+
+
+def _missed(answer: Answer, quick: Quick) -> list[str]:
+    """Warn of a surrogate that misses the study's own design."""
+    seen, told = quick.expected, answer.expected
+    if seen is None or told is None or not misses(told, seen):
+        return []
+    return [
+        f"the surrogate predicted {ms(told.time)} ({ms(told.low)} to {ms(told.high)}) for the "
+        f"own design, whose simulated time is {ms(seen.time)}; others may be off as much"
+    ]

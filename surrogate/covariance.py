@@ -20,7 +20,7 @@ from __future__ import annotations
 import os
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -142,6 +142,15 @@ class Covariance:
         taken = np.exp(rest[:number])
         del rest[:number]
         return taken
+
+    def rougher(self, variance: float, points: Array) -> Covariance:
+        """Return the covariance whose last term, if rough, has at least a variance at points."""
+        last, theta = self.terms[-1], self.theta.copy()
+        place = len(theta) - 1 - 2 * last.grows
+        if last.rough and variance > 0.0:
+            least = float((self.parts[-1].amplitude(points) ** 2).min())
+            theta[place] += max(0.0, np.log(variance / least))
+        return replace(self, theta=theta)
 
     def split(self, inputs: Array) -> tuple[Array, Array]:
         """Return coordinates of designs (n, d) and of operating points (n, p)."""

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from dogshape.surrogate.dataset import Dataset
+from dataclasses import replace
+
+import numpy as np
+
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import Dataset, once
 from dogshape.surrogate.engaged_share import Share, fit_share
 from dogshape.surrogate.fitting import WHOLE, Effort, fit_process
+from dogshape.surrogate.mix_learning import conditioned
 from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, USUAL, Surrogate, require_enough
 from dogshape.surrogate.process_targets import (
     design_coordinates,
@@ -42,3 +48,23 @@ def fit(
     else:
         share = fit_share(designs, where, counts, data.design_of_row)
     return Surrogate(data, form, times, spreads, share)
+
+
+def condition(surrogate: Surrogate, rows: Array) -> Surrogate:
+    """Add simulated rows (n, d + 8) to a surrogate, whose length scales stay.
+
+    What it misses them by is the least size of its rough term: it then follows them, and its
+    intervals say that other designs may be missed as much.
+    """
+    data = replace(surrogate.data, rows=once(np.concatenate([surrogate.data.rows, rows])))
+    there = replace(data, rows=rows[np.isfinite(replace(data, rows=rows).column("mean_s"))])
+    start = surrogate
+    if len(there):
+        inputs, targets, _ = time_targets(there, ALTERNATIVES[surrogate.form].ridge)
+        apart = float(((targets - surrogate.times.mean(inputs)) ** 2).mean())
+        covariance = surrogate.times.covariance
+        covariance = covariance.rougher(apart, covariance.split(inputs)[1])
+        start = replace(surrogate, times=replace(surrogate.times, covariance=covariance))
+    model = fit(data, surrogate.form, like=start, effort=Effort(steps=0))
+    own = None if surrogate.own is None else conditioned(surrogate.own, rows)
+    return replace(model, own=own)

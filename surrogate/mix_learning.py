@@ -65,3 +65,38 @@ def fitted(times: MixTimes, effort: Effort = EFFORT, *, points: bool = True) -> 
     with bounds_unsaid(), ThreadPoolExecutor(os.cpu_count()) as threads:
         each = list(threads.map(lambda place: process(place, start, POINT_EFFORT), others))
     return replace(times, processes=(first, *each))
+
+
+def conditioned(times: MixTimes, rows: Array) -> MixTimes:
+    """Add designs of rows (n, d + 8) that have every point of the mix; length scales stay.
+
+    Each has the error of its own rows. What the processes miss them by is the least size of their
+    rough term. Designs that do not engage at every point are left out.
+    """
+    about = times.about
+    data = Dataset(about.variables, about.low, about.high, rows, about.physics, about.engine)
+    found = reference_of(data, times.mix)
+    if len(found) == 0:
+        return times
+    more = replace(
+        times,
+        x=np.concatenate([times.x, found.x]),
+        means=np.concatenate([times.means, found.means]),
+        shifts=times.shifts + data.shifts,
+        scaled=len(times.x) if times.scaled is None else times.scaled,
+    )
+    relative = np.column_stack([found.error / found.time, found.errors / found.means])
+    noise = np.maximum(relative**2, EXACT**2)
+    fresh = np.log(np.column_stack([found.time, found.means])) + 0.5 * noise
+    where = times.coordinates(found.x)
+    apart = [fresh[:, k] - process.mean(where) for k, process in enumerate(times.processes)]
+    each = [
+        Process(
+            process.covariance.rougher(float((apart[k] ** 2).mean()), where[:, :0]),
+            more.inputs,
+            np.concatenate([process.targets, fresh[:, k]]),
+            np.concatenate([process.noise, noise[:, k]]),
+        )
+        for k, process in enumerate(times.processes)
+    ]
+    return replace(more, processes=tuple(each))

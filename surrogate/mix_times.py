@@ -54,6 +54,7 @@ class MixTimes:
     noise : variance of the logarithm of the expected time, then of that at each point, (1 + q,).
     shifts : simulated shifts behind them.
     processes : of the logarithms, in the order of ``noise``.
+    scaled : number of the first designs, whose shape sets the scale of coordinates; None for all.
     """
 
     mix: Mix
@@ -63,6 +64,7 @@ class MixTimes:
     noise: Array
     shifts: int
     processes: tuple[Process, ...] = ()
+    scaled: int | None = None
 
     @cached_property
     def inputs(self) -> Array:
@@ -81,7 +83,7 @@ class MixTimes:
     @cached_property
     def spans(self) -> tuple[Array, Array] | None:
         """Least of each coordinate of the shape over the designs, and its range, (3,) each."""
-        shape = shape_of(self.about, self.x)
+        shape = shape_of(self.about, self.x[: self.scaled])
         if shape is None:
             return None
         low, span = shape.min(axis=0), np.ptp(shape, axis=0)

@@ -25,10 +25,10 @@ def whatif(
     """Live page: move a number, and see section, expected time and all checks at once.
 
     The page is one file that opens without a network. It has fields and sliders for the numbers of
-    the dogs, one operating point and friction, and begins with any design of the front. Nothing
-    is simulated; times are the surrogate's.
+    the dogs, one operating point and friction, and begins with any design of the front. The study's
+    own design is simulated first, in seconds; other times are the surrogate's ('dogshape fit').
 
-    Example: dogshape whatif mq200 --out whatif.html
+    Example: dogshape whatif mq200_paper --out whatif.html
     """
     given = load_study(study, set_)
     command = shlex.join([str(study), *(f"--set={one}" for one in set_ or ())])
@@ -37,6 +37,5 @@ def whatif(
 
 
 def _text(found: WhatIf) -> str:
-    words = "the time of the study's own design extrapolates"
-    cautions = [f"warning: {one}; {words}" for one in found.warnings]
+    cautions = [f"warning: {one}" for one in found.warnings]
     return "\n".join([*cautions, f"page: {found.page}"])

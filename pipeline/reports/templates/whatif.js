@@ -57,13 +57,16 @@ function now() {
   const x = design(), here = mix();
   present = Times.expected(x, here);
   const rival = Times.expected(start().values, here), {distance, design: near} = Times.nearest(x);
-  $("time").textContent = ms(present.time);
-  $("interval").textContent = `95 %: ${ms(present.low)} to ${ms(present.high)}`;
+  const none = Times.refusal(x, present), rivalNone = Times.refusal(start().values, rival);
+  $("time").textContent = none ? "none" : ms(present.time);
+  $("interval").textContent = none || `95 %: ${ms(present.low)} to ${ms(present.high)}`
+    + `; without retries \u00b1${ms(1.96 * present.bareError)}, retries \u00b1${ms(1.96 * present.retriesError)}`;
   const apart = present.time - rival.time;
   $("rival").textContent = start().name;
-  $("gain").textContent = Math.abs(apart) < 5e-5 ? "the same" : (apart > 0 ? "+" : "") + ms(apart);
+  $("gain").textContent = none || rivalNone ? "-"
+    : Math.abs(apart) < 5e-5 ? "the same" : (apart > 0 ? "+" : "") + ms(apart);
   const told = start().simulated_s;
-  $("rivals").textContent = `${ms(rival.time)} predicted` + (told && $("all").checked
+  $("rivals").textContent = (rivalNone || `${ms(rival.time)} predicted`) + (told && $("all").checked
     ? `, ${ms(told)} \u00b1 ${ms(start().error_s)} simulated` : "");
   $("distance").textContent = distance < 0.005 ? "this one" : distance.toFixed(1) + " \u00d7";
   $("nearest").textContent = (distance < 0.005 ? "" : "the usual spacing: ")
@@ -90,11 +93,20 @@ function judge(x, more) {
   const found = asked(x, {...friction, ...more});
   document.body.dataset.checks = JSON.stringify(found);
   $("refused").textContent = found.refusal ? "There is no such dog: " + found.refusal : "";
+  const unmade = found.refusal ? ["no such dog"]
+    : found.checks.filter(one => data.makeable.includes(one.name) && !one.passed).map(one => words(one.name));
+  if (unmade.length) {
+    $("time").textContent = "none"; $("gain").textContent = "-";
+    $("interval").textContent = found.refusal ? "no such dog" : "cannot be made: fails " + unmade.join(", ");
+  }
   $("weakest").className = "card " + (found.refusal ? "bad" : "");
   if (found.refusal) {
     $("margin").textContent = "-"; $("which").textContent = "no such dog"; $("checks").replaceChildren();
+    $("landing").textContent = "";
     return;
   }
+  const simulated = landing(x, found.checks);
+  found.checks.push(...(simulated ?? []));
   const weakest = found.checks.reduce((a, b) => b.margin < a.margin ? b : a);
   $("margin").textContent = percent(weakest.margin);
   const failed = found.checks.filter(one => !one.passed).length;
@@ -103,7 +115,8 @@ function judge(x, more) {
     const left = Math.min(...found.checks.map(one => one.margin - (found.lost[one.name] ?? 0)));
     $("which").textContent += Number.isFinite(left) ? `; ${percent(left)} with tolerances at their worst` : "; with tolerances no dog";
   }
-  $("weakest").className = "card " + (failed ? "bad" : "good");
+  $("weakest").className = "card " + (failed ? "bad" : simulated ? "good" : "open");
+  $("landing").textContent = simulated ? "landing judged" : "landing not judged";
   table(found);
   const [mu, name] = found.locks_above;
   $("more").textContent = `It locks above a static friction of ${mu.toFixed(3)} (${words(name)}). The blocking mechanism holds `
@@ -112,6 +125,16 @@ function judge(x, more) {
   const other = asked(start().values, {});
   if (!other.refusal) Figures.section(own, {section: other.section, pitch: other.pitch_mm,
     height: height(other.section), name: start().name}, data.gap);
+}
+
+// Checks of a simulation, with those of landing, where the design is one that was simulated.
+function landing(x, known) {
+  const one = data.designs.find(({values}) => values.every((value, i) => Math.abs(value - x[i]) < 1e-9));
+  if (!one?.margins) return null;
+  const names = known.map(check => check.name);
+  return Object.entries(one.margins).filter(([name]) => !names.includes(name)).map(([name, margin]) => ({
+    name, margin, passed: margin >= 0, group: "simulated", value: "", at_most: null, limit: "", unit: "",
+    meaning: "margin of the simulated design", formula: "", source: "", key: ""}));
 }
 
 const words = name => name.replaceAll("_", " ");
@@ -131,7 +154,9 @@ function table(found) {
       const lost = found.lost?.[one.name];
       const worst = !found.lost ? "" : lost === undefined ? percent(one.margin)
         : Number.isFinite(lost) ? percent(one.margin - lost) : "no dog";
-      const cells = [words(one.name), figure(one.value), one.at_most ? "\u2264" : "\u2265", figure(one.limit), one.unit, "", worst];
+      const sign = one.at_most === null ? "" : one.at_most ? "\u2264" : "\u2265";
+      const number = value => value === "" ? "" : figure(value);
+      const cells = [words(one.name), number(one.value), sign, number(one.limit), one.unit, "", worst];
       cells.forEach((text, i) => {
         const cell = document.createElement("td"); cell.textContent = text;
         if (i === 4) cell.className = "words";
@@ -157,8 +182,10 @@ function curves() {
     for (let k = 0; k < places; k++) {
       const moved = [...x];
       moved[i] = low[i] + (high[i] - low[i]) * k / (places - 1);
+      if (Times.refusal(moved)) continue;
       curve.push([moved[i], 1e3 * Times.trend(moved, here, present.grown)]);
     }
+    if (!curve.length) return "";
     return Figures.trend(one, curve, [x[i], 1e3 * present.time]);
   }));
 }

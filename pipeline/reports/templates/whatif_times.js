@@ -106,7 +106,8 @@ const Times = (() => {
   // Processes over designs alone of the study's own mix and of each of its points, in this order
   // (surrogate/mix_times.py).
   const own = model.own && {...model.own, known: numbers(model.own.known, Float64Array),
-    processes: model.own.processes.map(one => ({...one, weights: numbers(one.weights, Float64Array)}))};
+    processes: model.own.processes.map(one => ({...one, weights: numbers(one.weights, Float64Array),
+      noise: numbers(one.noise, Float64Array)}))};
   const alike = (a, b) => a.length === b.length && a.every((point, j) =>
     point.every((value, i) => Math.abs(value - b[j][i]) < 1e-6));
 
@@ -137,7 +138,7 @@ const Times = (() => {
     const root = new Float64Array(size * (size + 1) / 2);
     for (let i = 0, at = 0; i < size; at += ++i) {
       const row = ownLinks(process, own.known.subarray(i * width, (i + 1) * width));
-      row[i] += process.noise;
+      row[i] += process.noise[i];
       for (let j = 0, to = 0; j <= i; to += ++j) {
         let sum = row[j];
         for (let k = 0; k < j; k++) sum -= root[at + k] * root[to + k];
@@ -238,7 +239,8 @@ const Times = (() => {
     }
     const error = Math.sqrt(Math.max(unknown, 0) + unsure), time = engages + retries;
     const [low, high] = interval(time, error);
-    return {time, low, high, error, grown,
+    return {time, low, high, error, grown, retries,
+            bareError: Math.sqrt(Math.max(unknown, 0)), retriesError: Math.sqrt(unsure),
             engaged: Math.min(...parts.map(one => one.share))};
   }
 
@@ -283,11 +285,21 @@ const Times = (() => {
         if (!within(end, from, to)) found.push(`${name} ${short(end)} ${unit} is outside what was `
           + `simulated (${short(from)} to ${short(to)})`);
     });
+    if (!found.length && refusal(x)) found.push(refusal(x));
     const {distance} = nearest(x);
     if (!found.length && distance > model.far) found.push("the next simulated design is "
       + `${distance.toFixed(1)} times as far as designs usually are from each other`);
     return found;
   }
 
-  return {expected, trend, nearest, warnings};
+  // Why a design has no time, empty where it has one (surrogate/query.py).
+  function refusal(x, found) {
+    const {place, friction, reason, engaged} = model.holds;
+    if (place !== null && x[place] < model.simulated[0][place]
+        && Math.tan(x[place] * Math.PI / 180) <= friction) return reason;
+    return found && found.engaged < engaged
+      ? `about ${(100 * found.engaged).toFixed(0)} % of the shifts engage where fewest do` : "";
+  }
+
+  return {expected, trend, nearest, warnings, refusal};
 })();

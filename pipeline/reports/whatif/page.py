@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 from base64 import b64encode
+from collections.abc import Sequence
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
@@ -18,6 +19,7 @@ from dogshape.pipeline.reports.whatif.page_surrogate import packed
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.landing import LANDING_RULES
+from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.units import MM, RPM, unit_of
 from dogshape.sim.versions import versions
 from dogshape.surrogate.store import Stored
@@ -40,15 +42,19 @@ def require_fixed_points(study: Setup) -> None:
 
 
 def write_whatif(
-    study: Setup, stored: Stored, names: tuple[Path, str], result: Row | None, path: Path
-) -> list[Row]:
-    """Write the page of a study and its surrogate; return the designs to begin with.
+    study: Setup,
+    stored: Stored,
+    names: tuple[Path, str],
+    shown: tuple[list[Row], Sequence[str]],
+    path: Path,
+) -> None:
+    """Write the page of a study and its surrogate.
 
-    ``names`` are the surrogate's file and the study as a command has it, ``result`` is the
-    search's, None where there is none.
+    ``names`` are the surrogate's file and the study as a command has it, ``shown`` the designs to
+    begin with and warnings.
     """
-    source, command = names
-    data, designs = stored.surrogate.data, designs_of(study, result)
+    (source, command), (designs, warnings) = names, shown
+    data = stored.surrogate.data
     model = packed(study, stored.surrogate)
     content = {
         "command": command,
@@ -56,7 +62,8 @@ def write_whatif(
         "operating": _operating(study),
         "friction": _friction(study),
         "designs": designs,
-        "groups": GROUPS,
+        "groups": {**GROUPS, "simulated": "simulated, landing included"},
+        "makeable": MAKEABLE,
         "gap": study.clutch.dog.axial_gap / MM,
         "model": model,
         "python": _python(study),
@@ -69,6 +76,7 @@ def write_whatif(
         "shifts": data.shifts,
         "hash": data.digest[:10],
         "missing": _missing(study),
+        "warnings": list(warnings),
         "versions": versions(),
     }
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -80,19 +88,23 @@ def write_whatif(
         useful=stored.validation.useful,
         content=html.as_script_json(content),
     )
-    return designs
 
 
-def designs_of(study: Setup, result: Row | None) -> list[Row]:
-    """List the study's own design and all of the front, with what simulation said of them."""
+def designs_of(study: Setup, result: Row | None, own_row: Row) -> list[Row]:
+    """List the study's own design and all of the front, with what simulation said of them.
+
+    ``own_row`` says it of the study's own, with the keys of a row of the front.
+    """
     own = [Base(OWN, study.prototype), *rivals_of(study, result)]
     told = {f"design {row['trial']}": row for row in (result or {}).get("front", [])}
+    told[OWN] = own_row
     return [
         {
             "name": one.name,
             "values": [float(one.design[name]) for name in study.variables],
             "simulated_s": told.get(one.name, {}).get("expected_shift_time_s"),
             "error_s": told.get(one.name, {}).get("standard_error_s"),
+            "margins": told.get(one.name, {}).get("margins"),
         }
         for one in own
     ]
@@ -155,4 +167,7 @@ def _missing(study: Setup) -> str:
     landing = ", ".join(rule.name.replace("_", " ") for rule in LANDING_RULES)
     limits = study.file.search.limits
     more = f"; the study's own limits ({', '.join(limits)})" if limits else ""
-    return f"landings, which need a simulation ({landing}){more}"
+    return (
+        f"of designs that were not simulated, landings ({landing}){more}; "
+        "'dogshape check' judges them"
+    )

@@ -20,7 +20,7 @@ from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix_times import SHAPE, MixTimes
 from dogshape.surrogate.model import ALTERNATIVES, Surrogate
 from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
-from dogshape.surrogate.query import FAR
+from dogshape.surrogate.query import CHAMFER, FAR, HOLDS, LEAST_ENGAGED
 
 
 def packed(study: Setup, surrogate: Surrogate) -> Row:
@@ -37,6 +37,12 @@ def packed(study: Setup, surrogate: Surrogate) -> Row:
         "high": data.high.tolist(),
         "simulated": [low.tolist(), high.tolist()],
         "points": [data.points.min(axis=0).tolist(), data.points.max(axis=0).tolist()],
+        "holds": {
+            "place": list(data.variables).index(CHAMFER) if CHAMFER in data.variables else None,
+            "friction": data.physics["static_friction"],
+            "reason": HOLDS,
+            "engaged": LEAST_ENGAGED,
+        },
         "ridge": {"angles": angles, "friction": data.physics["dynamic_friction"], "width": WIDTH},
         "designs": data.designs.tolist(),
         "spacing": surrogate.spacing,
@@ -73,7 +79,7 @@ def _own(own: MixTimes | None) -> Row | None:
             {
                 "weights": array_text(process.weights, "f8"),
                 "centre": process.centre,
-                "noise": float(process.noise[0]),
+                "noise": array_text(process.noise, "f8"),
                 "parts": [_part(part) for part in process.covariance.parts],
             }
             for process in own.processes
