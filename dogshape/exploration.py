@@ -41,12 +41,14 @@ class Exploration(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Mean near the study's own design, and the variable that moves the time most."""
+        """Time of the study's own design, mean over the box about it, and what moves it most."""
         near, frame = self.found["indices"][0], self.found["effects"]["variables"]
+        own = self.found["slices"][0]["operating"][0]
         strongest = max(frame, key=lambda one: one["span_s"])
         return {
-            "mean near the study's design": ms(near["mean_s"]),
-            "standard deviation": ms(near["sd_s"]),
+            "study's own design": own["reason"] or ms(own["expected_shift_time_s"]),
+            "mean over the box about it": ms(near["mean_s"]),
+            "standard deviation in the box": ms(near["sd_s"]),
             "strongest variable": f"{strongest['variable']} ({ms(strongest['span_s'])})",
         }
 

@@ -16,9 +16,15 @@ Row = dict[str, Any]  #: a row of ``explore --json``
 def explored_text(record: Row) -> RenderableType:
     """Return effects and indices of each variable, and where the page is."""
     effects, near = record["effects"], record["indices"][0]
+    own = record["slices"][0]["operating"][0]
+    time = own["reason"] or f"{in_ms(own['expected_shift_time_s'])} ms"
+    sides = ", ".join(f"{axis(one['variable'])} {one['low']:.4g} to {one['high']:.4g}"
+                      for one in near["inputs"])  # fmt: skip
     return Group(
-        f"over {effects['designs']} feasible designs, and near the study's own design "
-        f"({in_ms(near['mean_s'])} ms, standard deviation {in_ms(near['sd_s'])} ms):",
+        f"the study's own design: {time}",
+        f"effects over {effects['designs']} feasible designs; indices over a box about the study's "
+        f"own design, mean {in_ms(near['mean_s'])} ms, standard deviation {in_ms(near['sd_s'])} ms "
+        f"({sides}):",
         _table(effects, near),
         f"page: {record['file']}",
     )

@@ -24,12 +24,12 @@ def explore(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Page that answers "what if": effects of each number, what matters, slices.
+    """Page of the surrogate: effects of each number, sensitivity indices, slices.
 
     Nothing is simulated; all of it is the surrogate's. Designs of the front in results/NAME are
     among those that slices go through.
 
-    Example: dogshape explore mq200 --set dog.chamfer_deg=13 --out what-if.html
+    Example: dogshape explore mq200 --set dog.chamfer_deg=13 --out effects.html
     """
     given = load_study(study, set_)
     page = out or StudyFolder(default_out(given)).root / "explore.html"

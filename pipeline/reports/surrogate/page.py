@@ -33,6 +33,7 @@ def write_page(record: Row, path: Path) -> None:
         slices=html.figure_html(slices_figure(slices[0]), "slices"),
         choices=html.as_script_json(choices),
         useful=validation_of(record["validation"]).useful,
+        own_s=slices[0]["operating"][0]["expected_shift_time_s"],
         label=label,
         value=value,
     )

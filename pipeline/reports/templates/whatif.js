@@ -116,6 +116,7 @@ function judge(x, more) {
     $("which").textContent += Number.isFinite(left) ? `; ${percent(left)} with tolerances at their worst` : "; with tolerances no dog";
   }
   $("weakest").className = "card " + (failed ? "bad" : simulated ? "good" : "open");
+  $("landing").className = simulated ? "" : "open";
   $("landing").textContent = simulated ? "landing judged" : "landing not judged";
   table(found);
   const [mu, name] = found.locks_above;
