@@ -11,7 +11,10 @@ A problem is a frozen value, a verb turns it into a frozen result that carries i
 from __future__ import annotations
 
 from importlib import import_module
+from inspect import isfunction
 from typing import TYPE_CHECKING, Any
+
+from dogshape.python_words import in_python
 
 if TYPE_CHECKING:
     from dogshape.bench import Bench
@@ -113,7 +116,8 @@ _HOMES = {
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"dogshape has no '{name}'; it has {', '.join(__all__)}")
-    return getattr(import_module(_HOMES[name]), name)
+    found = getattr(import_module(_HOMES[name]), name)
+    return in_python(found) if isfunction(found) else found
 
 
 def __dir__() -> list[str]:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.python_words import speaks_python
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from dogshape.whatif import WhatIf
 
 
+@speaks_python
 @dataclass(frozen=True, init=False, repr=False)
 class Study:
     """A study: what is built, how it is operated and what is searched.

@@ -125,7 +125,7 @@ def fill(
 
 
 def _lasting(foreseen: Forecast, jobs: int) -> str:
-    """Say how long the rest takes, by the shifts that were simulated first."""
+    """Write the time of the rest, as the first shifts have it."""
     took = about(foreseen.seconds)
     return f"the rest takes {took} with {workers_of(jobs)} workers; the fit follows"
 
