@@ -17,6 +17,7 @@ from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.process_targets import FLOOR
 from dogshape.surrogate.references import Reference
 
+LEAST_Q2 = 0.5  #: of a surrogate that is of use
 LEAST = 10  #: designs that figures of their expected times need
 
 
@@ -64,7 +65,7 @@ class Validation:
 
         The variance is that of expected times, or with few designs of single operating points.
         """
-        return (self.q2 if self.n >= LEAST else self.q2_points) >= 0.5
+        return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
 
     def as_dict(self) -> dict[str, Any]:
         """Return the figures by name."""

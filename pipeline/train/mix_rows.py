@@ -14,6 +14,7 @@ of what a run had not written when it was stopped, a few designs, shifts are sim
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import islice
@@ -68,11 +69,12 @@ def count_of(study: Setup) -> int:
 def require_mix(study: Setup) -> None:
     """Raise InputError if ``mix_shifts``, unless 0, is not enough for the designs of a fit."""
     given, each = study.file.surrogate.mix_shifts, angles_of(study) * len(study.points)
-    if given and count_of(study) < MIN_DESIGNS:
+    least = math.ceil(MIN_DESIGNS / FILLS)  # the first of them choose the others
+    if given and count_of(study) < least:
         raise InputError(
             f"surrogate.mix_shifts = {given} is enough for {count_of(study)} designs of {each} "
-            f"shifts, but the expected time over the study's operating points needs {MIN_DESIGNS} "
-            f"at least; give {MIN_DESIGNS * each} or more, or 0 to learn it from single points"
+            f"shifts, but the expected time over the study's operating points needs {least} "
+            f"at least; give {least * each} or more, or 0 to learn it from single points"
         )
 
 

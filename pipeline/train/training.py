@@ -281,7 +281,8 @@ def _data_of(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset | None
         return data, mixed if len(mixed) else None
     # A shift does not say which set-point and factors moved its operating point there.
     shifts = [] if study.searches_operation else [*ShiftJournal(folder.shifts).rows.values()]
-    if study.two_levels:  # of a search in two levels the rows say what its shifts do, and more
+    # Of a search in two levels the rows say what its shifts do, and more.
+    if study.two_levels and folder.others.exists():
         seed = study.file.expectation.seed
         shifts = [shift for shift in shifts if shift.get("seed") != seed]
     own = dataset_of(study, shifts)

@@ -20,7 +20,7 @@ SMALL = {
     "search.confirm_designs": 1, "search.screen_angles": 16, "surrogate.designs": 20,
     "surrogate.points": 2, "surrogate.angles": 3, "surrogate.references": 3,
     "surrogate.best_references": 0, "surrogate.reference_angles": 6,
-    "surrogate.reference_error": 0.2, "surrogate.mix_shifts": 12 * 128,
+    "surrogate.reference_error": 0.2, "surrogate.mix_shifts": 24 * 128,
     "variables.chamfer_deg": [6, 14], "variables.height_mm": [2.8, 4.2],
     "variables.count": [12, 24],
 }  # fmt: skip

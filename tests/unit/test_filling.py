@@ -12,10 +12,19 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import SLACK, filling_blocks, filling_designs, filling_point
+from dogshape.pipeline.train.filling import (
+    SLACK,
+    filling_blocks,
+    filling_designs,
+    filling_point,
+    own_blocks,
+    own_designs,
+)
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.reference_designs import MOST, finer_counts
+from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
@@ -162,3 +171,34 @@ def test_a_question_is_answered_with_the_shifts_it_was_given(
 def test_an_unknown_question_is_refused() -> None:
     with pytest.raises(InputError, match=r"--question is 'bst', .*did you mean 'best'"):
         Inquiry("bst", 10)
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_a_filled_folder_has_all_of_its_rows(tmp_path: Path, levels: int) -> None:
+    """Seeds of search and surrogate are alike by default; only a search's folder has others."""
+    few = {"designs": 10, "points": 1, "angles": 3, "references": 3, "best_references": 0,
+           "reference_angles": 3, "reference_error": 0.3}  # fmt: skip
+    study = load_study("mq200_paper", {
+        **{f"surrogate.{key}": value for key, value in few.items()}, "search.levels": levels,
+        "operating.mismatch_rpm": [50, 149], "operating.force_N": [469.0],
+        "solver.engine": "planar",
+    })  # fmt: skip
+    folder = StudyFolder(tmp_path)
+    fill(study, folder, 1)
+    data = train(folder).surrogate.data
+    assert len(data.designs) == 11  # with the study's own dog
+    own = data.rows[(data.x == study.rows([study.prototype])).all(axis=1)]
+    assert own[:, 5].tolist() == [50.0, 149.0]
+    assert (own[:, -2] == 4 * 3).all()
+
+
+def test_own_designs_are_those_that_can_be_simulated() -> None:
+    reference = {"chamfer_deg": 10.0, "count": 18}
+    study = load_study("mq200_paper", {"search.reference": reference})
+    assert own_designs(study) == [study.prototype, {**study.prototype, **reference}]
+    assert len(own_designs(load_study("mq200_paper"))) == 1
+    assert own_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
+    assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
+    blocks = own_blocks(study)
+    assert len(blocks) == 2 * len(study.points)
+    assert {len(block.angles) for block in blocks} == {4 * study.file.surrogate.angles}

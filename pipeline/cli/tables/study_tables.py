@@ -31,6 +31,7 @@ from dogshape.pipeline.reports.study.summary import (
 )
 from dogshape.sim.shift.outcome import depends_on_clock
 from dogshape.surrogate.store import Stored
+from dogshape.surrogate.validation_figures import LEAST_Q2
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
@@ -140,6 +141,12 @@ def validation_text(stored: Stored, path: Path) -> RenderableType:
         f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
         table,
     ]
+    for named, q2 in (("expected times", v.q2), ("times at single operating points", v.q2_points)):
+        if q2 < LEAST_Q2:
+            lines.append(
+                f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
+                "useless; raise surrogate.designs or surrogate.mix_shifts"
+            )
     lines.append(
         f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, where "
         f"{v.lost_expected:.1f} were expected"
