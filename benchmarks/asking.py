@@ -36,14 +36,15 @@ NO_SURROGATE = "mq200"  #: a study that the package brings none for
 def main() -> None:
     """Print time on the clock and processor time, median and range of several whole processes."""
     study = load_study("mq200_paper")
-    data = stored_surrogate(study, None)[0].surrogate.data
+    stored, path = stored_surrogate(study, None)
+    data = stored.surrogate.data
     print(f"{len(data)} rows of {len(data.designs)} designs; {os.cpu_count()} cores; {load_told()}")
     with tempfile.TemporaryDirectory() as place:
         os.environ[PLACE] = str(Path(place) / "kept")
         x = _designs(data)
         table = Path(place) / "designs.csv"
         np.savetxt(table, x, delimiter=",", header=",".join(data.variables), comments="")
-        one = ("check", "mq200_paper", *SET)
+        one = ("check", "mq200_paper", *SET, "--surrogate", str(path))
         many = ("check", "mq200_paper", "--designs", str(table))
         _measure("--help", ("--help",))
         _measure("check --help", ("check", "--help"))

@@ -131,8 +131,7 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "one after the other, in {:.0f} s. Without a surrogate the compiled engine simulates a "
-        "design in {:.1f} s",
+        "one after the other, in {:.0f} s. The compiled engine simulates a design in {:.1f} s",
         lambda: [
             numbers("asking", "one after the other, as for a limit of one's own:")[0],
             numbers("asking", "one design by the compiled engine:")[3],

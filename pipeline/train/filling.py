@@ -38,6 +38,7 @@ BEYOND = 3  #: one design in so many lies beyond the border
 MOST = 2**16  #: draws without a new design after which there is none
 OWN = 30_000  #: added to the seed for the study's own designs
 DENSER = 4  #: times the angles of other rows for the study's own designs
+OWN_SHIFTS = 1344  #: of the compiled engine for each of them, at least
 PLASTIC = 1.32471795724474602596  #: root of x^3 = x + 1
 
 
@@ -82,11 +83,14 @@ def _slides(study: Setup, design: dict[str, float]) -> bool:
 def own_blocks(study: Setup) -> list[Block]:
     """Return the shifts of the study's own designs at all of its operating points."""
     settings, size = study.file.surrogate, len(study.points)
+    angles = DENSER * settings.angles
+    if study.clutch.solver.engine == "planar":
+        angles = max(angles, math.ceil(OWN_SHIFTS / size))
     return [
         even_block(
             study.clutch.with_dog(study.dog_with(design)),
             point,
-            DENSER * settings.angles,
+            angles,
             (settings.seed + OWN, index * size + place),
             uncertainty=study.uncertainty,
         )

@@ -117,7 +117,7 @@ def test_a_fit_is_what_the_command_line_prints(
 
 
 def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> None:
-    with pytest.raises(ds.InputError, match="--set cannot change a study that was run"):
+    with pytest.raises(ds.InputError, match="leave it out, or name the study"):
         ds.fit(found.folder, ["dog.count=18"])
     with pytest.raises(ds.InputError, match="give them to Study"):
         ds.fit(ds.Study("mq200_paper"), ["dog.count=18"])

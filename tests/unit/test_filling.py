@@ -189,7 +189,7 @@ def test_a_filled_folder_has_all_of_its_rows(tmp_path: Path, levels: int) -> Non
     assert len(data.designs) == 11  # with the study's own dog
     own = data.rows[(data.x == study.rows([study.prototype])).all(axis=1)]
     assert own[:, 5].tolist() == [50.0, 149.0]
-    assert (own[:, -2] == 4 * 3).all()
+    assert (own[:, -2] == 672).all()
 
 
 def test_own_designs_are_those_that_can_be_simulated() -> None:
