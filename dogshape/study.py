@@ -144,7 +144,10 @@ class Study:
         force_N: float | None = None,
         surrogate: str | Path | None = None,
     ) -> Check:
-        """Check the design without simulating it (``dogshape.check.check_design``)."""
+        """Check the design in seconds (``dogshape.check.check_design``).
+
+        ``surrogate`` is a file that answers at once, in place of the compiled engine.
+        """
         from dogshape.check import check_design  # noqa: PLC0415
 
         return check_design(self.config, mismatch_rpm, force_N, _path(surrogate))
@@ -195,7 +198,10 @@ class Study:
     def what_if(
         self, out: str | Path | None = None, *, surrogate: str | Path | None = None
     ) -> WhatIf:
-        """Write the live page of the study (``dogshape.whatif.write_what_if``)."""
+        """Write the live page of the study (``dogshape.whatif.write_what_if``).
+
+        It needs a surrogate, which ``dogshape.fit`` or ``search`` makes.
+        """
         from dogshape.whatif import write_what_if  # noqa: PLC0415
 
         return write_what_if(self.config, _path(out), _path(surrogate))

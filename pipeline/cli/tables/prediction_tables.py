@@ -22,7 +22,7 @@ def check_text(found: Check, checks: RenderableType) -> RenderableType:
         lines += _parts(found.expected)
     if found.guess is not None:
         lines += _surrogate_lines(found, found.guess)
-    if found.design.not_checked:
+    if found.design.not_checked and not found.refusal:
         lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
     return Group(*lines, "", checks)
 
