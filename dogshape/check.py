@@ -23,7 +23,7 @@ from dogshape.sim.strength.tolerance import Spread
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Expected, interval
-from dogshape.surrogate.query import LEAST_ENGAGED, Answer, ask
+from dogshape.surrogate.query import LEAST_ENGAGED, Answer, ask, time_record
 from dogshape.surrogate.validation_figures import Validation
 
 LEAST_ANGLES = 16  #: at an operating point
@@ -171,29 +171,6 @@ def misses(told: Expected | None, seen: Expected | None) -> bool:
     if told is None or seen is None:
         return False
     return abs(seen.time - told.time) > NORMAL_95 * math.hypot(seen.error, told.error)
-
-
-def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
-    """Give an expected time with its parts, s; None with a reason where there is none."""
-    if found is None:
-        keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
-                "without_retries_s", "without_retries_error_s", "retries_s",
-                "retries_error_s")  # fmt: skip
-        return {**dict.fromkeys(keys), "reason": refusal}
-    bare, error = found.without_retries
-    return {
-        "expected_shift_time_s": found.time,
-        "low_s": found.low,
-        "high_s": found.high,
-        "standard_error_s": found.error,
-        "sd_s": found.sd,
-        "engaged": found.engaged,
-        "without_retries_s": bare,
-        "without_retries_error_s": error,
-        "retries_s": found.retries,
-        "retries_error_s": found.retries_error,
-        "reason": None,
-    }
 
 
 def check_design(

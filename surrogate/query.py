@@ -7,6 +7,7 @@ design has so small a chamfer nothing is known of that, and there is no estimate
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -83,6 +84,29 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
         few = f"about {expected.engaged:.0%} of the shifts engage where fewest do: no time"
         return Answer(None, distance, tuple(warnings), few)
     return Answer(expected, distance, tuple(warnings))
+
+
+def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
+    """Give an expected time with its parts, s; None with a reason where there is none."""
+    if found is None:
+        keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
+                "without_retries_s", "without_retries_error_s", "retries_s",
+                "retries_error_s")  # fmt: skip
+        return {**dict.fromkeys(keys), "reason": refusal}
+    bare, error = found.without_retries
+    return {
+        "expected_shift_time_s": found.time,
+        "low_s": found.low,
+        "high_s": found.high,
+        "standard_error_s": found.error,
+        "sd_s": found.sd,
+        "engaged": found.engaged,
+        "without_retries_s": bare,
+        "without_retries_error_s": error,
+        "retries_s": found.retries,
+        "retries_error_s": found.retries_error,
+        "reason": None,
+    }
 
 
 def faces_hold(data: Dataset, x: Array) -> Mask:

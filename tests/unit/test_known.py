@@ -164,8 +164,8 @@ def test_an_interval_of_a_time_is_positive(tmp_path: Path, monkeypatch: pytest.M
     assert 0.0 < low < (found.time_s or 0.0) < high
     assert found.expected is not None
     bare, error = found.expected.without_retries
-    assert bare < 0.3 * found.expected.time
-    assert error < 0.3 * found.expected.error
+    assert bare == pytest.approx(found.expected.time - found.expected.retries)
+    assert found.expected.retries > found.expected.retries_error > error > 0.0
 
 
 def test_one_point_of_a_clutch_without_a_surrogate(

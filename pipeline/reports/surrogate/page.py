@@ -51,6 +51,9 @@ def _said(base: Row, choice: Row) -> list[str]:
         lines.append(
             f"Expected shift time {time:.1f} ms, 95 % interval {low:.1f} to {high:.1f} ms."
         )
+        errors = (1.96e3 * choice[key] for key in ("without_retries_error_s", "retries_error_s"))
+        bare, retries = (f"\N{PLUS-MINUS SIGN}{half:.1f} ms" for half in errors)
+        lines.append(f"Half width without retries {bare}, of retries {retries}.")
     lines += [
         f"{label(name)[0].upper()}{label(name)[1:]} is varied at "
         f"{' and '.join(value(key, number) for key, number in curve['fixed'].items())}."

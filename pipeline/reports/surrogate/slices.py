@@ -22,7 +22,7 @@ from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.query import HOLDS, ask, faces_hold, in_range
+from dogshape.surrogate.query import ask, faces_hold, in_range, time_record
 from dogshape.surrogate.sobol_indices import LOG, Input
 from dogshape.surrogate.time_curves import Curve, at_points, over_designs
 
@@ -107,10 +107,8 @@ class _Cut:
 
     @cached_property
     def refusal(self) -> str:
-        """Reason of a missing time of the base; empty where there is a time."""
-        names = self.surrogate.data.variables
-        why = verdicts(self.study, names, self.own).refusal[0]
-        return why or HOLDS * bool(faces_hold(self.surrogate.data, self.own)[0])
+        """Reason why the base cannot be made; empty where it can."""
+        return verdicts(self.study, self.surrogate.data.variables, self.own).refusal[0]
 
     def record(self) -> Row:
         """Record the base at all operating points."""
@@ -141,13 +139,11 @@ class _Cut:
         }
         curves = {name: _curve_record(curve) for name, curve in smooth.items()}
         points = {one.name: self._points(one, operating) for one in operating_inputs(self.study)}
-        expected = over_designs(over, self.own)
+        asked = ask(self.surrogate, self.base.design, operating.mix, self.study.physics)
+        expected = None if self.refusal else asked.expected
         return {
             "name": operating.name,
-            "expected_shift_time_s": None if self.refusal else float(expected.time[0]),
-            "low_s": None if self.refusal else float(expected.low[0]),
-            "high_s": None if self.refusal else float(expected.high[0]),
-            "reason": self.refusal or None,
+            **time_record(expected, self.refusal or asked.refusal),
             "curves": {**curves, **points},
         }
 

@@ -56,13 +56,14 @@ def write_whatif(
     (source, command), (designs, warnings) = names, shown
     data = stored.surrogate.data
     model = packed(study, stored.surrogate)
+    groups: Row = {**GROUPS, "simulated": "simulated, landing included"}
     content = {
         "command": command,
         "variables": [_variable(study, name) for name in data.variables],
         "operating": _operating(study),
         "friction": _friction(study),
         "designs": designs,
-        "groups": {**GROUPS, "simulated": "simulated, landing included"},
+        "groups": groups,
         "makeable": MAKEABLE,
         "gap": study.clutch.dog.axial_gap / MM,
         "model": model,
