@@ -56,7 +56,8 @@ def write_whatif(
     (source, command), (designs, warnings) = names, shown
     data = stored.surrogate.data
     model = packed(study, stored.surrogate)
-    groups: Row = {**GROUPS, "simulated": "simulated, landing included"}
+    groups: dict[str, str] = {str(group): title for group, title in GROUPS.items()}
+    groups["simulated"] = "simulated, landing included"
     content = {
         "command": command,
         "variables": [_variable(study, name) for name in data.variables],
