@@ -16,15 +16,12 @@ from dogshape.diagnosis.bench.repeats import nearly_same_points, repeated_rows, 
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.table_slips import (
-    axes_by_calibration,
     axes_by_rise,
     bounds,
     early_times,
     force_by_calibration,
     free_flight,
-    linkage,
     too_early,
-    weak_force,
 )
 from dogshape.diagnosis.bench.trace_slips import (
     axes_by_speed,
@@ -45,12 +42,9 @@ Check = Callable[[Stand, Sheet], Sequence[Finding]]
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Check, ...] = (
     axes_by_rise,
-    axes_by_calibration,
     axes_by_speed,
     bounds,
-    weak_force,
     force_by_calibration,
-    linkage,
     early_times,
     trace_notes,
     trace_time,
