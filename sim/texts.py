@@ -11,8 +11,7 @@ import codecs
 import csv
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -133,7 +132,9 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     FileNotFoundError
         There is no such file.
     """
-    separator, rows = _rows(path)
+    lines = read_lines(path)
+    separator = _separator(lines)
+    rows = parted(path, lines, separator)
     if not rows:
         raise DataError(f"{path} {NO_TABLE}: it is empty; {SAVE}")
     head = _named(_unpadded(rows[0][1]), names)
@@ -143,19 +144,11 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     return TextTable(path, tuple(head), tuple((number, tuple(row)) for number, row in body))
 
 
-def read_cells(path: Path) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Read a table of unknown layout: what parts its cells, and its rows with their numbers.
+def read_lines(path: Path) -> list[str]:
+    """Read the lines of a file with their ends, without Excel's own line on the separator.
 
-    Lines before the head may have fewer cells than the table, so that all lines choose what parts
-    them. Raises as ``read_table``.
+    Raises as ``read_table``.
     """
-    return _rows(path, _commonest)
-
-
-def _rows(
-    path: Path, separator_of: Callable[[list[str]], str] | None = None
-) -> tuple[str, list[tuple[int, list[str]]]]:
-    """Read the cells of a file's lines that are not empty, with the lines' numbers."""
     try:
         text = text_of(path)
     except FileNotFoundError:
@@ -164,18 +157,19 @@ def _rows(
         raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
     except DataError as error:
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
+    if "\0" in text:
+        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
     lines = text.splitlines(keepends=True)
-    if lines and re.fullmatch(r"sep=.\s*", lines[0]):
-        lines = lines[1:]  # Excel's own line, which it does not show
-    separator = (separator_of or _separator)(lines)
+    return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
+
+
+def parted(path: Path, lines: list[str], separator: str) -> list[tuple[int, list[str]]]:
+    """Part lines into cells without blanks around them: rows with their numbers."""
     try:
         found = list(csv.reader(lines, delimiter=separator))
     except csv.Error as error:
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
-    rows = [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
-    if rows and "\0" in text:
-        raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
-    return separator, rows
+    return [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
 
 
 def _named(head: list[str], names: Iterable[str]) -> list[str]:
@@ -188,21 +182,6 @@ def _separator(lines: list[str]) -> str:
     """Choose the separator that parts the head into most cells."""
     head = next((line for line in lines if line.strip()), "")
     return max(SEPARATORS, key=lambda one: len(next(csv.reader([head], delimiter=one), [])))
-
-
-def _commonest(lines: list[str]) -> str:
-    """Choose the separator that gives most lines one number of cells; commas are the last choice.
-
-    A comma may stand in the numbers of a table whose cells something else parts.
-    """
-
-    def agreeing(separator: str) -> int:
-        lengths = [len(row) for row in csv.reader(lines, delimiter=separator) if len(row) > 1]
-        return max(Counter(lengths).values(), default=0)
-
-    counts = {one: agreeing(one) for one in (";", "\t")}
-    best = max(counts, key=lambda one: counts[one])
-    return best if 4 * counts[best] > len(lines) else ","
 
 
 def _unpadded(row: list[str]) -> list[str]:

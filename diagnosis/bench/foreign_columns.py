@@ -1,16 +1,19 @@
 """Columns of a foreign table: which of them are which quantities, and in which units.
 
-Names are compared with words that benches use, in English and German; a unit in the head must fit
-the quantity. What fits equally well twice is not decided here.
+Names are compared with words that benches use, in English and German; a unit in the head and the
+kind of cells must fit the quantity. What fits in two ways becomes a question with its option.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import (
     FORCE,
     LENGTH,
@@ -18,18 +21,21 @@ from dogshape.diagnosis.bench.measured_units import (
     TIME,
     UNITS,
     Unit,
-    split_head,
     unit_named,
 )
+from dogshape.diagnosis.bench.time_stamps import DATES, has_day, is_dated
+from dogshape.diagnosis.bench.written_numbers import is_number, plain
 from dogshape.sim.errors import InputError, did_you_mean
 
 LEAST = 20.0  #: score from which a column is taken for a quantity
 FITS = 20.0  #: what a unit of the right kind adds
+#: Quantities of which loose words settle nothing between columns of the right kind.
+UNDECIDED = ("mismatch_rpm", "shift_time_s")
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that is looked for: name, kind, words that speak for it and words against.
+    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
 
     ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
     the quantity. ``also`` is a kind that its numbers may have though it needs none.
@@ -37,9 +43,9 @@ class Quantity:
 
     name: str
     dimension: str | None
-    words: tuple[str, ...]
-    loose: tuple[str, ...] = ()
-    against: tuple[str, ...] = ()
+    words: str
+    loose: str = ""
+    against: str = ""
     needed: bool = False
     also: str | None = None
 
@@ -49,116 +55,103 @@ class Quantity:
         return [text for text, unit in UNITS.items() if unit.dimension == self.dimension]
 
 
-_SPREAD = ("std", "sd", "sigma", "streuung", "abweichung", "min", "max", "deviation", "stdev")
+_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
+_FORCE = (
+    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
+)
 SHIFTS = (
     Quantity(
         "mismatch_rpm", SPEED,
-        ("mismatch", "drehzahldifferenz", "differenzdrehzahl", "relativdrehzahl", "delta n",
-         "delta omega", "dn", "d n", "n diff", "diff n", "speed difference", "relative speed",
-         "schlupfdrehzahl", "delta speed", "delta rpm"),
-        ("slip", "schlupf", "rpm", "drehzahl", "n"),
-        ("output", "abtrieb", "antrieb", "input", *_SPREAD), needed=True,
+        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
+        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
+        "slip|schlupf|rpm|drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
     ),
-    Quantity(
-        "force_N", FORCE,
-        ("shift force", "schaltkraft", "stellkraft", "aktorkraft", "axialkraft", "f shift",
-         "f axial", "f act", "f schalt", "f ax"),
-        ("force", "kraft", "f"), ("rise", "anstieg", "time", "zeit", *_SPREAD), needed=True,
-    ),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
+             needed=True),
     Quantity(
         "force_rise_s", TIME,
-        ("force rise", "rise time", "anstiegszeit", "kraftanstieg", "t rise", "t anstieg",
-         "t ramp", "t an", "t anst"),
-        ("rise", "anstieg", "ramp", "rampe"), _SPREAD,
+        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
+        "rise|anstieg|ramp|rampe", _SPREAD[1:],
     ),
-    Quantity(
-        "n_shifts", None,
-        ("n shifts", "anzahl schaltungen", "repeats", "repetitions", "wiederholungen"),
-        ("shifts", "count", "anzahl", "number", "schaltungen", "samples", "n"),
-    ),
+    Quantity("n_shifts", None,
+             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             "shifts|count|anzahl|number|schaltungen|samples|n"),
     Quantity(
         "shift_time_s", TIME,
-        ("shift time", "schaltzeit", "schaltdauer", "t shift", "t schalt", "mean shift time",
-         "mittlere schaltzeit"),
-        ("mean time", "t mean", "time", "zeit", "dauer", "duration", "t"),
-        ("rise", "anstieg", "ramp", "rampe", "stamp", "stempel", "timeout", "datum", "delay",
-         *_SPREAD), needed=True,
+        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
+        "mean time|t mean|time|zeit|dauer|duration|t",
+        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
     ),
     Quantity(
-        "engaged", None,
-        ("engaged", "eingelegt", "geschaltet", "eingerueckt", "eingespurt"),
-        ("erfolg", "erfolgreich", "success", "ok", "i o", "result", "ergebnis", "status"),
+        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
+        "not|nicht|no|n|fail|failed|failure|fehler|error",
     ),
-    Quantity(
-        "trace", None,
-        ("trace", "trace file", "messdatei", "measurement file"),
-        ("file", "datei", "dateiname", "filename"),
-    ),
+    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
+             "file|datei|dateiname|filename"),
     Quantity(
         "shift_time_sd_s", TIME,
-        ("std", "sd", "stdev", "stddev", "sigma", "streuung", "standardabweichung",
-         "standard deviation", "standard abweichung", "std dev"),
-        (), ("f", "force", "kraft", "n", "mismatch", "drehzahl", "rise", "anstieg", "error"),
+        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
+        "standard abweichung|std dev",
+        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
     ),
     Quantity(
         "order", None,
-        ("order", "run order", "reihenfolge", "lfd nr", "lfd", "laufende nummer", "laufnummer",
-         "sequence", "sequenz", "run number", "run no", "versuchsnummer", "shift number"),
+        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
+        "run number|run no|versuchsnummer|shift number",
     ),
-    Quantity(
-        "timestamp", None,
-        ("timestamp", "time stamp", "zeitstempel", "datum", "date", "date time", "datum uhrzeit"),
-        also=TIME,
-    ),
+    Quantity("timestamp", None,
+             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
 )  # fmt: skip
 TRACE = (
-    Quantity("t_s", TIME, (), ("t", "time", "zeit"), needed=True),
-    Quantity(
-        "displacement_mm", LENGTH,
-        ("displacement", "schaltweg", "s sleeve", "sleeve position", "muffenweg"),
-        ("weg", "travel", "position", "x", "s"), needed=True,
-    ),
-    Quantity("force_N", FORCE, SHIFTS[1].words, SHIFTS[1].loose, needed=True),
+    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH,
+             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
+             needed=True),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
     Quantity(
         "sliding_speed_rpm", SPEED,
-        ("sliding speed", "speed sliding", "n sleeve", "n muffe", "drehzahl muffe", "sleeve speed",
-         "muffendrehzahl", "n sliding"),
-        ("n antrieb", "antriebsdrehzahl", "input speed", "n in"), needed=True,
+        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
+        "n sliding",
+        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
     ),
     Quantity(
         "output_speed_rpm", SPEED,
-        ("output speed", "speed output", "n rad", "n gear", "drehzahl rad", "gear speed",
-         "raddrehzahl", "n output", "n abtrieb", "abtriebsdrehzahl"),
-        ("n out",), needed=True,
+        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
+        "n abtrieb|abtriebsdrehzahl",
+        "n out", needed=True,
     ),
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Column:
-    """A column of the file: its head as it stands, the name in plain words, and its unit."""
+class Term:
+    """A column in a formula, with the unit in which its numbers are taken."""
 
-    head: str
-    words: str
+    column: Column
     unit: Unit | None
-    strange: str | None = None
-
-    @classmethod
-    def of(cls, head: str, below: str = "") -> Column:
-        """Read a head, with the unit that stands in a row of its own below it, if there is one."""
-        name, unit, strange = split_head(head)
-        under = unit_named(below.strip("[]() "))
-        return cls(head, plain_words(name), unit or under, None if under else strange)
 
 
 @dataclass(frozen=True)
 class Match:
-    """A column that is taken for a quantity; ``unit`` is None where its head gives none."""
+    """Columns that are taken for a quantity, and the reason.
+
+    ``formula`` joins the columns as ``c0``, ``c1`` and so on, None for a single one. ``option`` is
+    what stands behind the colon of a column option.
+    """
 
     quantity: Quantity
-    column: Column
-    unit: Unit | None
+    terms: tuple[Term, ...]
+    why: str
+    formula: str | None = None
+    option: str = ""
     given: bool = False
+
+    @property
+    def head(self) -> str:
+        """Heads of its columns."""
+        return " and ".join(term.column.head for term in self.terms)
 
 
 def plain_words(name: str) -> str:
@@ -172,101 +165,216 @@ def plain_words(name: str) -> str:
 
 
 def score(quantity: Quantity, column: Column) -> float:
-    """Score a column for a quantity; zero where its unit or a word speaks against it."""
-    words = column.words.split()
-    if any(word in words or (len(word) > 4 and word in column.words) for word in quantity.against):
-        return 0.0
+    """Score a column for a quantity; zero where its unit, a word or its cells speak against it."""
+    name = plain_words(column.name)
+    words, against = name.split(), filter(None, quantity.against.split("|"))
     kind = None if column.unit is None else column.unit.dimension
-    if kind is not None and kind not in (quantity.dimension, quantity.also):
+    if (
+        any(word in words or (len(word) > 4 and word in name) for word in against)
+        or kind not in (None, quantity.dimension, quantity.also)
+        or (quantity.dimension and any(column.cells) and not any(map(is_number, column.cells)))
+    ):
         return 0.0
-    found = max((_alike(phrase, words) for phrase in quantity.words), default=0.0)
-    loose = max((0.6 * _alike(phrase, words) for phrase in quantity.loose), default=0.0)
-    best = max(found, loose)
+    if quantity.name == "timestamp" and kind is None and is_dated(column.cells):
+        return 90.0
+    best = max(_alike(quantity.words, words), 0.6 * _alike(quantity.loose, words))
     if best == 0.0 and not quantity.needed:
         return 0.0  # a unit alone says nothing of what a table may lack
     return best + (FITS if kind is not None else 0.0)
 
 
-def _alike(phrase: str, words: Sequence[str]) -> float:
-    parts = phrase.split()
-    if parts == list(words):
-        return 100.0
-    if set(parts) <= set(words):
-        return 50.0 if len(phrase) > 2 else 20.0
-    if len(phrase) >= 5 and len(parts) == 1 and any(phrase in word for word in words):
-        return 40.0
-    return 0.0
+def _alike(phrases: str, words: Sequence[str]) -> float:
+    """Score the words of a name by phrases, 100 where one is the whole name."""
+    best = 0.0
+    for phrase in filter(None, phrases.split("|")):
+        parts = phrase.split()
+        if parts == list(words):
+            return 100.0
+        if set(parts) <= set(words):
+            best = max(best, 50.0 if len(phrase) > 2 else 20.0)
+        elif len(phrase) >= 5 and len(parts) == 1 and any(phrase in word for word in words):
+            best = max(best, 40.0)
+    return best
+
+
+def _is_strong(quantity: Quantity, column: Column) -> bool:
+    """Test that the name of a column has words that mean nothing but the quantity."""
+    return _alike(quantity.words, plain_words(column.name).split()) > 20.0
+
+
+def grows(column: Column) -> bool:
+    """Test that numbers of a column grow from row to row, as a clock does."""
+    cells = [plain(cell).replace(",", ".") for cell in column.cells if is_number(cell)]
+    try:
+        steps = np.diff(np.array(cells, dtype=float))
+    except ValueError:
+        return False  # thousands, of which no clock of seconds has any
+    return bool(steps.size >= 2 and (steps > 0).mean() >= 0.9)
+
+
+def counts_up(column: Column) -> bool:
+    """Test that a column numbers its rows: whole numbers one apart, rows left out aside."""
+    cells = [plain(cell) for cell in column.cells if cell]
+    if len(cells) < 2 or not all(cell.isdigit() for cell in cells):
+        return False
+    values = np.array(cells, dtype=int)
+    steps, again = np.diff(values), values[1:] == values[0]
+    most = max(int(((steps == by) | again).sum()) for by in (1, -1))
+    return bool(most >= 0.6 * steps.size and 2 * again.sum() <= steps.size and (steps != 0).all())
 
 
 def matched(
     columns: Sequence[Column], quantities: Sequence[Quantity], said: Mapping[str, str]
 ) -> tuple[list[Match], list[str]]:
-    """Match columns with quantities, best first: matches, and faults for what is not decided.
+    """Match columns with quantities, best first: matches, and questions on what is not decided.
 
-    ``said`` are what a user says: quantity to ``COLUMN`` or ``COLUMN:UNIT``; they come first.
+    ``said`` maps quantities to column options (``said_match``), which come first.
     """
-    found, faults = [], []
+    found: list[Match] = []
+    faults: list[str] = []
     for name, text in said.items():
         try:
-            found.append(_said(columns, quantities, name, text))
+            found.append(said_match(columns, quantities, name, text))
         except InputError as error:
             faults.append(str(error))
-    taken = {one.column.head for one in found}
+    taken = {term.column.place for one in found for term in one.terms}
     open_ = [q for q in quantities if q.name not in said]
     while open_:
         ranked = sorted(
             ((score(q, c), -k, q, c) for k, q in enumerate(open_) for c in columns
-             if c.head not in taken), key=lambda row: row[:2], reverse=True,
+             if c.place not in taken and not (q.name == "shift_time_s" and _is_clock(c, columns))),
+            key=lambda row: row[:2], reverse=True,
         )  # fmt: skip
         if not ranked or ranked[0][0] < LEAST:
             break
         best, _, quantity, column = ranked[0]
-        equal = [c.head for s, _, q, c in ranked if q is quantity and s == best]
+        loose = quantity.name in UNDECIDED and not _is_strong(quantity, column)
+        rivals = [(s, c) for s, _, q, c in ranked if q is quantity and s >= LEAST]
+        equal = [c for s, c in rivals if loose or s == best]
         open_.remove(quantity)
-        if len(equal) > 1:
-            names = " or ".join(f"'{head}'" for head in equal)
-            faults.append(
-                f"{quantity.name} may be the column {names}; say which: "
-                f"--column {quantity.name}='{equal[0]}'"
-            )
+        terms = [Term(column, column.unit)]
+        if quantity.name == "timestamp" and len(rivals) == 2:
+            days = {has_day(c.cells): c for _, c in rivals if is_dated(c.cells)}
+            terms = [Term(days[k], None) for k in (True, False)] if len(days) == 2 else terms
+            equal = [column] if len(days) == 2 else equal
+        if fault := _question(quantity, equal, columns):
+            faults.append(fault)
             continue
-        taken.add(column.head)
-        found.append(Match(quantity, column, column.unit))
-    missing = [q for q in open_ if q.needed and q.name not in {m.quantity.name for m in found}]
-    left = [c.head for c in columns if c.head not in taken]
-    faults += [_missing(one, left) for one in missing]
-    return found, faults
+        taken |= {term.column.place for term in terms}
+        found.append(Match(quantity, tuple(terms), "name and unit" if column.unit else "name"))
+    left = [c for c in columns if c.place not in taken]
+    return found, faults + [_missing(one, left) for one in open_ if one.needed]
 
 
-def _missing(quantity: Quantity, left: Iterable[str]) -> str:
-    there = ", ".join(f"'{head}'" for head in left) or "none"
+def _is_clock(column: Column, columns: Sequence[Column]) -> bool:
+    """Test that a column of times grows while another, as good by its kind, does not."""
+    time = next(q for q in SHIFTS if q.name == "shift_time_s")
+    others = [c for c in columns if c is not column and score(time, c) >= LEAST and not grows(c)]
+    return bool(others) and not _is_strong(time, column) and grows(column)
+
+
+def _question(quantity: Quantity, equal: Sequence[Column], columns: Sequence[Column]) -> str:
+    """Ask which column a quantity is, an empty text where there is nothing to ask."""
+    name, first = quantity.name, equal[0].head
+    if name == "mismatch_rpm" and len({c.head for c in equal}) > 1:
+        return _difference(equal)
+    heads = [c.head for c in columns]
+    twice = [c for c in columns if c.head == first] if heads.count(first) > 1 else []
+    if twice or len(equal) > 1:
+        named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in twice or equal]
+        names = " or ".join(f"'{c.head}'" for c in twice or equal)
+        said = " or ".join(f"--column {name}='{one}'" for one in named)
+        return f"{name} may be the column {names}; say which: {said}"
+    some = f"({', '.join(equal[0].cells[:3])} ...)"
+    if name == "n_shifts" and counts_up(equal[0]):
+        return (
+            f"'{first}' numbers the rows {some}, which is a place in a series and no count of "
+            f"shifts; say --column order='{first}', or --column n_shifts='{first}' where each row "
+            "is the mean of so many shifts"
+        )
+    long = len(equal[0].cells) > 3  # fewer times grow by chance
+    if name == "shift_time_s" and long and not _is_strong(quantity, equal[0]) and grows(equal[0]):
+        return (
+            f"'{first}' grows from row to row as a clock does {some}; say --column "
+            f"shift_time_s='{first}' where it is the shift time"
+        )
+    return ""
+
+
+def _difference(speeds: Sequence[Column]) -> str:
+    one, other = speeds[0].name, speeds[1].name
+    return (
+        f"mismatch_rpm may be {' or '.join(repr(c.head) for c in speeds)}, or their difference; "
+        f"say --column mismatch_rpm='{other} - {one}' or '{one} - {other}', positive where it runs "
+        "the traction flanks together (docs/mismatch.md), or the column itself"
+    )
+
+
+def _missing(quantity: Quantity, left: Sequence[Column]) -> str:
+    speeds = [c for c in left if c.unit and c.unit.dimension == SPEED]
+    if quantity.name == "mismatch_rpm" and len(speeds) > 1:
+        return _difference(speeds)
+    there = ", ".join(f"'{c.head}'" for c in left) or "none"
     return (
         f"no column looks like {quantity.name}; say which one it is: --column "
         f"{quantity.name}=COLUMN or COLUMN:UNIT (columns left: {there})"
     )
 
 
-def _said(columns: Sequence[Column], quantities: Sequence[Quantity], name: str, text: str) -> Match:
+def said_match(
+    columns: Sequence[Column], quantities: Sequence[Quantity], name: str, text: str
+) -> Match:
+    """Read a column option: ``COLUMN``, ``COLUMN:UNIT``, or a formula such as ``n_out - n_in``.
+
+    A column is named by its head, its head without the unit, or its place (``column 3``). A unit of
+    the option goes before that of the head.
+    """
     known = {quantity.name: quantity for quantity in quantities}
     if name not in known:
-        hint = did_you_mean(name, known)
-        raise InputError(f"--column {name}=... names no quantity; {hint}")
-    heads = {column.head: column for column in columns}
-    head, _, asked = (text, "", "") if text in heads else text.rpartition(":")
-    if head not in heads:
-        hint = did_you_mean(text, heads)
-        raise InputError(f"--column {name} is '{text}', but the file has no such column; {hint}")
-    column, unit = heads[head], heads[head].unit
-    if asked:
-        told, unit = unit, unit_named(asked)
-        if told and unit and told.dimension == unit.dimension and told.factor != unit.factor:
+        raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, known)}")
+    quantity, labels, formula = known[name], _labels(columns), None
+    head, _, option = (text, "", "") if text in labels else text.rpartition(":")
+    terms = [_term(quantity, labels[head], option)] if head in labels else []
+    if not terms:
+
+        def placed(found: re.Match[str]) -> str:
+            terms.append(_term(quantity, labels[found[1]], found[2] or ""))
+            return f"c{len(terms) - 1}"
+
+        names = "|".join(re.escape(one) for one in sorted(labels, key=len, reverse=True))
+        formula = re.sub(rf"(?<![\w.])({names})(?::([\w/^*%-]*\w))?(?!\w)", placed, text)
+        bare = re.sub(r"\bc\d+", "", formula)
+        if not terms or re.search(r"\*\s*\*|//|[^-+*/(). \d]", bare):
+            hint = did_you_mean(text, [c.head for c in columns])
             raise InputError(
-                f"--column {name} is '{text}', but the head itself says {told.text}; leave out "
-                f"':{asked}', or correct the head where it is wrong"
+                f"--column {name} is '{text}', but the file has no such column; {hint}"
             )
-    kinds = known[name].dimension, known[name].also
+    why = f"--column {text}"
+    if len(terms) > 1:
+        why += "; its sign is that of the formula, positive where traction flanks meet"
+    for unit, own in ((term.unit, term.column.unit) for term in terms):
+        why += f"; the head says {own.text}" if own and unit and unit.factor != own.factor else ""
+    return Match(quantity, tuple(terms), why, formula, option, given=True)
+
+
+def _labels(columns: Sequence[Column]) -> dict[str, Column]:
+    """Map all names that mean one column to it."""
+    found = {f"column {c.place}": c for c in columns}
+    for names in ([c.name for c in columns], [c.head for c in columns]):
+        once = zip(names, columns, strict=True)
+        found |= {n: c for n, c in once if n and names.count(n) == 1}
+    return found
+
+
+def _term(quantity: Quantity, column: Column, asked: str) -> Term:
+    unit = unit_named(asked) if asked else column.unit
+    kinds = quantity.dimension, quantity.also
+    if quantity.name == "engaged" or (quantity.also and asked in DATES):
+        return Term(column, None)
     if (asked and unit is None) or (unit and unit.dimension not in kinds):
         wrong = asked or (unit.text if unit else "")
-        valid = ", ".join(known[name].units) or "none: it is a number without one"
-        raise InputError(f"the unit of {name} is '{wrong}', but it must be one of: {valid}")
-    return Match(known[name], column, unit, given=True)
+        raise InputError(
+            f"the unit of {quantity.name} is '{wrong}', but it must be one of: "
+            f"{', '.join(quantity.units) or 'none, a number without one'}"
+        )
+    return Term(column, unit)

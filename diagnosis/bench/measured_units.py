@@ -22,9 +22,10 @@ class Unit:
 SPELLINGS: dict[str, dict[str, float]] = {
     SPEED: {
         **dict.fromkeys(("1/min", "rpm", "u/min", "upm", "min-1", "min^-1", "r/min", "rev/min",
-                         "/min"), 1.0),
+                         "/min", "ot/min", "tr/min", "obr/min", "giri/min", "rot/min"), 1.0),
         **dict.fromkeys(("rad/s", "rads-1", "rad*s^-1"), 30.0 / math.pi),
-        **dict.fromkeys(("1/s", "hz", "u/s", "s-1", "s^-1", "rps", "rev/s"), 60.0),
+        **dict.fromkeys(("hz", "u/s", "rps", "rev/s", "r/s"), 60.0),
+        **dict.fromkeys(("1/s", "s-1", "s^-1", "/s"), math.nan),  # revolutions or radians
         **dict.fromkeys(("deg/s", "grad/s"), 1.0 / 6.0),
     },
     FORCE: {"N": 1.0, "newton": 1.0, "kn": 1e3, "dan": 10.0, "kgf": 9.80665, "kp": 9.80665,

@@ -1,11 +1,22 @@
-"""Time stamps of shifts in a table: dates and times, or seconds, as seconds from any beginning."""
+"""Time stamps of shifts in a table: dates, clocks or seconds, as seconds from any beginning."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
 from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Any
 
-#: Ways to write a date and time beside ISO 8601, day before month as in German.
-WRITTEN = ("%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M")
+from dogshape.sim.errors import DataError, InputError
+
+DATES = ("d/m/y", "m/d/y", "excel")  #: words in place of a unit, for dates that two readings have
+DAY = 86_400.0  #: s
+_ORDER = re.compile(r"^(\d{1,2})([./-])(\d{1,2})[./-]\d{2,4}")
+_MONTH = r"(?:jan|feb|mar|mär|mrz|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*"
+_ENGLISH = {"mai": "may", "okt": "oct", "dez": "dec", "mär": "mar", "mrz": "mar"}
+_DAY = re.compile(rf"(?i)\d[./-]\d{{1,2}}[./-]\d|\d[. -]*{_MONTH}|{_MONTH}[. -]+\d")
+_CLOCK = re.compile(r"\b\d{1,2}:\d{2}")
 
 
 def is_plain(text: str) -> bool:
@@ -28,15 +39,74 @@ def seconds_of(text: str) -> float:
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
 
 
-def as_iso(text: str) -> str:
-    """Write a time stamp as ISO 8601, or as it stands where it is one or a number.
+def has_day(cells: Sequence[str]) -> bool:
+    """Test that cells have a date."""
+    return any(_DAY.search(cell) for cell in cells)
 
-    Raises ValueError for a text that is no time stamp.
+
+def is_dated(cells: Sequence[str]) -> bool:
+    """Test that most cells are dates or clocks."""
+    known = [re.sub(rf"(?i){_MONTH}|[ap]\.?m\.?|utc", "", cell) for cell in cells if cell]
+    dated = [_CLOCK.search(c) or _DAY.search(c) for c in cells if c]
+    both = [found and not re.search(r"[A-Za-z]{2}", cell)
+            for found, cell in zip(dated, known, strict=True)]  # fmt: skip
+    return 2 * sum(map(bool, both)) > len(known)
+
+
+def stamps_of(cells: Sequence[Any], factor: float | None, option: str) -> tuple[list[str], str]:
+    """Convert dates to ISO 8601, clocks without a date and numbers to s; also how they are read.
+
+    ``factor`` is the unit of numbers in s, None where none is said; ``option`` one of ``DATES``.
+    Raises DataError for other cells, InputError for those that can be read in two ways.
     """
-    for way in WRITTEN:
-        try:
-            return datetime.strptime(text, way).replace(tzinfo=UTC).isoformat()
-        except ValueError:
-            continue
-    seconds_of(text)
-    return text
+    import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
+
+    if not isinstance(cells[0], str):
+        # A spreadsheet counts days from 30 December 1899; shifts are less than a day apart.
+        serial = option == "excel" or (not factor and all(25_569 <= v < 73_050 for v in cells))
+        if not serial:
+            return [f"{(factor or 1.0) * v:.12g}" for v in cells], "seconds"
+        if option != "excel" and any(abs(b - a) >= 1.0 for a, b in pairwise(cells)):
+            raise InputError(
+                "it may be seconds, or dates as a spreadsheet counts them; say which behind the "
+                "column: --column timestamp=COLUMN:s or COLUMN:excel"
+            )
+        found = pd.to_datetime(pd.Series(cells), unit="D", origin="1899-12-30", utc=True)
+        return [one.isoformat() for one in found.dt.round("ms")], "dates of a spreadsheet"
+    days = [bool(_DAY.search(cell)) for cell in cells]
+    if len(set(days)) > 1:
+        raise DataError("some cells have a date and others have none")
+    first, way = _day_first(cells, option)
+    plain = [re.sub(rf"(?i)\.?[ -]*({_MONTH})\.?", _in_english, cell) for cell in cells]
+    plain = [re.sub(r"(?<=:\d\d),(?=\d)", ".", cell) for cell in plain]
+    whole = pd.Series(plain if days[0] else [f"2000-01-01 {cell}" for cell in plain])
+    try:
+        found = pd.to_datetime(whole, format="mixed", dayfirst=first, utc=True)
+    except (ValueError, OverflowError) as error:
+        raise DataError(f"not all cells are dates ({str(error).splitlines()[0]})") from error
+    if days[0]:
+        return [one.isoformat() for one in found], f"dates{way}"
+    seconds = (found - found.dt.normalize()).dt.total_seconds()
+    seconds += DAY * (seconds.diff() < -DAY / 2.0).cumsum()
+    return [f"{one:.12g}" for one in seconds], "clock without a date"
+
+
+def _in_english(month: re.Match[str]) -> str:
+    short = month[1][:3].lower()
+    return f" {_ENGLISH.get(short, short)} "
+
+
+def _day_first(cells: Sequence[str], option: str) -> tuple[bool, str]:
+    """Decide whether the day stands before the month; InputError where it may be either."""
+    orders = [found for cell in cells if (found := _ORDER.match(cell))]
+    if not orders:
+        return False, ""
+    day, month = (any(int(found[k]) > 12 for found in orders) for k in (1, 3))
+    dotted = all(found[2] == "." for found in orders)
+    if not (dotted or option or day or month) and len({found[0] for found in orders}) > 1:
+        raise InputError(
+            f"'{cells[0]}' has its day or its month first; say which behind the column: --column "
+            "timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
+        )
+    first = dotted or option == "d/m/y" or (option != "m/d/y" and not month)
+    return first, f", {'day' if first else 'month'} first"

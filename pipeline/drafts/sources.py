@@ -114,7 +114,8 @@ def source_of(where: str) -> Source:
     """
     path = Path(where)
     folder = path.parent if path.name == "bench.toml" else path
-    is_bench = (folder / "bench.toml").is_file() or (bundled_root() / "bench" / where).is_dir()
+    bundled = path.name == where and (bundled_root() / "bench" / where).is_dir()
+    is_bench = (folder / "bench.toml").is_file() or bundled
     if is_bench:
         bench = load_bench(folder if (folder / "bench.toml").is_file() else where)
         points = [cell.point for cell in bench.cells]

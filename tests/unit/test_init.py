@@ -12,7 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Column, matched
+from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
+from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
 from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.cli.app import app
@@ -42,13 +43,22 @@ Nr.;Drehzahldifferenz [1/min];F_shift (kN);t_shift ms;Anzahl;i.O.
 """
 
 
+def columns_of(*heads: str) -> list[Column]:
+    return [Column.of(place, head) for place, head in enumerate(heads, start=1)]
+
+
+def heads_of(found: list[Match]) -> dict[str, str]:
+    return {one.quantity.name: one.terms[0].column.head for one in found}
+
+
 @pytest.mark.parametrize(
     ("text", "kind", "factor"),
     [
         ("1/min", "speed", 1.0),
         ("min⁻¹", "speed", 1.0),
         ("rad/s", "speed", 9.549297),
-        ("1/s", "speed", 60.0),
+        ("Hz", "speed", 60.0),
+        ("ot/min", "speed", 1.0),
         ("kN", "force", 1e3),
         ("N", "force", 1.0),
         ("ms", "time", 1e-3),
@@ -90,8 +100,8 @@ def test_a_head_is_name_and_unit(head: str, name: str, unit: str | None) -> None
     ],
 )
 def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
-    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
-    taken = {one.quantity.name: one.column.head for one in found}
+    found, faults = matched(columns_of(*heads), SHIFTS, {})
+    taken = heads_of(found)
     assert not faults
     wanted = ("mismatch_rpm", "force_N", "shift_time_s", "n_shifts")
     assert [taken[name] for name in wanted] == list(heads[:4])
@@ -99,27 +109,39 @@ def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
 
 def test_a_rise_and_an_engagement_are_found_by_their_german_names() -> None:
     heads = ("Δn [1/min]", "Schaltkraft [N]", "t_an [ms]", "Schaltzeit [ms]", "eingerückt")
-    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
-    taken = {one.quantity.name: one.column.head for one in found}
+    found, faults = matched(columns_of(*heads), SHIFTS, {})
+    taken = heads_of(found)
     assert not faults
     assert (taken["force_rise_s"], taken["engaged"]) == ("t_an [ms]", "eingerückt")
     assert taken["shift_time_s"] == "Schaltzeit [ms]"
 
 
-def test_a_unit_that_the_head_contradicts_is_refused() -> None:
-    columns = [Column.of("Zeit [ms]")]
-    found, _ = matched(columns, SHIFTS, {"shift_time_s": "Zeit [ms]:ms"})
-    assert found[0].column.head == "Zeit [ms]"
-    _, faults = matched(columns, SHIFTS, {"shift_time_s": "Zeit [ms]:s"})
-    assert "the head itself says ms; leave out ':s'" in " ".join(faults)
+@pytest.mark.parametrize(
+    ("head", "said", "unit", "other"),
+    [
+        ("Zeit [ms]", "Zeit [ms]:ms", "ms", False),
+        ("Zeit [ms]", "Zeit:s", "s", True),
+        ("shift_time_s", "shift_time_s:ms", "ms", True),
+        ("shift_time_s", "shift_time_s", "s", False),
+    ],
+)
+def test_a_unit_of_the_option_goes_before_that_of_the_head(
+    head: str, said: str, unit: str, other: bool
+) -> None:
+    found, faults = matched(columns_of(head, "dn", "F"), SHIFTS, {"shift_time_s": said})
+    assert not faults
+    taken = found[0].terms[0].unit
+    assert taken is not None
+    assert taken.text == unit
+    assert ("; the head says" in found[0].why) == other
 
 
 def test_what_fits_twice_is_asked_about() -> None:
     heads = ("delta n [1/min]", "F [N]", "Schaltkraft [N]", "t [s]", "Schaltzeit [ms]")
-    found, faults = matched([Column.of(head) for head in heads], SHIFTS, {})
+    found, faults = matched(columns_of(*heads), SHIFTS, {})
     assert faults == []  # a word is stronger than a letter
-    assert {"Schaltkraft [N]", "Schaltzeit [ms]"} <= {one.column.head for one in found}
-    twins = [Column.of(head) for head in ("dn", "F", "Schaltzeit [s]", "Schaltdauer [s]")]
+    assert {"Schaltkraft [N]", "Schaltzeit [ms]"} <= set(heads_of(found).values())
+    twins = columns_of("dn", "F", "Schaltzeit [s]", "Schaltdauer [s]")
     _, faults = matched(twins, SHIFTS, {})
     assert len(faults) == 1
     assert "'Schaltzeit [s]' or 'Schaltdauer [s]'" in faults[0]
@@ -155,8 +177,9 @@ def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None
     assert digest in bench.source
     assert Path("m/as_measured/m.csv").read_bytes() == Path("m.csv").read_bytes()
     assumed = " ".join(said.json["assumed"])
-    for words in ("columns not used: Nr.", "rises in 0.12614 to 0.1766 s", "left out (row 8)"):
+    for words in ("rises in 0.12614 to 0.1766 s", "left out (row 8)"):
         assert words in assumed
+    assert [one["column"] for one in said.json["left_out"]] == ["Nr."]
     units = {row["quantity"]: row["unit"] for row in said.json["columns"]}
     assert (units["force_N"], units["shift_time_s"]) == ("kN", "ms")
 
@@ -592,7 +615,7 @@ def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Ca
     lines = Path("m/shifts.csv").read_text().splitlines()
     assert lines[0].endswith("trace,shift_time_sd_s,order,timestamp")
     assert lines[1].endswith(",0.0125,2,2024-05-31T14:06:00+00:00")
-    assert "in the order of 'Lfd. Nr.'" in " ".join(said.json["assumed"])
+    assert "'Lfd. Nr.' is the order of the shifts" in " ".join(said.json["assumed"])
     taken = {row["quantity"]: row["unit"] for row in said.json["columns"]}
     assert (taken["shift_time_sd_s"], taken["order"], taken["timestamp"]) == ("ms", None, None)
 
@@ -600,10 +623,10 @@ def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Ca
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("31.05.2024 14:07:30", "14:07", "'Datum Uhrzeit' is left out: row 4 has '14:07'"),
-        ("31.05.2024 14:07:30", "", "'Datum Uhrzeit' is left out: it is empty in row 4"),
-        ("31.05.2024 14:07:30", "5", "'Datum Uhrzeit' is left out: it has dates and plain"),
-        ("170,25;;1", "170,25;8;1", "'Standardabweichung [ms]' is left out in row 4"),
+        ("31.05.2024 14:07:30", "14:07", "timestamp: some cells have a date and others have none"),
+        ("31.05.2024 14:07:30", "", "timestamp: it is empty in row 4"),
+        ("31.05.2024 14:07:30", "5", "timestamp: it has dates and plain"),
+        ("170,25;;1", "170,25;8;1", "row 4: shift_time_sd_s without a mean of several shifts"),
     ],
 )
 def test_what_cannot_be_read_of_a_series_is_left_out(
@@ -612,5 +635,5 @@ def test_what_cannot_be_read_of_a_series_is_left_out(
     Path("m.csv").write_text(SERIES.replace(old, new))
     said = dogshape("init", "bench", "m.csv", "--json")
     assert said.status == 0
-    assert words in " ".join(said.json["assumed"])
+    assert words in " ".join(one["reason"] for one in said.json["left_out"])
     assert len(load_bench("m").readings) == 3

@@ -27,15 +27,30 @@ def study_text(found: dict[str, Any]) -> RenderableType:
     )
 
 
-def bench_text(found: dict[str, Any]) -> RenderableType:
-    """Tabulate the columns that were taken, what was assumed, and the next commands."""
-    table = columns("quantity", "column", "unit")
+def reading_text(found: dict[str, Any]) -> RenderableType:
+    """Tabulate how columns were read, and list the rows and columns that were left out."""
+    table = columns("quantity", "column", "unit", "decimals", "first", "least", "largest", "why")
     for row in found["columns"]:
-        table.add_row(row["quantity"], row["column"], row["unit"] or "-")
-    folder = found["folder"]
+        values = (row[name] for name in ("first", "least", "largest"))
+        texts = (
+            f"{v:.6g}" if isinstance(v, float) else "-" if v is None else str(v) for v in values
+        )
+        table.add_row(row["quantity"], row["column"], row["unit"] or "-", row["decimals"] or "-",
+                      *texts, row["why"])  # fmt: skip
+    reasons: dict[str, list[str]] = {}
+    for one in found["left_out"]:
+        what = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"
+        reasons.setdefault(one["reason"], []).append(what)
+    left = [f"left out: {', '.join(those)}: {why}" for why, those in reasons.items()]
     shown: list[RenderableType] = [table, ""] if found["columns"] else []
+    return Group(*shown, *left)
+
+
+def bench_text(found: dict[str, Any]) -> RenderableType:
+    """Tabulate the columns that were read, all assumptions, and the next commands."""
+    folder = found["folder"]
     return Group(
-        *shown,
+        reading_text(found),
         f"wrote {folder}: {found['rows']} rows, {found['shifts']} shifts, {found['with_time']} of "
         "them with a time",
         *(f"assumed: {line}" for line in found["assumed"]),

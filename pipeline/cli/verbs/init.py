@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +22,7 @@ from dogshape.drafts import (
     write_bench,
     write_study,
 )
-from dogshape.pipeline.cli.console import emit, verb
+from dogshape.pipeline.cli.console import emit, terminal, verb
 from dogshape.pipeline.cli.options import Json, Sets
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.questions import (
@@ -32,7 +33,7 @@ from dogshape.pipeline.cli.questions import (
     changed,
     may_ask,
 )
-from dogshape.pipeline.cli.tables.init_tables import bench_text, study_text
+from dogshape.pipeline.cli.tables.init_tables import bench_text, reading_text, study_text
 from dogshape.pipeline.config.study_file import key_and_value, pair_of
 from dogshape.sim.errors import InputError
 
@@ -127,10 +128,16 @@ def bench(
     ] = "mq200_stand",
     column: Annotated[
         list[str] | None,
-        typer.Option(metavar="QUANTITY=COLUMN[:UNIT]", help="e.g. shift_time_s='t 90 %:ms'"),
+        typer.Option(
+            metavar="QUANTITY=COLUMN[:UNIT]", help="e.g. shift_time_s='t 90 %:ms', or a formula"
+        ),
     ] = None,
     rise_s: Annotated[
         float | None, typer.Option(help="rise time of the force where no column has it")
+    ] = None,
+    decimal: Annotated[str | None, typer.Option(help="decimal sign of the tables, . or ,")] = None,
+    rows: Annotated[
+        str | None, typer.Option(help="rows of the file that are shifts, e.g. 2-41,45")
     ] = None,
     set_: Sets = None,
     yes: Yes = False,
@@ -139,8 +146,10 @@ def bench(
 ) -> None:
     """Write a bench folder from tables of any layout, or one to fill in.
 
-    Columns and units are guessed, and asked about in a terminal. What is assumed is said, and
-    all faults are told at once. The folder is one that 'validate' and 'gap' take as it is.
+    Each quantity is printed as it was read: column, unit, decimal sign, first, least and largest
+    value, and the reason; so is each row and column that was left out. Cells that can be read in
+    two ways are asked about in a terminal, and refused without one, with the option that settles
+    them. A column option may be a formula: --column mismatch_rpm='n_out - n_in'.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
@@ -149,9 +158,9 @@ def bench(
     require_free(target, force)
     columns = dict(_pair(text) for text in column or [])
     values = dict(key_and_value(text) for text in set_ or [])
+    draft = BenchDraft(paths, origin, columns, rise_s, values, decimal, rows or "")
     if may_ask(yes):
-        origin, columns, values = _asked(paths, target, origin, columns, values)
-    draft = BenchDraft(paths, origin, columns, rise_s, values)
+        draft = _asked(draft, target)
     found = write_bench(target, draft, force=force)
     emit(found, json, lambda: bench_text(found))
 
@@ -166,28 +175,30 @@ def _pair(text: str) -> tuple[str, str]:
     return name.strip(), column
 
 
-def _asked(
-    paths: tuple[Path, ...], target: Path, origin: str, columns: dict[str, str],
-    values: dict[str, Any],
-) -> tuple[str, dict[str, str], dict[str, Any]]:  # fmt: skip
+def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
-    rows, faults = guessed(paths, columns)
-    for line in (*_lines(rows), *faults):
-        say(line)
-    while faults or (rows and not ask_yes("is that right?", default=True)):
-        told = ask_text("say one column, as shift_time_s=COLUMN:UNIT (empty: go on)", "")
+    found = guessed(draft)
+    while draft.tables:
+        terminal(stderr=True).print(reading_text(found))
+        for fault in found["faults"]:
+            say(fault)
+        if not found["faults"] and ask_yes("is that right?", default=True):
+            break
+        told = ask_text("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
         if not told:
             break
-        columns = columns | dict([_pair(told)])
-        rows, faults = guessed(paths, columns)
-        for line in [
-            *(f"{r['quantity']}: '{r['column']}' {r['unit'] or ''}" for r in rows),
-            *faults,
-        ]:
-            say(line)
+        name, text = _pair(told.removeprefix("--column ").removeprefix("--"))
+        if name == "decimal":
+            draft = replace(draft, decimal=text)
+        elif name == "rows":
+            draft = replace(draft, rows=text)
+        else:
+            draft = replace(draft, columns={**draft.columns, name: text.strip("'")})
+        found = guessed(draft)
+    values = dict(draft.values)
     values = {"name": ask_text("name of the data set", target.name)} | values
     values = {"source": ask_text("who measured it, and when", "not said")} | values
-    origin = ask_text("clutch of the stand, as in (study or bench)", origin)
+    origin = ask_text("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
         before = default_values(origin)
         values = changed(ask_values(before, CLUTCH), before) | values
@@ -197,11 +208,4 @@ def _asked(
         values["mismatch_sense"] = "known"
     if "timeout_s" not in values and ask_yes("has the stand a time-out of its own?", default=False):
         values["timeout_s"] = ask_number("time-out, s", 1.0)
-    return origin, columns, values
-
-
-def _lines(rows: list[dict[str, Any]]) -> list[str]:
-    return [
-        f"{row['quantity']}: column '{row['column']}' of {row['file']}, unit {row['unit'] or '-'}"
-        for row in rows
-    ]
+    return replace(draft, origin=origin, values=values)

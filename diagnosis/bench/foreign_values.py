@@ -1,0 +1,294 @@
+"""Values of a foreign table in the project's units, and a record of how each column was read."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.foreign_columns import (
+    Match,
+    Quantity,
+    Term,
+    counts_up,
+    grows,
+    matched,
+    plain_words,
+)
+from dogshape.diagnosis.bench.foreign_table import Column, ForeignTable
+from dogshape.diagnosis.bench.measured_units import FORCE, SPEED, TIME, Unit, unit_named
+from dogshape.diagnosis.bench.time_stamps import is_dated, stamps_of
+from dogshape.diagnosis.bench.written_numbers import Decimals, is_number
+from dogshape.sim.errors import DataError, number
+from dogshape.sim.texts import listed
+
+NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
+YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
+       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
+NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
+      "non", "ne", "nie", "✗", "✘")  # fmt: skip
+ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
+           **dict.fromkeys(NO, False)}  # fmt: skip
+MOST = 12  #: faults of one kind that are listed one by one
+Values = list[Any]  #: a value for each row, None where there is none
+
+
+@dataclass(frozen=True)
+class ColumnReading:
+    """Record of a column as read: unit, decimal sign, values in the project's unit, and reason."""
+
+    file: str
+    quantity: str
+    column: str
+    unit: str | None
+    decimals: str | None
+    first: Any
+    least: float | None
+    largest: float | None
+    why: str
+
+
+@dataclass
+class Report:
+    """Faults and questions, assumptions, readings, and what was left out with the reason."""
+
+    faults: list[str] = field(default_factory=list)
+    assumed: list[str] = field(default_factory=list)
+    left_out: list[dict[str, Any]] = field(default_factory=list)
+    readings: list[dict[str, Any]] = field(default_factory=list)
+
+    def require(self, where: str) -> None:
+        """Raise DataError with all faults, if there are any."""
+        faults = list(dict.fromkeys(self.faults))
+        if faults:
+            raise DataError(listed(where, faults) if len(faults) > 1 else faults[0])
+
+
+@dataclass
+class TableReader:
+    """Convert the columns of one table; ``report`` collects faults and records."""
+
+    table: ForeignTable
+    matches: Mapping[str, Match]
+    decimals: Decimals
+    report: Report
+
+    @classmethod
+    def of(
+        cls, table: ForeignTable, quantities: Sequence[Quantity], said: Mapping[str, str],
+        decimal: str | None, report: Report,
+    ) -> TableReader:  # fmt: skip
+        """Match the columns of a table and decide on its decimal sign."""
+        found, faults = matched(table.columns, quantities, said)
+        used = {t.column.place: t.column for m in found for t in m.terms}
+        # A word among numbers that are read anyway is a fault of their column.
+        read = {t.column.place for m in found for t in m.terms if m.quantity.name != "order"}
+        faults = [text for place, text in table.questions if place not in read] + faults
+        decimals = Decimals(decimal)
+        try:
+            decimals = table.decimals([c for c in used.values() if not is_dated(c.cells)], decimal)
+        except DataError as error:
+            faults.append(str(error))
+        report.faults += [f"{table.path}: {fault}" for fault in (*faults, *decimals.questions)]
+        file = str(table.path)
+        report.left_out += [{"file": file, "row": n, "reason": why} for n, why in table.left_out]
+        report.left_out += [{"file": file, "column": c.head, "reason": _reason(c)}
+                            for c in table.columns if c.place not in used]  # fmt: skip
+        return cls(table, {m.quantity.name: m for m in found}, decimals, report)
+
+    def _fault(self, match: Match, text: str) -> None:
+        where = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
+        self.report.faults.append(f"{where} {text}")
+
+    def _record(self, match: Match, values: Values, unit: str | None, why: str = "") -> Values:
+        known = [v for v in values if v is not None]
+        numbers = [v for v in known if isinstance(v, float)]
+        cells = [cell for t in match.terms for cell in t.column.cells if is_number(cell)]
+        self.report.readings.append(asdict(ColumnReading(
+            str(self.table.path), match.quantity.name, match.head, unit,
+            self.decimals.named(cells) if numbers else None, known[0] if known else None,
+            min(numbers, default=None), max(numbers, default=None),
+            "; ".join(filter(None, (match.why, why))),
+        )))  # fmt: skip
+        return values
+
+    def numbers(self, name: str, *, needed: bool = False) -> Values:
+        """Convert a column, or a formula of columns, to the project's unit; None for empty cells.
+
+        Cells without a number are a fault, empty cells of a ``needed`` column too.
+        """
+        match = self.matches.get(name)
+        if match is None:
+            return [None] * len(self.table.rows)
+        whole: dict[str, Any] = {}
+        units, whys = [], []
+        for place, term in enumerate(match.terms):
+            values = self._cells(match, term.column, needed)
+            unit, why = self._unit(match, term, values[np.isfinite(values)])
+            whole[f"c{place}"] = values * (1.0 if unit is None else unit.factor)
+            units += [unit.text] if unit else []
+            whys += [why] if why else []
+        try:
+            with np.errstate(all="ignore"):
+                values = eval(match.formula or "c0", {"__builtins__": {}}, whole)
+        except (SyntaxError, TypeError):
+            values = whole["c0"] * np.nan
+        if match.formula and not np.isfinite(values).any():
+            self._fault(match, f"is no formula ({match.why}); write for instance 'n_out - n_in'")
+        done = [None if not math.isfinite(v) else float(f"{v:.15g}") for v in values]
+        return self._record(match, done, ", ".join(dict.fromkeys(units)) or None, "; ".join(whys))
+
+    def _cells(self, match: Match, column: Column, needed: bool) -> Any:
+        """Read the numbers of a column, NaN where there is none, (rows,)."""
+        cells = dict(zip(self.table.rows, column.cells, strict=True))
+        empty = [str(n) for n, cell in cells.items() if cell.lower() in NOTHING]
+        bad = [f"row {n}: '{cell}'" for n, cell in cells.items()
+               if not is_number(cell) and cell.lower() not in NOTHING]  # fmt: skip
+        if bad:
+            self._fault(match, f"must hold numbers, but {_some(bad)}; correct or empty the cells")
+        if empty and needed:
+            self._fault(match, f"is empty in row {_some(empty)}; fill the cells or remove the rows")
+        return np.array(
+            [self.decimals.value(c) if is_number(c) else np.nan for c in cells.values()]
+        )
+
+    def _unit(self, match: Match, term: Term, values: Any) -> tuple[Unit | None, str]:
+        """Give the unit of a column, and the reason where its head has none, or ask for it."""
+        quantity, column, unit = match.quantity, term.column, term.unit
+        option = f"--column {quantity.name}='{column.head}:"
+        speed = quantity.dimension == SPEED
+        if unit is not None and not math.isnan(unit.factor):
+            return unit, ""
+        if unit is not None and speed:
+            self._fault(
+                match, f"is in '{unit.text}', revolutions or radians; say {option}rev/s' or "
+                f"{option}rad/s'",
+            )  # fmt: skip
+        elif column.strange and quantity.dimension:
+            self._fault(
+                match, f"has the unit '{column.strange}', which is not known; say {option}UNIT' "
+                f"with one of {', '.join(quantity.units)}",
+            )  # fmt: skip
+        elif speed and re.search(r"omega|angular|winkel", plain_words(column.name)):
+            self._fault(
+                match, f"is an angular speed without a unit; say {option}rad/s' or {option}1/min'"
+            )
+        elif quantity.dimension is not None and values.size:
+            # A recorder's clock may begin anywhere: the length of a trace decides.
+            middle = median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+            sizes = {TIME: "ms" if middle > 5.0 else "s", FORCE: "kN" if middle < 5.0 else "N",
+                     SPEED: "1/min"}  # fmt: skip
+            text = sizes.get(quantity.dimension, "mm")
+            self.report.assumed.append(
+                f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
+                f"{text} by its size; {option}UNIT' says another"
+            )
+            return unit_named(text), f"{text} by its size"
+        return None, ""
+
+    def counts(self) -> list[int]:
+        """Read the number of shifts of each row, a whole number of at least 1; 1 where none is."""
+        match, values = self.matches.get("n_shifts"), self.numbers("n_shifts")
+        rows = zip(self.table.rows, values, strict=True)
+        bad = [f"row {n}: {number(v)}" for n, v in rows if v is not None and (v < 1 or v % 1)]
+        if match is None:
+            self.report.assumed.append(
+                f"{self.table.path}: each row is one shift, as no column counts them"
+            )
+        elif bad:
+            self._fault(
+                match, f"must be whole numbers of at least 1, but {_some(bad)}; correct them"
+            )
+        return [max(1, round(value)) if value is not None else 1 for value in values]
+
+    def texts(self, name: str) -> list[str]:
+        """Read a column as it stands."""
+        match = self.matches.get(name)
+        if match is None:
+            return [""] * len(self.table.rows)
+        self._record(match, [cell or None for cell in match.terms[0].column.cells], None)
+        return list(match.terms[0].column.cells)
+
+    def answers(self) -> list[bool | None]:
+        """Read a column of yes and no, None where it does not say.
+
+        An option such as ``gut=yes,empty=no`` goes first.
+        """
+        match = self.matches.get("engaged")
+        if match is None:
+            return [None] * len(self.table.rows)
+        head = match.terms[0].column.head
+        option = f"--column engaged='{head}:"
+        cells = [cell.lower() for cell in match.terms[0].column.cells]
+        often = Counter("empty" if cell in NOTHING else cell for cell in cells)
+        said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
+        words = {word: said.get(word, "" if word == "empty" else word) for word in often}
+        values = {word: ANSWERS[other] for word, other in words.items() if other in ANSWERS}
+        strange = [word for word in often if word not in values]
+        if strange and not match.given and set(values.values()) <= {None}:
+            self.report.left_out.append({
+                "file": str(self.table.path), "column": head,
+                "reason": f"its words are neither yes nor no; {option}{strange[0]}=yes' says so",
+            })  # fmt: skip
+            return [None] * len(cells)
+        if strange:
+            rows = zip(self.table.rows, cells, strict=True)
+            bad = _some([f"row {n}: '{cell}'" for n, cell in rows if cell in strange])
+            self._fault(
+                match, f"must be yes, no or empty, but {bad}; write true or false, or say "
+                f"{option}{strange[0]}=yes'",
+            )  # fmt: skip
+        if "empty" not in said and set(values.values()) == {True, None}:
+            self._fault(
+                match, f"has only {', '.join(w for w in values if values[w])} and {often['empty']} "
+                "empty cells, which may be shifts that did not engage, or nothing noted; say "
+                f"{option}empty=no' or {option}empty=unknown'",
+            )  # fmt: skip
+        names = {True: "yes", False: "no", None: "not said"}
+        read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
+        done = [values.get("empty" if cell in NOTHING else cell) for cell in cells]
+        return self._record(match, done, None, read)
+
+    def stamps(self) -> Values:
+        """Read time stamps: seconds as numbers, dates as ISO 8601; others raise DataError."""
+        match = self.matches["timestamp"]
+        unit, columns = match.terms[0].unit, [t.column.cells for t in match.terms]
+        cells = [" ".join(row) for row in zip(*columns, strict=True)]
+        known = [cell for cell in cells if cell.lower() not in NOTHING]
+        if not known:
+            raise DataError("all its cells are empty")
+        if all(map(is_number, known)):
+            numbers = [self.decimals.value(cell) for cell in known]
+            found, way = stamps_of(numbers, unit.factor if unit else None, match.option)
+        elif any(map(is_number, known)):
+            raise DataError("it has dates and plain numbers")
+        else:
+            found, way = stamps_of(known, None, match.option)
+        left = iter(found)
+        done = [None if cell.lower() in NOTHING else next(left) for cell in cells]
+        return self._record(match, done, unit.text if unit else None, way)
+
+
+def _some(items: Sequence[str]) -> str:
+    more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
+    return ", ".join(items[:MOST]) + more
+
+
+def _reason(column: Column) -> str:
+    """Give the reason why a column is not used."""
+    cells = [cell for cell in column.cells if cell]
+    if not cells:
+        return "empty"
+    if counts_up(column):
+        return f"numbers the rows; --column order='{column.head}' takes it as order of the shifts"
+    clock = column.unit and column.unit.dimension == TIME and grows(column)
+    if clock or is_dated(cells):
+        what = "grows as a clock" if clock else "dates"
+        return f"{what}; --column timestamp='{column.head}' takes it as times of the shifts"
+    return "words" if 2 * sum(map(is_number, cells)) < len(cells) else "no quantity of this name"

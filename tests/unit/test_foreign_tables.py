@@ -1,0 +1,660 @@
+"""Tables as stands, loggers and spreadsheets write them: read rightly and said, or refused."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.near_points import NEAR, joined_values, near_points
+from dogshape.diagnosis.bench.reading import Reading
+from dogshape.diagnosis.bench.table import Row
+from dogshape.pipeline.cli.app import app
+from dogshape.pipeline.cli.verbs import init as verbs
+from dogshape.sim.units import RPM
+from tests.conftest import Said
+
+Call = Callable[..., Said]
+Numbers = list[float]
+
+HEAD = "dn [1/min];F [N];Schaltzeit [ms]"
+
+
+class Bench:
+    """What ``init bench`` makes of a text."""
+
+    def __init__(self, call: Call) -> None:
+        self.call = call
+
+    def said(self, text: str, *options: str, name: str = "m.csv") -> Said:
+        Path(name).write_text(text, encoding="utf-8")
+        shutil.rmtree("b", ignore_errors=True)
+        return self.call("init", "bench", name, "--json", "--out", "b", *options)
+
+    def refused(self, text: str, *options: str, words: Sequence[str] = ()) -> str:
+        found = self.said(text, *options)
+        assert found.status == 2, found.out
+        assert not Path("b").exists()
+        for word in words:
+            assert word in found.err
+        return found.err
+
+    def read(self, text: str, *options: str, name: str = "m.csv") -> list[Reading]:
+        found = self.said(text, *options, name=name)
+        assert found.status == 0, found.err
+        self.json = found.json
+        return list(load_bench("b").readings)
+
+    def numbers(self, text: str, *options: str, name: str = "m.csv") -> list[Numbers]:
+        """Mismatch in 1/min, force in N and time in ms of each row."""
+        return [
+            [
+                round(r.point.mismatch / RPM, 6),
+                round(r.point.profile.force, 6),
+                round(1e3 * r.time, 6) if r.time is not None else np.nan,
+            ]
+            for r in self.read(text, *options, name=name)
+        ]
+
+    @property
+    def left_out(self) -> str:
+        return " | ".join(
+            f"{one.get('row', one.get('column'))}: {one['reason']}" for one in self.json["left_out"]
+        )
+
+
+@pytest.fixture
+def bench(dogshape: Call) -> Bench:
+    return Bench(dogshape)
+
+
+PLAIN = [[50.0, 469.0, 116.2], [100.0, 469.0, 103.7], [149.0, 642.0, 98.3], [50.0, 642.0, 95.2]]
+ROWS = "50;469;116,2\n100;469;103,7\n149;642;98,3\n50;642;95,2\n"
+
+
+@pytest.mark.parametrize(
+    ("foot", "reason"),
+    [
+        ("Moyenne;87,25;555,5;103,35\n", "mean of rows 2 to 5 ('Moyenne')"),
+        (";87,3;555,5;103,4\n", "mean of rows 2 to 5"),
+        (";349;2222;413,4\n", "sum of rows 2 to 5"),
+        ("平均;87,25;555,5;103,35\n標準偏差;47,4;99,9;9,3\n", "standard deviation of rows 2 to 5"),
+        ("n;4;4;4\n", "count of rows 2 to 5 ('n')"),
+        ("Min;50;469;95,2\nMax;149;642;116,2\n", "largest value of rows 2 to 5 ('Max')"),
+        ("Průměr (4);87,25;555,5;103,35\n", "mean of rows 2 to 5"),
+        ("\nGrenzwert;200;800;130\n", "word where other rows have a number ('Grenzwert')"),
+        ("\nEnde der Messung;;;\n", "has no number ('Ende der Messung')"),
+    ],
+)
+def test_rows_at_the_foot_are_no_shifts(bench: Bench, foot: str, reason: str) -> None:
+    rows = "".join(f"{k};{row}\n" for k, row in enumerate(ROWS.splitlines(), start=1))
+    assert bench.numbers(f"Nr;{HEAD}\n{rows}{foot}") == PLAIN
+    assert reason in bench.left_out
+
+
+@pytest.mark.parametrize(
+    "foot", ["87,25;555,5;103,35\n", "349;2222;413,4\n", "47,4;99,9;9,3\n", "Mean;555,5;103,35\n"]
+)
+def test_a_foot_without_a_word_or_number_column(bench: Bench, foot: str) -> None:
+    assert bench.numbers(f"{HEAD}\n{ROWS}{foot}") == PLAIN
+    assert "6: " in bench.left_out
+
+
+def test_sums_of_groups_within_a_table(bench: Bench) -> None:
+    one = "1;50;469;110\n2;50;469;120\n3;50;469;118\nMittel;50;469;116\nStabw.;0;0;5,3\n"
+    two = "4;100;469;100\n5;100;469;104\n;100;469;102\n6;149;469;99\n7;149;469;97\n"
+    found = bench.numbers(f"Nr;{HEAD}\n{one}{two}")
+    assert [row[2] for row in found] == [110.0, 120.0, 118.0, 100.0, 104.0, 99.0, 97.0]
+    assert all(f"{row}: " in bench.left_out for row in (5, 6, 9))
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        "1;50;469;116,2\n2;100;469;103,7\n2b;100;469;105,1\n3;149;642;98,3\n",
+        "1;50;469;110\n2;100;469;100\n3;150;469;90\n4;100;469;104\n",
+        "1;50;469;110\n2;100;469;120\n3;149;469;130\n;149;642;131\n",
+    ],
+)
+def test_shifts_that_only_look_like_sums_stay(bench: Bench, rows: str) -> None:
+    assert len(bench.numbers(f"Nr;{HEAD}\n{rows}")) == 4
+
+
+def test_a_word_among_numbers_is_asked_about(bench: Bench) -> None:
+    text = f"Nr;{HEAD}\n1;50;469;116,2\nWdh;100;469;103,7\n3;149;642;98,3\n4;50;642;95,2\n"
+    bench.refused(text, words=["row 3 has 'Wdh' where other rows have a number", "--rows"])
+    assert len(bench.numbers(text, "--rows", "2-5")) == 4
+    assert len(bench.numbers(text, "--rows", "2,4-5")) == 3
+    assert "3: not among --rows" in bench.left_out
+    bench.refused(text, "--rows", "all", words=["--rows is 'all'"])
+
+
+@pytest.mark.parametrize(
+    ("cells", "value"),
+    [
+        (("1 200", "800"), 1200.0),
+        (("1\N{NO-BREAK SPACE}200", "800"), 1200.0),
+        (("1\N{NARROW NO-BREAK SPACE}200,5", "800"), 1200.5),
+        (("1'200", "800"), 1200.0),
+        (("1\N{RIGHT SINGLE QUOTATION MARK}200,5", "800"), 1200.5),
+        (("1.200,5", "800"), 1200.5),
+        (("1.200", "800,5"), 1200.0),
+        (("1.2E+3", "800"), 1200.0),
+        (("+ 1200", "800"), 1200.0),
+    ],
+)
+def test_thousands(bench: Bench, cells: tuple[str, str], value: float) -> None:
+    text = f"{HEAD}\n50;{cells[0]};96,2\n100;{cells[1]};103,7\n149;900;98,3\n"
+    if "E" in cells[0]:
+        text = text.replace(",", ".")
+    assert bench.numbers(text)[0][1] == value
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ('dn,F [N],shift time [ms]\n50,"1,200",96.2\n100,800,103.7\n149,900,98.3\n', 1200.0),
+        ('dn,F [N],shift time [ms]\n50,"1,200.5",96\n100,800,103\n149,900,98\n', 1200.5),
+        ("dn\tF [N]\tshift time [ms]\n50\t1,200\t96.2\n100\t800\t103.7\n149\t900\t98.3\n", 1200.0),
+    ],
+)
+def test_thousands_beside_a_decimal_point(bench: Bench, text: str, value: float) -> None:
+    assert bench.numbers(text)[0][1] == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "dn;F [N];shift time [ms]\n50;1.200;96\n100;800;103\n149;900;98\n",
+        'dn,F [N],shift time [ms]\n50,"1,200",96\n100,800,103\n149,900,98\n',
+        "dn;F [N];shift time [ms]\n50;1.200;96\n100;1.120;103\n149;1.300;98\n",
+        "dn,F [N],shift time [ms]\n50,1.200,96\n100,800,103\n149,900,98\n",
+    ],
+)
+def test_thousands_that_may_be_decimals_are_asked_about(bench: Bench, text: str) -> None:
+    said = bench.refused(text, words=["can be read as 1200", "or as 1.200", "--decimal"])
+    sign = {True: ".", False: ","}
+    comma = '"1,200"' in text
+    assert f"1200, --decimal {sign[comma]}" in said
+    assert bench.numbers(text, "--decimal", sign[comma])[0][1] == 1200.0
+    small = text.replace("800", "0800").replace("[N]", "[kN]")
+    if "1.120" in text:
+        assert bench.numbers(small, "--decimal", sign[not comma])[0][1] == 1200.0
+
+
+def test_decimals_with_three_digits_are_no_thousands(bench: Bench) -> None:
+    text = "dn;F [kN];shift time [s]\n50;1,120;0,116\n100;1,250;0,104\n149;1,469;0,098\n"
+    assert [row[1] for row in bench.numbers(text)] == [1120.0, 1250.0, 1469.0]
+    assert {c["decimals"] for c in bench.json["columns"]} == {"comma", None}
+    text = "dn,F [N],shift time [ms]\n50.000,469.000,116.250\n100.000,469.000,104.125\n"
+    assert bench.numbers(text)[0] == [50.0, 469.0, 116.25]
+
+
+@pytest.mark.parametrize("minus", ["-", "- ", "\N{MINUS SIGN}", "\N{MINUS SIGN} ", "\N{EN DASH}"])
+def test_signs_apart_and_of_other_letters(bench: Bench, minus: str) -> None:
+    text = f"dn;F [N];shift time [ms]\n+ 50;469;116\n{minus}100;+ 469;104\n149;642;98\n"
+    assert [row[0] for row in bench.numbers(text)] == [50.0, -100.0, 149.0]
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "NO.,Time,dn,F_shift,t_shift\n-,hh:mm,1/min,N,ms\n",
+        "Nr,Zeit,dn,F_shift,t_shift\n,,[1/min],[N],[ms]\n",
+        "Place of,Time of,dn,F_shift,t_shift\ntest,day,,,\n,j/n,1/min,N,ms\n",
+        "a,b,Mismatch,Shift,Shift\nc,d,speed,force,time\n-,text,rpm,N,ms\n",
+        "Test,When,Input,,\nNo,Hour,dn,F_shift,t_shift\n,,1/min,N,ms\n",
+    ],
+)
+def test_heads_of_two_lines_and_units_in_some_cells(bench: Bench, head: str) -> None:
+    rows = "".join(f"{k + 1},14:0{k}:30,{row.replace(',', '.').replace(';', ',')}\n"
+                   for k, row in enumerate(ROWS.splitlines()))  # fmt: skip
+    assert bench.numbers(f"Logger 7\nsteps,1 ms\n{head}{rows}") == PLAIN
+    assert {c["unit"] for c in bench.json["columns"]} >= {"N", "ms"}
+
+
+LVM = """\
+LabVIEW Measurement\t
+Writer_Version\t2
+Separator\tTab
+Decimal_Separator\t{sign}
+***End_of_Header***\t
+\t
+Channels\t3\t\t\t
+Samples\t2\t2\t2\t
+X0\t0\t0\t0\t
+***End_of_Header***\t\t\t\t
+X_Value\tdn (1/min)\tF_shift (N)\tt_shift (ms)\tComment
+{one}
+{two}"""
+
+
+@pytest.mark.parametrize("sign", [",", "."])
+def test_labview_tables(bench: Bench, sign: str) -> None:
+    rows = [f"\t{row.replace(';', chr(9)).replace(',', sign)}\tok" for row in ROWS.splitlines()]
+    text = LVM.format(sign=sign, one="\n".join(rows), two="")
+    assert bench.numbers(text, name="m.lvm") == PLAIN
+    assert "X_Value: empty" in bench.left_out
+    again = LVM.format(sign=sign, one="\n".join(rows[:2]), two="")
+    head = again[again.index("Channels") :]
+    both = again + head.replace(head[head.index("\t50") :], "\n".join(rows[2:]))
+    assert bench.numbers(both, name="m.lvm") == PLAIN
+
+
+def test_the_decimal_sign_that_a_file_states(bench: Bench) -> None:
+    rows = "\t50\t1,200\t116\n\t100\t1,300\t104\n\t149\t1,400\t98"
+    assert [row[1] for row in bench.numbers(
+        LVM.format(sign=".", one=rows, two=""), name="m.lvm"
+    )] == [1200.0, 1300.0, 1400.0]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# dn F t_shift\n50 469 0.1162\n100 469 0.1037\n149 642 0.0983\n50 642 0.0952\n",
+        "dn [1/min]   F [N]   shift time [ms]\n" + "".join(
+            f"{a:9}  {b:8.1f}   {c:8.1f}\n" for a, b, c in PLAIN),
+        "dn [1/min] F [N] t_shift [ms]\n" + "".join(f" {a}  {b} {c}\n" for a, b, c in PLAIN),
+        "% stand 7\n% dn F t_shift\n% 1/min kN ms\n" + "".join(
+            f"{a} {b / 1e3} {c}\n" for a, b, c in PLAIN),
+        "dn|F [N]|t_shift [ms]\n" + "".join(f"{a}|{b}|{c}\n" for a, b, c in PLAIN),
+    ],
+)  # fmt: skip
+def test_columns_between_blanks_and_strokes(bench: Bench, text: str) -> None:
+    assert bench.numbers(text) == PLAIN
+
+
+def test_a_table_without_names_is_asked_about(bench: Bench) -> None:
+    text = "".join(f"  {a:.7e}  {b:.7e}  {c:.7e}\n" for a, b, c in PLAIN)
+    bench.refused(text, words=["no column looks like mismatch_rpm", "'column 1'"])
+    options = ("mismatch_rpm=column 1:1/min", "force_N=column 2:N", "shift_time_s=column 3:ms")
+    assert bench.numbers(text, *(o for one in options for o in ("--column", one))) == PLAIN
+
+
+def test_names_that_are_there_twice(bench: Bench) -> None:
+    text = "time;dn;time;F;time;t_shift\n" + "".join(
+        f"{k}.5;{a};{k}.6;{b};{k}.7;{c}\n" for k, (a, b, c) in enumerate(PLAIN)
+    )
+    assert bench.numbers(text) == PLAIN
+    assert bench.left_out.count("time: ") == 3
+    text = text.replace("time;dn;time;F;time;t_shift", "dn;dn;x;F;y;t_shift")
+    bench.refused(text, words=["mismatch_rpm", "column 1", "column 2"])
+    assert bench.numbers(text, "--column", "mismatch_rpm=column 2:1/min") == PLAIN
+    remarks = "rem;dn;rem;F;rem;t_shift\n" + "".join(f"a;{a};b;{b};c;{c}\n" for a, b, c in PLAIN)
+    assert bench.numbers(remarks) == PLAIN
+
+
+STAMPED = "When;dn;F;t_shift\n"
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ("2024/05/31 14:05:09", "2024/05/31 14:05:39", "2024/06/01 14:05:09"),
+        ("31.05.2024 14:05:09,5", "31.05.2024 14:05:39,5", "01.06.2024 14:05:09,5"),
+        ("31/05/2024 14:05:09", "31/05/2024 14:05:39", "01/06/2024 14:05:09"),
+        ("05/31/2024 2:05:09 PM", "05/31/2024 2:05:39 PM", "06/01/2024 2:05:09 PM"),
+        ("31-May-2024 14:05:09", "31-May-2024 14:05:39", "01-Jun-2024 14:05:09"),
+        ("31. Mai 2024 14:05:09", "31. Mai 2024 14:05:39", "1. Juni 2024 14:05:09"),
+        ("2024-05-31T14:05:09Z", "2024-05-31T14:05:39Z", "2024-06-01T14:05:09Z"),
+        ("45443.5869097222", "45443.5872569444", "45444.5869097222"),
+        ("31.5.24 14:05:09", "31.5.24 14:05:39", "1.6.24 14:05:09"),
+    ],
+)
+def test_dates(bench: Bench, cells: tuple[str, str, str]) -> None:
+    rows = "".join(f"{c};{a};{b};{t}\n" for c, (a, b, t) in zip(cells, PLAIN[:3], strict=True))
+    name = "When" if not cells[0].startswith("45") else "Datum"
+    places = [r.place for r in bench.read(STAMPED.replace("When", name) + rows)]
+    assert [float(b or 0) - float(a or 0) for a, b in pairwise(places)] == [
+        pytest.approx(30.0, abs=0.02), pytest.approx(86_370.0, abs=0.02),
+    ]  # fmt: skip
+    (said,) = (c for c in bench.json["columns"] if c["quantity"] == "timestamp")
+    assert said["first"].startswith("2024-05-31T14:05:09")
+
+
+def test_clocks_without_a_date(bench: Bench) -> None:
+    rows = ["23:59:30;50;469;116", "23:59:59;100;469;104", "00:00:30;149;642;98"]
+    places = [r.place for r in bench.read(STAMPED + "\n".join(rows))]
+    assert np.diff(np.array(places, dtype=float)).tolist() == [29.0, 31.0]
+    rows = ["31.05.2024;23:59:30;50;469;116", "31.05.2024;23:59:59;100;469;104"]
+    text = "Datum;Uhrzeit;dn;F;t_shift\n" + "\n".join([*rows, "01.06.2024;00:00:30;149;642;98"])
+    places = [r.place for r in bench.read(text)]
+    assert np.diff(np.array(places, dtype=float)).tolist() == [29.0, 31.0]
+
+
+def test_dates_that_can_be_read_in_two_ways(bench: Bench) -> None:
+    rows = ["05/06/2024 14:00;50;469;116", "06/06/2024 14:00;100;469;104"]
+    text = STAMPED + "\n".join(rows)
+    bench.refused(text, words=["'05/06/2024 14:00' has its day or its month first", ":d/m/y"])
+    for way, days in (("d/m/y", 1.0), ("m/d/y", 31.0)):
+        places = [r.place or 0.0 for r in bench.read(text, "--column", f"timestamp=When:{way}")]
+        assert places[1] - places[0] == days * 86_400.0
+    numbers = STAMPED.replace("When", "Zeitstempel") + "40000;50;469;116\n40012;100;469;104\n"
+    bench.refused(numbers, words=["may be seconds, or dates as a spreadsheet counts them"])
+    places = [r.place for r in bench.read(numbers, "--column", "timestamp=Zeitstempel:s")]
+    assert places == [40_000.0, 40_012.0]
+
+
+@pytest.mark.parametrize(
+    "counter", ["1 2 3 4", "0 1 2 3", "17 18 19 20", "4 3 2 1", "1 2 4 5", "1 2 1 2"]
+)
+def test_a_running_number_is_no_count_of_shifts(bench: Bench, counter: str) -> None:
+    rows = "".join(f"{n},{a},{b},{c}\n" for n, (a, b, c) in
+                   zip(counter.split(), PLAIN, strict=True))  # fmt: skip
+    text = f"Number,dn,F,t_shift\n{rows}"
+    bench.refused(text, words=["'Number' numbers the rows", "--column order='Number'"])
+    said = ("--column", "order=Number")
+    if counter != "1 2 1 2":
+        assert [r.place for r in bench.read(text, *said)] == [float(n) for n in counter.split()]
+    unnamed = bench.read(text.replace("Number", "Versuch"))
+    assert [(r.n, r.place) for r in unnamed] == [(1, None)] * 4
+    assert "Versuch: numbers the rows" in bench.left_out
+
+
+def test_counts_of_shifts_stay_counts(bench: Bench) -> None:
+    for counts in ("10 10 10 10", "5 10 20 40", "1 1 1 1", "10 12 9 10"):
+        rows = "".join(f"{n},{a},{b},{c}\n" for n, (a, b, c) in
+                       zip(counts.split(), PLAIN, strict=True))  # fmt: skip
+        assert [r.n for r in bench.read(f"Number,dn,F,t_shift\n{rows}")] == [
+            int(n) for n in counts.split()
+        ]
+
+
+def test_two_columns_of_times(bench: Bench) -> None:
+    def text(one: str, other: str) -> str:
+        return f"{one},dn,F,{other}\n" + "".join(
+            f"{12.4 * k + 3.7},{a},{b},{c}\n" for k, (a, b, c) in enumerate(PLAIN)
+        )
+
+    for one, other in (("t [s]", "Dauer [ms]"), ("time [s]", "T90 [ms]"), ("Zeit [min]", "t [ms]")):
+        assert bench.numbers(text(one, other)) == PLAIN
+        assert bench.json["assumed"][-1] != "the stand gives up after 60 s"
+    falling = text("t1 time [ms]", "time t2 [ms]").replace("16.1", "1.1")
+    bench.refused(falling, words=["shift_time_s may be the column", "say which"])
+    alone = "".join(f"{12.4 * k},{a},{b}\n" for k, (a, b, _) in enumerate(PLAIN, start=1))
+    bench.refused(f"time [s],dn,F\n{alone}", words=["grows from row to row as a clock does"])
+
+
+def test_a_time_out_is_not_raised_in_silence(bench: Bench) -> None:
+    text = "dn,F,shift time [s]\n50,469,0.116\n100,469,1.7\n149,642,0.098\n"
+    said = ["1.7 s, beyond the time-out of 1 s", "--set timeout_s=2"]
+    bench.refused(text, words=said)
+    assert len(bench.read(text, "--set", "timeout_s=2")) == 3
+    assert load_bench("b").clutch.timeout == 2.0
+
+
+@pytest.mark.parametrize(
+    "times", ["0.116 1.0 0.098 0.1", "0.116 0.5 0.098 0.5", "0.9 1 0.95 1 0.8 1", "0.1 2 2 0.2"]
+)
+def test_time_outs_that_are_written_as_times(bench: Bench, times: str) -> None:
+    rows = "".join(f"{25 * k + 25},469,{t}\n" for k, t in enumerate(times.split()))
+    text = f"dn,F,shift time [s]\n{rows}"
+    most = max(map(float, times.split()))
+    bench.refused(text, words=[f"say --set timeout_s={most:g} where these shifts did not engage"])
+    found = bench.read(text, "--set", f"timeout_s={most}")
+    late = [float(t) == most for t in times.split()]
+    assert [r.engaged is False for r in found] == late
+    assert "are shifts that did not engage" in " ".join(bench.json["assumed"])
+    longer = bench.read(text, "--set", f"timeout_s={3 * most}")
+    assert [r.time for r in longer] == [float(t) for t in times.split()]
+
+
+def test_equal_times_of_a_coarse_clock_are_no_time_outs(bench: Bench) -> None:
+    times = "0.05 0.06 0.06 0.07 0.12 0.06 0.07 0.12 0.08 0.09"
+    rows = "".join(f"50,469,{t}\n" for t in times.split())
+    assert len(bench.read(f"dn,F,shift time [s]\n{rows}")) == 10
+    assert "multiples of 10 ms" in " ".join(bench.json["assumed"])
+
+
+@pytest.mark.parametrize(
+    ("words", "engaged"),
+    [
+        ("ja nein ja ja", [True, False, True, True]),
+        ("i.O. n.i.O. i.O. i.O.", [True, False, True, True]),
+        ("io nio io -", [True, False, True, None]),
+        ("1 0 1 1", [True, False, True, True]),
+        ("YES NO YES N/A", [True, False, True, None]),
+        ("oui non oui oui", [True, False, True, True]),
+    ],
+)
+def test_words_for_engaged(bench: Bench, words: str, engaged: list[bool | None]) -> None:
+    rows = "".join(f"{w};{a};{b};{'' if e is not True else c}\n" for w, e, (a, b, c) in
+                   zip(words.split(), engaged, PLAIN, strict=True))  # fmt: skip
+    found = bench.read(f"eingelegt;dn;F;t_shift\n{rows}")
+    assert [r.engaged for r in found] == engaged
+    (said,) = (c["why"] for c in bench.json["columns"] if c["quantity"] == "engaged")
+    assert f"{words.split(maxsplit=1)[0].lower()} = yes" in said
+
+
+def test_marks_beside_empty_cells_are_asked_about(bench: Bench) -> None:
+    text = "ok;dn;F;t_shift\nx;50;469;116\n;100;469;\nx;149;642;98\n"
+    bench.refused(text, words=["1 empty cells", "--column engaged='ok:empty=no'"])
+    for said, engaged in (("empty=no", False), ("empty=unknown", None)):
+        found = bench.read(text, "--column", f"engaged=ok:{said}")
+        assert [r.engaged for r in found] == [True, engaged, True]
+    other = text.replace("x;", "geschafft;").replace("\n;100", "\nhängt;100")
+    bench.read(other)
+    assert "ok: its words are neither yes nor no" in bench.left_out
+    found = bench.read(other, "--column", "engaged=ok:geschafft=yes,hängt=no")
+    assert [r.engaged for r in found] == [True, False, True]
+    failed = "Fehler;dn;F;t_shift\n;50;469;116\nx;100;469;\n;149;642;98\n"
+    assert [r.engaged for r in bench.read(failed)] == [True, None, True]
+
+
+SPEEDS = [(1450.0, 1500.0), (1450.0, 1550.0), (1461.0, 1610.0)]
+
+
+@pytest.mark.parametrize(
+    ("units", "factors"),
+    [
+        (("1/min", "1/min"), (1.0, 1.0)),
+        (("1/min", "rad/s"), (1.0, np.pi / 30.0)),
+        (("Hz", "1/min"), (1.0 / 60.0, 1.0)),
+        (("1/min", ""), (1.0, 1.0)),
+    ],
+)
+def test_two_speeds_are_a_mismatch_by_formula(
+    bench: Bench, units: tuple[str, str], factors: tuple[float, float]
+) -> None:
+    one, other = (f"{n} [{u}]" if u else n for n, u in zip(("n_in", "n-out"), units, strict=True))
+    rows = "".join(f"{a * factors[0]:.9g};{b * factors[1]:.9g};469;{116 - k}\n"
+                   for k, (a, b) in enumerate(SPEEDS))  # fmt: skip
+    text = f"{one};{other};F [N];t_shift [ms]\n{rows}"
+    if units[1]:
+        bench.refused(text, words=["mismatch_rpm may be", "n-out - n_in", "docs/mismatch.md"])
+    for formula, sign in (("n-out - n_in", 1.0), ("n_in - n-out", -1.0)):
+        found = bench.numbers(text, "--column", f"mismatch_rpm={formula}")
+        assert [row[0] for row in found] == [
+            pytest.approx(sign * one, abs=1e-4) for one in (50.0, 100.0, 149.0)
+        ]
+    (said,) = (c for c in bench.json["columns"] if c["quantity"] == "mismatch_rpm")
+    assert "sign is that of the formula" in said["why"]
+    half = bench.numbers(text, "--column", "mismatch_rpm=(n-out - n_in)/2")
+    assert half[0][0] == pytest.approx(25.0, abs=1e-4)
+    for wrong in ("n_out2 - n_in", "n_in ** n_in"):
+        bench.refused(text, "--column", f"mismatch_rpm={wrong}", words=["no such column"])
+    for wrong in ("n_in -", "n_in / 0", "n_in(n-out)"):
+        bench.refused(text, "--column", f"mismatch_rpm={wrong}", words=["is no formula"])
+
+
+@pytest.mark.parametrize("head", ["Δω [1/s]", "domega", "dn [s^-1]", "Winkelgeschwindigkeit"])
+def test_an_angular_speed_is_never_revolutions_a_minute(bench: Bench, head: str) -> None:
+    text = f"{head};F [N];t_shift [ms]\n5.2;469;116\n10.4;469;104\n"
+    options = () if head != "Winkelgeschwindigkeit" else ("--column", f"mismatch_rpm={head}")
+    if head == "domega":
+        options = ("--column", "mismatch_rpm=domega")
+    bench.refused(text, *options, words=["rad/s'"])
+    found = bench.numbers(text, "--column", f"mismatch_rpm={head}:rad/s")
+    assert found[0][0] == pytest.approx(5.2 * 30.0 / np.pi, abs=1e-4)
+
+
+def measured(seed: int, *, rises: bool = True) -> tuple[str, list[tuple[float, float]]]:
+    """Make single shifts whose speed and force were measured, and their set values."""
+    draw = np.random.default_rng(seed)
+    points = [(n, f) for n in (25, 50, 100, 149) for f in (235.2, 469.0) for _ in range(5)]
+    rows = [
+        f"{n + draw.normal(0.0, 1.2):.1f};{f * (1.0 + draw.normal(0.0, 0.01)):.1f};"
+        + (f"{0.25 if f < 300 else 0.177};" if rises else "") + f"{draw.uniform(90, 130):.1f}"
+        for n, f in points
+    ]  # fmt: skip
+    head = "n_diff [1/min];F [N];" + ("t_rise [s];" if rises else "") + "t_shift [ms]\n"
+    return head + "\n".join(rows), points
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("rises", [True, False])
+def test_measured_set_values_become_operating_points(bench: Bench, seed: int, rises: bool) -> None:
+    text, points = measured(seed, rises=rises)
+    for origin, near in (("mq200_stand", 1e-9), ("mine", 0.03)):
+        if origin == "mine":
+            sets = ("operating.mismatch_rpm=[70.0]", "operating.force_N=[469.0]")
+            bench.call("init", "study", "--out", "mine", "--yes", "--set", sets[0])
+        found = bench.read(text, "--from", origin)
+        for reading, (mismatch, force) in zip(found, points, strict=True):
+            assert reading.point.mismatch / RPM == pytest.approx(mismatch, rel=near)
+            assert reading.point.profile.force == pytest.approx(force, rel=near)
+        loaded = load_bench("b")
+        assert len(loaded.cells) == 8
+        errors = loaded.errors.each_point
+        cells = np.array([row.split(";")[:2] for row in text.splitlines()[1:]], dtype=float)
+        scatter = np.sqrt(((cells - np.array(points)) ** 2).mean(axis=0))
+        assert errors.mismatch / RPM == pytest.approx(scatter[0], rel=0.1)
+        assert errors.force_share == pytest.approx(
+            np.sqrt(((cells[:, 1] / np.array(points)[:, 1] - 1.0) ** 2).mean()), rel=0.1
+        )
+    assert "mismatch is measured" in " ".join(bench.json["assumed"])
+
+
+def test_measured_values_may_be_kept_or_joined(bench: Bench) -> None:
+    text, _ = measured(4)
+    for way, cells in (("given", 40), ("joined", 39)):
+        found = bench.read(text, "--set", f'corrections=["points={way}"]')
+        assert len(found) == 40
+        assert 8 <= len(load_bench("b").cells) <= cells
+
+
+def test_set_values_stay_as_they_are(bench: Bench) -> None:
+    for values in ("45 50 100 149", "100 105 110 115", "25 26 50 52", "141 149 199"):
+        rows = "".join(f"{n};469;{100 + k}\n" for n in values.split() for k in range(3))
+        found = bench.numbers(f"{HEAD}\n{rows}")
+        assert sorted({row[0] for row in found}) == sorted(map(float, values.split()))
+
+
+def test_every_column_and_row_that_is_left_out_has_its_reason(bench: Bench) -> None:
+    text = ("Nr;rem;dn;Öltemp [°C];F;t_shift;leer\n1;a;50;60;469;116;\n2;b;100;61;469;104;\n"
+            "# Pause;;;;;;\n3;c;149;63;642;98;\n")  # fmt: skip
+    assert len(bench.read(text)) == 3
+    for words in ("Nr: numbers the rows", "rem: words", "Öltemp [°C]: no quantity of this name",
+                  "leer: empty", "4: has no number ('# Pause')"):  # fmt: skip
+        assert words in bench.left_out
+    for name in ("column", "unit", "decimals", "first", "least", "largest", "why"):
+        assert all(name in column for column in bench.json["columns"])
+
+
+def test_two_tables_in_a_file(bench: Bench) -> None:
+    again = f"{HEAD}\n50;469;116\n100;469;104\n{HEAD}\n149;642;98\n"
+    assert len(bench.read(again)) == 3
+    assert "4: repeats the head" in bench.left_out
+    other = f"{HEAD}\n50;469;116\n100;469;104\n\nF [N];dn [1/min];t [ms]\n642;149;98\n"
+    bench.refused(other, words=["another table begins in row 6", "--rows 2-5"])
+
+
+def test_the_origin_may_be_an_absolute_path(bench: Bench) -> None:
+    assert bench.call("init", "study", "--out", "mine", "--yes").status == 0
+    text = f"{HEAD}\n{ROWS}"
+    assert bench.numbers(text, "--from", str(Path("mine").resolve())) == PLAIN
+    assert bench.numbers(text, "--from", "mine") == PLAIN
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Test  Speed diff   Shift force   Shift time   Engaged\n"
+        "         [1/min]           [N]         [ms]\n"
+        "   1          50           469        116.2   yes\n"
+        "   2         100           469        103.7   yes\n"
+        "   3         149           642                 no\n",
+        "  delta n    force  t_shift   i.O.\n"
+        "    rad/s       kN                \n"
+        " 5.235988    0.469    116.2      x\n"
+        "10.471976    0.469    103.7      x\n"
+        "15.603244    0.642                \n",
+    ],
+)
+def test_columns_of_fixed_width(bench: Bench, text: str) -> None:
+    column = "i.O." if "i.O." in text else "Engaged"
+    found = bench.numbers(text, "--column", f"engaged={column}:empty=no")
+    assert found[:2] == [[pytest.approx(row[0], abs=1e-4), *row[1:]] for row in PLAIN[:2]]
+    assert found[2][:2] == [pytest.approx(149.0, abs=1e-4), 642.0]
+    assert np.isnan(found[2][2])
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "dn,F,t_shift\n50 rpm,0.469 kN,116.2ms\n100 rpm,0.469 kN,103.7ms\n",
+        "dn,F,t_shift\n50,469 N,116.2\n100,469,103.7\n149,642,98.3\n",
+        "dn [rpm],F [N],t_shift [ms]\n50,469,116.2\n100,0.469 kN,103.7\n149,642,98.3\n",
+    ],
+)
+def test_units_behind_numbers_are_refused(bench: Bench, text: str) -> None:
+    bench.refused(text, words=["number"])
+
+
+def test_a_statistic_of_each_kind_at_the_foot(bench: Bench) -> None:
+    foot = ("count,4,4,4\nmean,87.25,555.5,103.35\nstd,47.4,99.9,9.3\nmin,50,469,95.2\n"
+            "25%,50,469,97.525\n50%,75,555.5,101\n75%,112.25,642,106.825\n"
+            "max,149,642,116.2\n")  # fmt: skip
+    rows = "".join(f"{k},{a},{b},{c}\n" for k, (a, b, c) in enumerate(PLAIN))
+    assert bench.numbers(f",dn,F,t_shift\n{rows}{foot}") == PLAIN
+
+
+def test_a_unit_that_a_slip_shows_is_settled_by_the_option_it_names(bench: Bench) -> None:
+    text = "mismatch_rpm,force_N,shift_time_s\n50,469,116.2\n100,469,103.7\n149,642,98.3\n"
+    said = bench.refused(text, words=["this looks like milliseconds"])
+    option = said.partition("; --column ")[2].partition(" takes it")[0].replace("'", "")
+    assert bench.numbers(text, "--column", option) == PLAIN[:3]
+
+
+def test_questions_in_a_terminal_take_the_options(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    Path("m.csv").write_text(
+        'Number,dn,F,t_shift\n1,50,469,116\n2,100,469,104\n3,"1,200",469,98\nWdh,149,642,97\n'
+        "5,149,642,99\n"
+    )
+    said = ["--decimal=.", "--column order='Number'", "rows=2-4,6", "y", "", "", "", "y", "n", "n"]
+    done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(said) + "\n")
+    assert done.exit_code == 0, done.stderr
+    assert "can be read as 1200" in done.stderr
+    assert [round(r.point.mismatch / RPM) for r in load_bench("m").readings] == [50, 100, 1200, 149]
+    assert [r.place for r in load_bench("m").readings] == [1.0, 2.0, 3.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    "speeds",
+    [
+        [100.0, 101.0, 101.4],
+        [50.0 * 1.008**k for k in range(12)],
+        [50.0, 50.4, 50.9, 51.3, -50.0, -50.4, 149.0, 149.0],
+        np.random.default_rng(3).normal(100.0, 1.5, 60).tolist(),
+    ],
+)
+def test_joined_points_lie_beyond_their_limit(speeds: list[float]) -> None:
+    rows = [Row(k, n, 469.0, 0.1766, 1 + k % 3, 0.1, True) for k, n in enumerate(speeds)]
+    joined = sorted({n for n, _, _ in joined_values(rows)})
+    assert all(abs(a - b) > NEAR * max(abs(a), abs(b)) for a, b in pairwise(joined))
+    weights = np.array([row.n for row in rows], dtype=float)
+    means = np.array([n for n, _, _ in joined_values(rows)])
+    assert weights @ means == pytest.approx(weights @ np.array(speeds))
+    again = [replace(row, mismatch=n) for row, n in zip(rows, means.tolist(), strict=True)]
+    assert near_points(again) == {}
