@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.tolerance_effects import Within, checks_within
-from dogshape.pipeline.simulate.design import Design
+from dogshape.pipeline.search.tolerance_effects import checks_within
+from dogshape.pipeline.simulate.design import Design, Within, weakest_within
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.result import Result
 from dogshape.sim.strength.checks import smallest_margin
@@ -55,13 +55,15 @@ class Checked(Result):
 
     @property
     def verdict(self) -> dict[str, str]:
-        """Facts of the checks: feasible or not, and the smallest margin."""
+        """Facts of the checks: feasible or not, and the smallest margins with their checks."""
         weakest = smallest_margin(self.design.checks)
         open_ones = ", before its landing is simulated" if self.design.not_checked else ""
         told = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        name, worst = weakest_within(self.config, self.design)
         return {
             "feasible": told + open_ones,
             "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
+            "at worst-case tolerances": f"{worst:.1%}, {name}",
         }
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:

@@ -8,8 +8,7 @@ from typing import Any
 
 from dogshape.checked import Checked
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.tolerance_effects import margins_within
-from dogshape.pipeline.simulate.design import Design, design_of
+from dogshape.pipeline.simulate.design import Design, design_of, margins_within
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.running import Where

@@ -12,37 +12,13 @@ from __future__ import annotations
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.design import Design
+from dogshape.pipeline.simulate.design import KINDS, Design, Within, weakest_within
 from dogshape.pipeline.store.result_records import check_record, number_or_none
-from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import half_difference
-
-KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
-Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
-
-
-def margins_within(study: Setup, design: Design) -> Within:
-    """Return each margin's worst case and root sum of squares, by the check's name.
-
-    What is a worst case itself stands for its own; the landing has none. A tolerance that
-    leaves no dog makes a margin minus infinity.
-    """
-    if design.dog is None:
-        return {}
-    spreads = margin_losses(design.dog, study.limits)
-    found = {}
-    for check in design.checks:
-        if check.name in spreads:
-            spread = spreads[check.name]
-            found[check.name] = {kind: check.margin - getattr(spread, kind) for kind in KINDS}
-        elif check.rule.group == "tolerance":
-            found[check.name] = dict.fromkeys(KINDS, check.margin)
-    return found
-
 
 def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
     """Return every check as a record, with its margins ``within`` the tolerances."""
@@ -57,12 +33,15 @@ def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
     ]
 
 
-def smallest_within(study: Setup, design: Design) -> dict[str, float | None]:
-    """Return the smallest margin in the worst case and by root sum of squares."""
-    rows = margins_within(study, design).values()
+def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
+    """Return the smallest margin and its check in the worst case, and by root sum of squares."""
+    if design.dog is None:
+        return {**{f"margin_{kind}": None for kind in KINDS}, "weakest_check_worst_case": None}
+    own = study.operated(design.params)
+    found = {kind: weakest_within(own, design, kind) for kind in KINDS}
     return {
-        f"margin_{kind}": number_or_none(min((row[kind] for row in rows), default=None))
-        for kind in KINDS
+        **{f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()},
+        "weakest_check_worst_case": found["worst_case"][0],
     }
 
 

@@ -30,6 +30,10 @@ SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objectiv
 MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 WORST = "smallest_margin_worst"
 PROBABLE = "feasible_probability"
+#: Quantities that sum up other checks: a limit on one of them is no check of its own.
+SUMMARIES = (WORST, PROBABLE, "smallest_margin", "utilisation")
+KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
+Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 
 
@@ -180,7 +184,8 @@ class Objective:
         if self.error is not None:
             how += f", with a standard error of {self.error(value):.2g}"
         said = "the study's own limit"
-        return Rule(self.name, "goal", self.label, how, said, self.unit, key, not self.maximise)
+        unit, at_most, summary = self.unit, not self.maximise, self.name in SUMMARIES
+        return Rule(self.name, "goal", self.label, how, said, unit, key, at_most, summary)
 
 
 def _separating_force(study: Setup, _: Design, dog: Dog) -> float:
@@ -192,10 +197,30 @@ def _feasible_probability(study: Setup, _: Design, dog: Dog) -> float:
     return kept_share(dog, study.limits, None if unsure is None else unsure.of("friction_factor"))
 
 
-def _margin_at_worst(study: Setup, design: Design, dog: Dog) -> float:
-    lost = margin_losses(dog, study.limits)
-    losses = (lost[c.name].worst_case if c.name in lost else 0.0 for c in design.checks)
-    return min(c.margin - loss for c, loss in zip(design.checks, losses, strict=True))
+def margins_within(study: Setup, design: Design) -> Within:
+    """Return each margin's worst case and root sum of squares, by the check's name.
+
+    What is a worst case itself stands for its own; the landing has none. A tolerance that
+    leaves no dog makes a margin minus infinity.
+    """
+    if design.dog is None:
+        return {}
+    spreads = margin_losses(design.dog, study.limits)
+    found = {}
+    for check in design.checks:
+        if check.name in spreads:
+            spread = spreads[check.name]
+            found[check.name] = {kind: check.margin - getattr(spread, kind) for kind in KINDS}
+        elif check.rule.group == "tolerance":
+            found[check.name] = dict.fromkeys(KINDS, check.margin)
+    return found
+
+
+def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tuple[str, float]:
+    """Return the check with the smallest margin within the tolerances, and that margin."""
+    left = {name: margins[kind] for name, margins in margins_within(study, design).items()}
+    name = min(left, key=lambda one: left[one])
+    return name, left[name]
 
 
 #: What a study can minimise or maximise, and bound by ``search.limits``.
@@ -215,9 +240,9 @@ OBJECTIVES = {
         Objective("smallest_margin", "smallest margin", "", maximise=True),
         Objective(
             WORST,
-            "smallest margin, tolerances at their worst",
+            "smallest margin at worst-case tolerances",
             "",
-            _margin_at_worst,
+            lambda study, design, _dog: weakest_within(study, design)[1],
             maximise=True,
             by_checks=True,
         ),

@@ -53,7 +53,7 @@ class DesignRow(Section):
     utilisation: float | None = key(
         "utilisation of the most loaded check, where it is an objective", "1", None
     )
-    smallest_margin: float | None = key("smallest margin of all checks to their limits", "1")
+    smallest_margin: float | None = key("smallest margin of all checks at nominal size", "1")
     weakest_check: str = key("check with the smallest margin; `geometry` if no dog has the shape")
     margins: dict[str, float] = key("margin to the limit, by check", "1")
     expected_shift_time_s: float | None = key(
@@ -91,7 +91,7 @@ class DesignRow(Section):
         "mean energy that the contact took, where it is an objective", "J", None
     )
     smallest_margin_worst: float | None = key(
-        "smallest margin with tolerances at their worst, where it is an objective", "1", None
+        "smallest margin at worst-case tolerances, where it is an objective", "1", None
     )
     feasible_probability: float | None = key(
         "share of manufactured clutches that keep all checks, where it is an objective",
@@ -120,6 +120,9 @@ class DesignRow(Section):
     feasible: bool = key("whether the design was simulated and passes every check")
     failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
+    weakest_check_worst_case: str | None = key(
+        "check with that margin; absent in earlier versions", "", None
+    )
     margin_root_sum_square: float | None = key(
         "smallest margin with tolerances added as root of the sum of squares", "1"
     )

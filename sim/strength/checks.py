@@ -32,6 +32,7 @@ class Rule:
     unit : of value and limit.
     key : of the study file that sets the limit.
     at_most : whether the limit is an upper or a lower one.
+    summary : whether the value sums up other checks, such as their smallest margin.
     """
 
     name: str
@@ -42,6 +43,7 @@ class Rule:
     unit: str
     key: str
     at_most: bool
+    summary: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,5 +95,5 @@ def feasible(checks: Iterable[Check]) -> bool:
 
 
 def smallest_margin(checks: Iterable[Check]) -> Check:
-    """Return the check with the smallest margin."""
-    return min(checks, key=lambda check: check.margin)
+    """Return the check with the smallest margin; one that sums up others names none of them."""
+    return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)

@@ -9,7 +9,7 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from dogshape.pipeline.cli.console import columns
-from dogshape.pipeline.search.tolerance_effects import KINDS, Within
+from dogshape.pipeline.simulate.design import KINDS, Within
 from dogshape.sim.strength.checks import GROUPS, Check, feasible, smallest_margin
 from dogshape.sim.strength.dog_strength import UNJUDGED
 
@@ -78,7 +78,7 @@ def _within_line(within: Within) -> list[str]:
         return []
     name = min(within, key=lambda n: within[n]["worst_case"])
     worst = percentage(within[name]["worst_case"], 1)
-    return [f"with every tolerance at its worst {worst}, {name}"]
+    return [f"at worst-case tolerances {worst}, {name}"]
 
 
 def percentage(share: float, digits: int = 0) -> str:

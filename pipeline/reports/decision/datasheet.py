@@ -22,8 +22,7 @@ from dogshape.pipeline.reports.study.standing import (
     worst_point,
 )
 from dogshape.pipeline.reports.study.summary import engine_of
-from dogshape.pipeline.search.tolerance_effects import margins_within
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import design_of, margins_within
 from dogshape.pipeline.store.decisions import Decision
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.shift.geometry import Dog
