@@ -92,7 +92,7 @@ def compare(*names: str) -> SideBySide:
 
 def _with_time(item: Item) -> Item:
     """Predict the time of a design of which nothing was simulated, as ``check`` does."""
-    if item.standing.time is not None:
+    if item.standing.row.get("expected_shift_time_s") is not None:
         return item
     found = check_design(item.study)
     margins = {check.name: check.margin for check in found.design.checks}

@@ -20,6 +20,7 @@ from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import half_difference
 
+
 def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
     """Return every check as a record, with its margins ``within`` the tolerances."""
     empty: dict[str, float] = {}

@@ -229,7 +229,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     assert [row["trial"] for row in failed_at_new_angles(fails)] == [first.number]
     table = [row["trial"] for row in designs_shown(fails)]
     assert table == [*({0} - {*shown}), *shown, first.number]
-    assert first.number in [row["trial"] for row in of_kinds(fails)["lands too hard"]]
+    assert first.number in [row["trial"] for row in of_kinds(fails)["fails when simulated"]]
     assert all("probability_on_front" in row for row in fails["front"])
     assert "probability_on_front" not in fails["trials"][first.number]
     frame = designs_frame(fails, list(study.variables)).set_index("trial")

@@ -93,7 +93,7 @@ def test_report_in_a_browser(request: pytest.FixtureRequest, window: str) -> Non
     assert "error" not in seen
     assert seen["figures"] == seen["drawn"]
     assert seen["ids"].split() == [
-        "front-axial_length_mm", "sure", "parallel", "gain", "points", "engaged", "distribution",
+        "front-axial_length_mm", "sure", "gain", "points", "distribution",
         "convergence",
     ]  # fmt: skip
     assert seen["wide"] == "false"

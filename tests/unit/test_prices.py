@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.prices import (
     FACTORS,
+    TOLERANCES,
     at_factor,
     dear,
     prices,
@@ -32,7 +33,7 @@ def test_curves_are_those_of_every_design() -> None:
     whole = load_study("mq200_paper", {"dog.height_mm": 2.5, "dog.chamfer_deg": 10.0})
     study = replace(whole, variables={"count": whole.variables["count"]})
     assert list(study.variables) == ["count"]
-    rows = prices(study, Fewer())
+    rows = [row for row in prices(study, Fewer()) if row["name"] != TOLERANCES]
     every = {n: design_of(study, {"count": n}).checks for n in range(6, 37)}
     told = 0
     for row in rows:
@@ -53,8 +54,37 @@ def test_curves_are_those_of_every_design() -> None:
             told += time is not None
     assert told > 100
     paid = dear(rows)
-    assert {"tip_width", "slot_width"} & {row["name"] for row in paid}
+    # Both have the same width and limit: one row, not two lines on top of each other.
+    assert "tip_width, slot_width" in {row["name"] for row in paid}
     assert len(prices_figure(paid).data) == min(len(paid), 6)
+
+
+@pytest.mark.parametrize(
+    ("settings", "cost"),
+    [
+        (["search.limits.smallest_margin_worst=0.0"], True),
+        (["search.limits.smallest_margin_worst=0.0", "tolerance.root_radius_mm=0.0"], True),
+        (["tolerance.contact_ratio=0.1"], False),
+    ],
+)
+def test_tolerances_at_their_worst_are_a_limit_with_a_price(
+    settings: list[str], cost: bool
+) -> None:
+    """With them as they are, and without any, as of every number of dogs one by one."""
+    whole = load_study("mq200_paper", ["dog.height_mm=2.5", "dog.chamfer_deg=10.0", *settings])
+    study = replace(whole, variables={"count": whole.variables["count"]})
+    exact = replace(study.limits, tolerances=study.limits.tolerances.without_sizes())
+
+    def fastest(one: Setup) -> float:
+        every = (n for n in range(6, 37) if design_of(one, {"count": n}).feasible)
+        return 1.0 / max(every)
+
+    rows = {row["name"]: row for row in prices(study, Fewer())}
+    row = rows[TOLERANCES]
+    assert at_factor(row, 1.0) == pytest.approx(fastest(study))
+    assert row["without_s"] == pytest.approx(fastest(replace(study, limits=exact)))
+    assert (TOLERANCES in {one["name"] for one in dear([row])}) == cost
+    assert all(at_factor(one, 1.0) == at_factor(row, 1.0) for one in rows.values())
 
 
 def test_the_price_of_a_natural_step() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -9,17 +10,17 @@ import numpy as np
 import plotly.graph_objects as go
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
 from dogshape.pipeline.reports.study.front import (
     LETTER,
     PLOT,
+    WIDTHS,
     front_figure,
     sure_figure,
     third_figure,
 )
 from dogshape.pipeline.reports.study.goals import MARGIN
-from dogshape.pipeline.reports.study.parallel import APART, parallel_figure, spread
 from dogshape.pipeline.reports.study.point_gains import (
     engaged_figure,
     gain_figure,
@@ -35,7 +36,8 @@ from dogshape.pipeline.reports.study.single_shifts import (
     quantile_rows,
 )
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
-from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, shift
+from dogshape.sim.bundled import bundled_root
+from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, design, shift
 
 
 def traces(figure: go.Figure) -> dict[str, Any]:
@@ -51,13 +53,19 @@ def told_apart(figure: go.Figure, kinds: tuple[str, ...]) -> bool:
 
 def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
     result["front"][1] |= {"low": 0.077, "high": 0.085}
+    result["trials"][5][LENGTH] = 6.2
+    result["trials"].append(design(6, None, 13.0))
     figure = front_figure(result, VARIABLES, LENGTH)
     found = traces(figure)
     places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found}
     assert places["chosen"] == [(pytest.approx(70.0), 7.0)]
     assert places["prototype"] == [(pytest.approx(100.0), 8.0)]
-    assert places["lands too hard"] == [(pytest.approx(60.0), 6.5)]
-    assert places["infeasible"] == [("not<br>simulated", 5.0)]
+    assert places["fails when simulated"] == [(pytest.approx(60.0), 6.5)]
+    # One that is far longer and was not simulated does not stretch the axis.
+    assert places["infeasible"] == [("not<br>simulated", 6.2)]
+    assert figure.layout.yaxis.range[1] < 9.0
+    symbols = [found[k].marker.symbol for k in places if k != "border of the front"]
+    assert len(set(symbols)) == len(symbols)
     assert found["chosen"].error_x.array == pytest.approx([1.96])
     assert (found["front"].error_x.array[0], found["front"].error_x.arrayminus[0]) == (
         pytest.approx(5.0), pytest.approx(3.0),
@@ -70,7 +78,7 @@ def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) ->
     assert sorted(said) == ["1", "<b>chosen: design 2</b>", "<b>prototype</b>"]
     for words in ("design 1", "80.0 ± 1.0 ms", "number of dogs N 16", "tip width 2.0 %"):
         assert words in found["front"].text[0]
-    assert told_apart(figure, ("dominated", "lands too hard", "front", "chosen", "prototype"))
+    assert told_apart(figure, ("dominated", "fails when simulated", "front", "chosen", "prototype"))
 
 
 def test_third_objective_is_size_and_number(result: Row) -> None:
@@ -78,7 +86,7 @@ def test_third_objective_is_size_and_number(result: Row) -> None:
     assert "border of the front" not in traces(front_figure(result, VARIABLES, LENGTH))
     figure = third_figure(result, VARIABLES, LENGTH, FORCE)
     found = traces(figure)
-    assert "lands too hard" not in found
+    assert "fails when simulated" not in found
     assert found["front"].marker.size[0] == 9.0
     assert found["prototype"].marker.size[0] == 36.0
     said = sorted(note.text for note in figure.layout.annotations)
@@ -101,29 +109,6 @@ def test_how_sure_with_and_without_what_confirms(result: Row) -> None:
     assert list(full["new angles, 95 % interval"].x) == pytest.approx([83.0, 80.0])
     result["confirmation"] = None
     assert len(sure_figure(result).data) == 2
-
-
-def test_parallel_lines_run_over_every_axis(result: Row) -> None:
-    figure = parallel_figure(result, VARIABLES)
-    found = traces(figure)
-    assert set(found) == {
-        "lands too hard (1)", "dominated (1)", "front (1)", "prototype (1)", "chosen (1)",
-    }  # fmt: skip
-    # Chamfer, number, time, length, margin of designs 0 to 4.
-    chosen = list(found["chosen (1)"].y)[:5]
-    assert chosen == pytest.approx([0.5, 0.5, 0.25, 0.5, 0.5])
-    assert list(found["prototype (1)"].y)[:5] == pytest.approx([0.0, 0.0, 1.0, 1.0, 0.0])
-    assert len({(trace.line.dash, trace.marker.symbol) for trace in figure.data}) == 5
-    words = [note.text for note in figure.layout.annotations]
-    for said in ("60", "100", "design 2", "prototype", "smallest<br>margin, %"):
-        assert said in words
-
-
-def test_names_at_the_end_of_lines_stay_apart() -> None:
-    levels = spread([0.2, 0.2, 0.99, 1.0, 1.0])
-    assert np.diff(levels).min() >= APART - 1e-12
-    assert levels[-1] <= 1.0
-    assert levels[0] == 0.2
 
 
 def test_gain_at_each_operating_point(result: Row) -> None:
@@ -253,13 +238,6 @@ def test_a_prototype_far_behind_has_a_panel_of_its_own(result: Row) -> None:
     assert ("<b>prototype</b>", "x2") in names
 
 
-def test_names_of_parallel_lines_have_a_margin_of_their_own(result: Row) -> None:
-    figure = parallel_figure(result, VARIABLES)
-    longest = max(len(n.text) for n in figure.layout.annotations if n.xanchor == "left")
-    assert figure.layout.margin.r >= 7.5 * longest + 12
-    assert figure.layout.xaxis.range[0] <= -0.5
-
-
 def test_names_stand_within_the_axes_where_the_front_leaves_no_design(result: Row) -> None:
     figure = front_figure(result, VARIABLES, LENGTH)
     low, high = figure.layout.xaxis.range
@@ -269,4 +247,34 @@ def test_names_stand_within_the_axes_where_the_front_leaves_no_design(result: Ro
         middle = PLOT[0] * (note.x - low) / (high - low) + note.ax
         half = 0.5 * LETTER * len(note.text.replace("<b>", "").replace("</b>", ""))
         assert half - 1e-9 <= middle <= PLOT[0] - half + 1e-9
-    assert len({note.ay for note in notes}) == len(notes) == 2
+    assert len(notes) == 2
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_names_cover_no_mark_and_no_other_name(width: float) -> None:
+    """The front of the default study, whose first designs are close to each other."""
+    result = json.loads((bundled_root() / "mq200/result.json").read_text())
+    variables = list(load_study("mq200").variables)
+    figure = front_figure(result, variables, LENGTH)
+    ends = figure.layout.xaxis.range, figure.layout.yaxis.range
+    notes = [note for note in figure.layout.annotations if note.xref == "x"]
+    assert len(notes) == len(result["front"])
+
+    def placed(note: Any) -> tuple[float, float]:
+        x, y = (
+            wide * (value - low) / (high - low)
+            for value, (low, high), wide in zip(
+                (note.x, note.y), ends, (width, PLOT[1]), strict=True
+            )
+        )
+        return x, y
+
+    boxes = [(*placed(note), 8.0, 8.0) for note in notes]
+    for note in notes:
+        x, y = placed(note)
+        half = 0.5 * LETTER * len(note.text.replace("<b>", "").replace("</b>", ""))
+        boxes.append((x + note.ax, y - note.ay, half, 9.0))
+    for k, one in enumerate(boxes[len(notes) :], start=len(notes)):
+        for other in boxes[:k]:
+            apart = [abs(one[i] - other[i]) >= one[i + 2] + other[i + 2] for i in (0, 1)]
+            assert any(apart), (one, other)

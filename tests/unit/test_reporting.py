@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import shlex
 from dataclasses import replace
@@ -20,7 +21,12 @@ from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.kit.html import csv_link
 from dogshape.pipeline.reports.kit.text import percent
 from dogshape.pipeline.reports.study import replays
-from dogshape.pipeline.reports.study.designs import designs_frame, in_parts, of_kinds
+from dogshape.pipeline.reports.study.designs import (
+    designs_frame,
+    in_parts,
+    of_kinds,
+    weakest_at_worst,
+)
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
@@ -28,29 +34,33 @@ from dogshape.pipeline.reports.study.replicated import replicated_rows, replicat
 from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quantile, weights_of
 from dogshape.pipeline.reports.study.summary import (
     Gained,
+    as_decided,
     at_the_ends,
-    choice,
-    failures_of,
+    facts_of,
     gained,
     headline,
-    passed_over,
-    points_of,
 )
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
-from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.simulate.design import (
+    OBJECTIVES,
+    SUMMARIES,
+    design_of,
+    margins_within,
+)
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import known_surrogate
+from dogshape.sim.bundled import bundled_root
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
-from tests.found import TIME, VARIABLES, Row, design, shift
+from tests.found import TIME, VARIABLES, Row, confirmed, design, shift
 
 
 def test_every_design_is_of_one_kind(result: Row) -> None:
     kinds = of_kinds(result)
     assert {k: [r["trial"] for r in rows] for k, rows in kinds.items()} == {
-        "dominated": [3], "lands too hard": [4], "infeasible": [5], "front": [1],
+        "dominated": [3], "fails when simulated": [4], "infeasible": [5], "front": [1],
         "chosen": [2], "prototype": [0],
     }  # fmt: skip
 
@@ -143,40 +153,156 @@ def in_words(sentence: str, *facts: str) -> bool:
     return min(places) >= 0 and places == sorted(places)
 
 
-def test_summary_says_what_was_found(result: Row) -> None:
+@pytest.fixture
+def few(study: Setup) -> Setup:
+    """The study with the two variables of the search made by hand."""
+    return replace(study, variables={name: study.variables[name] for name in VARIABLES})
+
+
+def facts(study: Setup, result: Row) -> dict[str, str]:
+    return {one.name: one.words for one in facts_of(study, result, None)}
+
+
+def against(study: Setup, result: Row) -> list[str]:
+    return [one.name for one in facts_of(study, result, None) if one.bad]
+
+
+def test_headline_says_what_was_found(result: Row) -> None:
     assert in_words(headline(result), "Design 2", "20 % faster", "prototype")
-    sure, hung, limit, slower = points_of(result)
-    assert in_words(sure, "20 times its standard error", "100 shifts")
-    assert in_words(hung, "8 of 32 shifts", "prototype", "not engage")
-    assert "tip width, with a margin of 3.0 %" in limit
-    assert in_words(limit, "\N{MINUS SIGN}2.0 %", "tolerance")
-    assert in_words(slower, "1 of 2 operating points", "100 1/min with 235.2 N", "10.0 ± 3.6 ms")
     gains = {TIME: {"value": 0.001, "standard_error": 0.001}}
     unclear = result["confirmation"] | {"gains": gains}
     assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
-    assert "not been confirmed" in headline(result | {"confirmation": None})
+    assert "not confirmed" in headline(result | {"confirmation": None})
     assert "No design" in headline(result | {"best": None})
+
+
+def test_facts_name_the_checks_behind_both_margins(few: Setup, result: Row) -> None:
+    found = facts(few, result)
+    assert found["smallest margin, nominal size"] == "3.0 % tip width"
+    assert found["at worst-case tolerances"] == "\N{MINUS SIGN}2.0 % root fatigue"
+    assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
+    assert in_words(
+        found["operating points slower than the prototype"],
+        "1 of 2", "1 by more than twice", "100 1/min, 235.2 N", "10.0 ± 3.6 ms",
+    )  # fmt: skip
+    assert against(few, result) == [
+        "at worst-case tolerances", "operating points slower than the prototype",
+        "search and new angles of design 2",
+    ]  # fmt: skip
+
+
+def test_a_limit_on_the_margin_at_worst_names_the_check_behind_it(few: Setup, result: Row) -> None:
+    for row in result["trials"]:
+        row["margins"]["smallest_margin_worst"] = -0.02
+    assert facts(few, result)["smallest margin, nominal size"] == "3.0 % tip width"
+    said = headline(result | {"best": None})
+    assert in_words(said, "6 of 6 fail root fatigue at worst-case tolerances", "2.0 %")
+
+
+@pytest.mark.parametrize(
+    ("name", "trial"), [("mq200", 34), ("mq200_robust", None), ("mq200_paper", None)]
+)
+def test_a_kept_result_without_the_name_gets_it_from_its_dimensions(
+    name: str, trial: int | None
+) -> None:
+    study = load_study(name)
+    result = json.loads((bundled_root() / name / "result.json").read_text())
+    trial = result["best"]["trial"] if trial is None else trial
+    row = next(row for row in result["trials"] if row["trial"] == trial)
+    row.pop("weakest_check_worst_case", None)
+    found = weakest_at_worst(study, row)
+    assert found is not None
+    within = margins_within(study, design_of(study, {key: row[key] for key in study.variables}))
+    assert found[0] == min(within, key=lambda one: within[one]["worst_case"])
+    assert found[0] not in SUMMARIES
+    assert found[1] == pytest.approx(within[found[0]]["worst_case"], abs=1e-6)
+
+
+def engages(result: Row, share: float, *keys: str) -> Row:
+    """Let some designs of the confirmation engage in a share of their shifts."""
+    for key in keys:
+        for point in result["confirmation"][key]["points"]:
+            point["engaged"] = share
+    return result
+
+
+@pytest.mark.parametrize(
+    ("share", "keys", "words"),
+    [
+        (0.0625, ("best", "prototype"), ("Design 2 engages in 2 of 32", "prototype in 2 of 32")),
+        (0.0, ("prototype",), ("Design 2 engages in 32 of 32", "prototype in 0 of 32")),
+        (0.25, ("best",), ("Design 2 engages in 8 of 32", "prototype in 24 of 32")),
+    ],
+)
+def test_what_does_not_engage_has_no_time_and_no_gain(
+    few: Setup, result: Row, share: float, keys: tuple[str, ...], words: tuple[str, str]
+) -> None:
+    found = engages(result, share, *keys)
+    assert in_words(headline(found), *words)
+    assert "faster" not in headline(found)
+    assert [one.goal.unit for one in gained(found)] == ["mm"]
+    assert all(" ms" not in said for name, said in facts(few, found).items() if "gain" in name)
+
+
+def test_a_point_without_one_shift_that_engaged_has_no_time(result: Row) -> None:
+    result["confirmation"]["best"]["lower_bound"] = True
+    assert headline(result).startswith("Design 2 engages in 32 of 32 shifts")
+
+
+def test_headlines_where_the_prototype_is_left(few: Setup, result: Row) -> None:
     own = result | {"best": result["trials"][0]}
-    assert in_words(headline(own), "No design", "faster than the prototype")
-    assert [line.split()[0] for line in points_of(own)] == ["100", "What"]
+    own["confirmation"] = own["confirmation"] | {"best": own["confirmation"]["prototype"]}
+    assert headline(own) == "No design that is faster than the prototype passes every check."
+    slow = json.loads(json.dumps(own))
+    for row in slow["trials"][1:]:
+        row[TIME] = None if row[TIME] is None else 0.2
+    assert headline(slow) == "No design of this search is faster than the prototype."
+    alone = json.loads(json.dumps(own))
+    for row in alone["trials"][1:]:
+        row[TIME], row["margins"] = None, {"tip_width": -0.1 * row["trial"]}
+    check = {"name": "edge_pressure_impact", "margin": -0.009, "passed": False}
+    alone["confirmation"]["best"]["checks"] = [check]
+    assert in_words(headline(alone), "Only the prototype was simulated", "edge pressure impact")
+    assert gained(alone) == []
+    assert in_words(facts(few, alone)["designs that fail"], "5 of 6 fail tip width", "10 %")
 
 
-def test_summary_says_what_is_left_without_shifts_that_hung(result: Row) -> None:
-    prototype = result["confirmation"]["prototype"]
-    prototype |= {"mean_engaged_s": 0.0954}
-    (hung,) = (line for line in points_of(result) if "did not engage" in line)
-    assert hung.endswith("tried again; without the retries it takes 95.4 ms.")
-    for point in prototype["points"]:
-        point["engaged"] = 1.0
-    assert not any("did not engage" in line for line in points_of(result))
+def test_one_simulated_design_is_no_comparison(result: Row) -> None:
+    said = headline(result | {"n_simulated_designs": 1})
+    assert in_words(said, "Only design 2 was simulated", "no comparison")
 
 
-def test_summary_where_nothing_is_slower_or_only_by_chance(result: Row) -> None:
-    points = result["confirmation"]["best"]["points"]
-    points[1]["mean_s"] = 0.093
-    assert "nowhere clearly" in points_of(result)[-1]
-    points[1]["mean_s"] = 0.08
-    assert "Nowhere slower" in points_of(result)[-1]
+def test_search_and_new_angles_apart_are_said(few: Setup, result: Row) -> None:
+    """70.0 ± 1.0 ms of the search against 80.0 ± 0.6 ms: 8.6 combined standard errors."""
+    own = result["confirmation"]["designs"][0]
+    own["estimates"][TIME]["value"] = 0.0725
+    assert not any("search and new angles" in name for name in facts(few, result))
+    own["estimates"][TIME]["value"] = 0.080
+    words = facts(few, result)["search and new angles of design 2"]
+    assert in_words(words, "70.0 ± 1.0", "80.0 ± 0.6", "8.6 combined standard errors")
+
+
+def test_without_uncertain_contact_the_error_is_of_sampling_alone(few: Setup, result: Row) -> None:
+    assert "sampling alone" in facts(few, result)["contact"]
+
+
+def test_a_decision_takes_the_place_of_the_search_s_choice(result: Row) -> None:
+    other = {"trial": 1, **confirmed(result["confirmation"]["best"]["points"], 0.083)}
+    result["confirmation"]["designs"].append(other)
+    found = as_decided(result, 1)
+    assert in_words(headline(found), "Design 1", "17 % faster")
+    assert gained(found)[0].gain == pytest.approx((17.0, math.hypot(0.6, 0.6)))
+    for same in (None, 0, 2, 3):  # none, the prototype, the search's own, one not confirmed
+        assert as_decided(result, same) is result
+
+
+def test_fact_on_shifts_that_are_tried_again(few: Setup, result: Row) -> None:
+    result["confirmation"]["best"] |= {"mean_engaged_s": 0.0954}
+    words = "engaged at the first try"
+    assert "without retries" not in facts(few, result)[words]
+    result["confirmation"]["best"]["points"][0]["engaged"] = 0.75
+    assert facts(few, result)[words].endswith("28 of 32 shifts; prototype 24 of 32; without "
+                                              "retries 95.4 ms")  # fmt: skip
 
 
 def test_summary_names_the_leading_objective(result: Row) -> None:
@@ -205,65 +331,39 @@ def test_summary_of_a_margin_that_is_maximised(result: Row) -> None:
     assert headline(result) == (
         "Design 2 has a smallest margin of 3.0 %, 2.0 percentage points above the prototype's."
     )
-    assert "no standard error" in points_of(result)[0]
 
 
-def test_designs_that_fail_at_the_fresh_angles_are_said(result: Row) -> None:
-    assert failures_of(result) == []
+def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -> None:
     check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
-    result["confirmation"]["best"]["checks"] = [check]
-    result["confirmation"]["designs"] = [{"trial": 2, **result["confirmation"]["best"]}]
-    (said,) = failures_of(result)
-    assert "none of those confirmed does" in choice(result)
-    assert said == (
-        "Design 2, the chosen one, fails at the new angles: "
-        "edge pressure impact (\N{MINUS SIGN}10 %)."
-    )
+    c = result["confirmation"]
+    (own,) = c["designs"]
+    c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
+    said = "designs out, failed at the new angles"
+    assert facts(few, result)[said] == "1: edge pressure impact (\N{MINUS SIGN}10 %)"
+    c["best"]["checks"] = own["checks"] = [check]
+    found = facts(few, result)
+    assert found["fails at the new angles"].startswith("design 2: edge pressure impact")
+    assert found["hardest landing at the new angles"].startswith("\N{MINUS SIGN}10 % edge")
     assert headline(result).endswith("but fails a check at the new angles.")
 
 
-def test_a_design_that_was_passed_over_is_said(result: Row) -> None:
-    c = result["confirmation"]
-    check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
-    failing = c["best"] | {"checks": [check]}
-    (own,) = c["designs"]
-    assert passed_over(result) == ""
-    worse = c["best"] | {"checks": [{**check, "margin": -0.02}]}
-    c["designs"] = [{"trial": 1, **failing}, own, {"trial": 3, **worse}]
-    assert failures_of(result) == [], "nobody chose them"
-    assert in_words(passed_over(result), "Designs 1, 3", "2.0 % to 10 %", "edge pressure impact")
-    c["designs"] = [{"trial": 1, **failing}, own]
-    assert in_words(passed_over(result), "Design 1 ", "10 %")
-    assert in_words(headline(result), "Design 2", "20 % faster")
-
-
-def test_a_prototype_that_fails_is_said_on_the_first_page(result: Row) -> None:
+def test_a_prototype_that_fails_is_said_on_the_first_page(few: Setup, result: Row) -> None:
     own = next(row for row in result["trials"] if row["prototype"])
     own["failed"], own["margins"] = ["contact_ratio"], {"contact_ratio": -0.028}
-    (said,) = failures_of(result)
-    assert in_words(said, "prototype", "fails", "contact ratio", "\N{MINUS SIGN}2.8 %")
+    words = facts(few, result)["the prototype itself fails"]
+    assert words == "contact ratio (\N{MINUS SIGN}2.8 %)"
 
 
-def test_a_best_design_at_the_end_of_its_range_is_said(result: Row) -> None:
+def test_a_best_design_at_the_end_of_its_range_is_said(few: Setup, result: Row) -> None:
     best = result["best"]
     best |= {"count": 36, "chamfer_deg": 8.0, "height_mm": 1.61}
     ranges = {"count": (6.0, 36.0), "chamfer_deg": (0.0, 20.0), "height_mm": (1.6, 6.0)}
-    said = at_the_ends(result, ranges)
+    said = at_the_ends(best, ranges)
     assert "number of dogs N 36 (upper end 36)" in said
     assert "(lower end 1.6)" in said
     assert "chamfer" not in said
-    assert at_the_ends(result, {**ranges, "count": (6.0, 37.0), "height_mm": (1.0, 6.0)}) == ""
-    assert at_the_ends({**result, "best": {**best, "prototype": True}}, ranges) == ""
-
-
-def test_objectives_and_choice_are_explained(result: Row) -> None:
-    said = choice(result)
-    assert said.startswith(
-        "There are two objectives: the expected shift time, which leads; the axial length, root "
-        "to root. Chosen is the first design of the front"
-    )
-    assert "Margins at nominal size decide" in said
-    assert choice(result | {"objectives": [TIME]}).startswith("The objective is the expected")
+    assert at_the_ends(best, {**ranges, "count": (6.0, 37.0), "height_mm": (1.0, 6.0)}) == ""
+    assert "widen [variables]" in facts(few, result)["at the end of the search range"]
 
 
 def test_changes_read_alike_for_every_objective(result: Row) -> None:
@@ -321,7 +421,7 @@ def test_designs_before_and_after_replication(result: Row, replicated: Row) -> N
     assert chosen.interval == "69.5 to 71.8 → 70.1 to 71.2"
     assert chosen.probability == "70 % → 97 %"
     assert (same.shifts, same.interval, same.probability) == ("60", "78.0 to 82.0", "100 %")
-    assert hard.interval == "59.0 to 61.0 → lands too hard"
+    assert hard.interval == "59.0 to 61.0 → fails when simulated"
     assert (hard.probability, hard.on_front) == ("30 % → none", "yes → no")
     assert replicated_rows(result | {"replication": None}) == []
 

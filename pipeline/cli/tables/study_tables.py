@@ -11,24 +11,19 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
-from dogshape.pipeline.reports.study.alternatives import (
-    alternatives,
-    margin_doubts,
-    reasons,
+from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives
+from dogshape.pipeline.reports.study.designs import (
+    designs_shown,
+    failed_at_new_angles,
+    is_measured,
+    least_margins,
+    margins_of,
+    weakest_at_worst,
 )
-from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.replicated import replicated_words
-from dogshape.pipeline.reports.study.summary import (
-    at_the_ends,
-    both_levels,
-    choice,
-    engine_of,
-    failures_of,
-    gained,
-    headline,
-    passed_over,
-)
+from dogshape.pipeline.reports.study.study_page import at_own_places
+from dogshape.pipeline.reports.study.summary import facts_of, gained, headline
 from dogshape.sim.shift.outcome import depends_on_clock
 from dogshape.surrogate.store import Stored
 from dogshape.surrogate.validation_figures import LEAST_Q2
@@ -41,45 +36,59 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
 
     ``report`` is None where none was made.
     """
+    result = at_own_places(study, result)
     lines: list[RenderableType] = [headline(result)]
     if result["confirmation"]:
-        lines += ["", _pair(study, result), *failures_of(result)]
-        lines += [*margin_doubts(result), *reasons(alternatives(study, result, None))]
-        lines += [words for words in (passed_over(result),) if words]
+        lines += ["", _pair(study, result), "", _facts(study, result)]
         error = result["confirmation"]["best"]["numerical_error_s"]
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
+        if others := alternatives(study, result, None):
+            table = columns(*HEAD)
+            for one in others:
+                table.add_row(*one.cells)
+            lines += ["", "designs of the front that pass every check at the new angles", table]
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
-        lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
-        lines += [_front(study, result), ""]
+        lines += ["", f"front by the search (95 % intervals){last}", _front(study, result), ""]
         lines += [words] if (words := replicated_words(result)) else []
-        lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
     where = "none yet, 'dogshape report' makes it" if report is None else report
-    both = f", {n} compiled ones" if (n := result.get("n_compiled_shifts")) else ""
-    lines.append(
-        f"{result['n_simulated_shifts']} shifts simulated by {engine_of(result)}{both}; "
-        f"report: {where}"
-    )
-    lines += [words] if (words := both_levels(result)) else []
-    return Group(*lines)
+    return Group(*lines, f"report: {where}")
+
+
+def _facts(study: Setup, result: Row) -> Table:
+    """Return the facts of the chosen design, a line each."""
+    table = columns("fact", "")
+    table.columns[1].justify, table.columns[1].overflow = "left", "fold"
+    for fact in facts_of(study, result, None):
+        table.add_row(fact.name, fact.words)
+    return table
 
 
 def _pair(study: Setup, result: Row) -> Table:
     """Return prototype and chosen design, a line for each variable and objective."""
-    best, angles = result["best"], result["confirmation"]["angles"]
+    best, c = result["best"], result["confirmation"]
     own = next(row for row in result["trials"] if row["prototype"])
-    chosen = "the same" if best["prototype"] else f"design {best['trial']}, chosen"
-    table = columns(f"at {angles} new angles (95 % interval)", "prototype", chosen, "change")
+    both = (
+        [(own, c["prototype"])] if best["prototype"] else [(own, c["prototype"]), (best, c["best"])]
+    )
+    heads = ["prototype"] if best["prototype"] else ["prototype", f"design {best['trial']}, chosen"]
+    table = columns(f"at {c['angles']} new angles (95 % interval)", *heads, "change")
     for name in study.variables:
-        table.add_row(axis(name), *(f"{row[name]:.4g}" for row in (own, best)), "")
+        table.add_row(axis(name), *(f"{row[name]:.4g}" for row, _ in both))
+    if best["prototype"] and is_measured(c["prototype"]):
+        lead = goals_of(result).leading
+        table.add_row(lead.title, _ranged(lead, lead.estimate(c["prototype"])))
     for one in gained(result):
         table.add_row(one.goal.title, *(_ranged(one.goal, p) for p in (one.prototype, one.chosen)),
                       one.change)  # fmt: skip
-    table.add_row("smallest margin, nominal", _margin(own), _margin(best), "")
+    least = (least_margins(margins_of(*one))[0] for one in both)
+    table.add_row("smallest margin, nominal size", *map(_named, least))
+    worst = (weakest_at_worst(study, row) for row, _ in both)
+    table.add_row("at worst-case tolerances", *map(_named, worst))
     return table
 
 
@@ -87,7 +96,7 @@ def _front(study: Setup, result: Row) -> Table:
     """Return the prototype and the designs of the front by the study's objectives."""
     goals = [goal for goal in goals_of(result).told if goal.name != MARGIN]
     table = columns(
-        "design", *study.variables, *(goal.title for goal in goals), "smallest margin, nominal"
+        "design", *study.variables, *(goal.title for goal in goals), "smallest margin, nominal size"
     )
     for row in designs_shown(result):
         values = [f"{row[name]:.4g}" for name in study.variables]
@@ -119,9 +128,11 @@ def _between(goal: Goal, low: float, high: float) -> str:
 
 
 def _margin(row: Row) -> str:
-    if row["smallest_margin"] is None:
-        return "no dog"
-    return f"{percent(row['smallest_margin'])} {check_name(row['weakest_check'])}"
+    return _named(least_margins(row["margins"])[0] if row["margins"] else None)
+
+
+def _named(one: tuple[str, float] | None) -> str:
+    return "no dog" if one is None else f"{percent(one[1])} {check_name(one[0])}"
 
 
 def validation_text(stored: Stored, path: Path) -> RenderableType:

@@ -10,7 +10,7 @@ from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_stu
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.study.single_shifts import Shifts, read_shifts
 from dogshape.pipeline.reports.study.standing import Standing, standing_of
-from dogshape.pipeline.simulate.design import SIMULATED, design_of
+from dogshape.pipeline.simulate.design import SIMULATED, design_of, weakest_within
 from dogshape.pipeline.store.decisions import decisions_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -169,4 +169,5 @@ def _own(study: Setup) -> Standing:
     margins = {check.name: check.margin for check in design.checks}
     row: Row = {"trial": 0, "prototype": True, **study.prototype}
     friction = locking_friction(dog, study.limits.load)
-    return Standing(row, None, (), margins, friction, dog.axial_length / MM)
+    worst = weakest_within(study, design)
+    return Standing(row, None, None, margins, worst, friction, dog.axial_length / MM)

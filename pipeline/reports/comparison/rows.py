@@ -33,7 +33,8 @@ def rows_of(record: Row) -> list[list[str]]:
         ["expected shift time, ms", *map(_time, items)],
         [f"less that of {items[0]['label']}, ms", "", *map(_difference, record["differences"])],
         ["worst point against its prototype, ms", *map(_worst, items)],
-        ["smallest margins", *map(_margins, items)],
+        ["smallest margins, nominal size", *map(_margins, items)],
+        ["smallest margin at worst-case tolerances", *map(_worst_margin, items)],
         ["passes every check", *("yes" if item["passes"] else "no" for item in items)],
         ["locks above friction", *map(_friction, items)],
         ["contact set", *(item["contact"] for item in items)],
@@ -62,7 +63,6 @@ def point_rows(difference: Row) -> list[list[str]]:
         [
             place_name(one["mismatch_rpm"], one["force_N"]),
             _signed(one["difference_s"], one["standard_error_s"]),
-            "same angles" if one["paired"] else "independent",
         ]
         for one in points
     ]
@@ -85,7 +85,8 @@ def _plain(name: str) -> str:
 def _time(item: Row) -> str:
     value, error = item["expected_shift_time_s"], item["standard_error_s"]
     if value is None:
-        return "not simulated"
+        engaged = item["shifts_engaged"]
+        return "engages in {} of {}".format(*engaged) if engaged else "not simulated"
     said = ms_with_error(value, error or 0.0)
     return said if item["confirmed"] else f"{said} ({item['predicted_by'] or 'search'})"
 
@@ -114,6 +115,11 @@ def _worst(item: Row) -> str:
 
 def _margins(item: Row) -> str:
     return ", ".join(_margin(one) for one in item["smallest_margins"][:2])
+
+
+def _worst_margin(item: Row) -> str:
+    margin, name = item["margin_worst_case"], item["weakest_check_worst_case"]
+    return "no dog" if margin is None else f"{percent(margin)} {check_name(name)}"
 
 
 def _margin(one: Row) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 
 from dogshape.pipeline.reports.comparison.items import Item
 from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.study.designs import engaged_shifts
 from dogshape.pipeline.reports.study.paired import (
     Difference,
     overall,
@@ -63,9 +64,12 @@ def _item_record(item: Item) -> Row:
         "expected_shift_time_s": time[0],
         "standard_error_s": time[1],
         "confirmed": one.confirmed,
+        "shifts_engaged": None if one.record is None else list(engaged_shifts(one.record)),
         "predicted_by": item.predicted or None,
         "worst_against_prototype": None if worst is None else _point_record(worst[0], worst[1]),
         "smallest_margins": [{"name": name, "margin": margin} for name, margin in one.least],
+        "weakest_check_worst_case": one.worst and one.worst[0],
+        "margin_worst_case": one.worst and number_or_none(one.worst[1]),
         "passes": one.passes,
         "locking_friction": one.friction[0],
         "locking_surface": one.friction[1],

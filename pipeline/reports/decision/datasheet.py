@@ -101,7 +101,7 @@ def _times(study: Setup, result: Row, chosen: Standing, shifts: Shifts) -> list[
     if gain is not None and chosen.trial != prototype.trial:
         paired = " (same angles)" if gain.paired else ""
         rows.append((f"gain{paired}", f"{ms_with_error(gain.value, gain.error)} ms"))
-    if chosen.points:
+    if chosen.points and chosen.time is not None:
         slow = max(chosen.points, key=lambda p: p["mean_s"])
         at = place_name(slow["mismatch_rpm"], slow["force_N"])
         error = slow["standard_error_s"]
@@ -122,7 +122,7 @@ def _times(study: Setup, result: Row, chosen: Standing, shifts: Shifts) -> list[
 
 
 def _time(one: Standing) -> str:
-    return "-" if one.time is None else f"{ms_with_error(*one.time)} ms"
+    return one.time_words + (" shifts" if one.time is None else " ms")
 
 
 def margins_of(study: Setup, params: dict[str, float], chosen: Standing) -> list[Row]:
@@ -130,7 +130,7 @@ def margins_of(study: Setup, params: dict[str, float], chosen: Standing) -> list
     design = design_of(study, params)
     within = margins_within(study, design)
     known = {check.name: check_record(check) for check in design.checks}
-    known |= {check["name"]: check for check in chosen.checks}
+    known |= {check["name"]: check for check in (chosen.record or {"checks": []})["checks"]}
     rows = []
     for name, margin in chosen.margins.items():
         check = known.get(name)

@@ -22,8 +22,8 @@ RED = "#b3261e"
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
-    "lands too hard": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
-    "infeasible": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    "fails when simulated": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
+    "infeasible": {"color": INK, "size": 8, "symbol": "triangle-down-open"},
     "front": {"color": BLUE, "size": 10, "symbol": "circle"},
     "chosen": {
         "color": BLUE, "size": 17, "symbol": "diamond", "line": {"color": INK, "width": 1.5},

@@ -21,6 +21,13 @@ LABELS = {
 }
 
 
+#: Checks whose key is no name.
+CHECKS = {
+    "smallest_margin_worst": "smallest margin at worst-case tolerances",
+    "slower_than_reference_s": "time lost on the reference design",
+}
+
+
 def minus(words: str) -> str:
     """Replace hyphens in numbers by minus signs."""
     return words.replace("-", MINUS)
@@ -55,7 +62,7 @@ def place_name(mismatch_rpm: float, force_N: float) -> str:
 
 def check_name(name: str) -> str:
     """Name a check in words, without the unit that a quantity's key ends in."""
-    return name.removesuffix(suffix_of(name)).replace("_", " ")
+    return CHECKS.get(name) or name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
 def label(name: str) -> str:

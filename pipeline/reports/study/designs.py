@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import pandas as pd
 
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import check_name, label, percent, value
 from dogshape.pipeline.reports.study.goals import MARGIN, Goals
-from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, design_of, weakest_within
 
 BESIDE = 8  #: designs beside each other in a table of margins
 
@@ -20,6 +23,59 @@ def is_barred(row: Row) -> bool:
 def design_name(row: Row) -> str:
     """Name a design."""
     return "prototype" if row["prototype"] else f"design {row['trial']}"
+
+
+def confirmed_designs(result: Row) -> dict[int, Row]:
+    """Select the records of the confirmation for designs of the front, by trial."""
+    confirmation = result["confirmation"]
+    return {} if not confirmation else {one["trial"]: one for one in confirmation["designs"]}
+
+
+def engaged_shifts(record: Row) -> tuple[int, int]:
+    """Count the shifts of a confirmed design that engaged, and all of them."""
+    points = record["points"]
+    return sum(round(p["engaged"] * p["n"]) for p in points), sum(p["n"] for p in points)
+
+
+def is_measured(found: Row) -> bool:
+    """Check whether a row or a confirmed design has a time that shifts say, not retries alone.
+
+    Some shift engaged at every operating point, and half of all of them.
+    """
+    if "lower_bound" not in found:
+        return found[SIMULATED] is not None and found["engaged"] != 0.0
+    engaged, count = engaged_shifts(found)
+    return not found["lower_bound"] and 2 * engaged >= count
+
+
+def margins_of(row: Row, record: Row | None) -> dict[str, float]:
+    """Collect the margins of a design by check, those at the new angles where there are any."""
+    checks = [] if record is None else record["checks"]
+    return {
+        **(row["margins"] or {}),
+        **{c["name"]: c["margin"] for c in checks if c["margin"] is not None},
+    }
+
+
+def least_margins(margins: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Sort margins at nominal size, the smallest first; none that sums up others."""
+    own = [(name, margin) for name, margin in margins.items() if name not in SUMMARIES]
+    return sorted(own, key=lambda pair: pair[1])
+
+
+def weakest_at_worst(study: Setup, row: Row) -> tuple[str, float] | None:
+    """Name the check with the smallest margin at worst-case tolerances, and that margin.
+
+    Results of earlier versions have the margin without its check, which is worked out here.
+    """
+    margin = row["margin_worst_case"]
+    if margin is None:
+        return None
+    name = row.get("weakest_check_worst_case")
+    if name is None:
+        params = {key: row[key] for key in study.variables}
+        name = weakest_within(study.operated(params), design_of(study, params))[0]
+    return name, margin
 
 
 def describe(row: Row, variables: list[str], goals: Goals) -> str:
@@ -36,7 +92,7 @@ def describe(row: Row, variables: list[str], goals: Goals) -> str:
     if row["failed"]:
         lines.append("fails " + ", ".join(check_name(name) for name in row["failed"]))
     if row["margins"]:
-        least = sorted(row["margins"].items(), key=lambda pair: pair[1])[:3]
+        least = least_margins(row["margins"])[:3]
         said = ", ".join(f"{check_name(name)} {percent(margin)}" for name, margin in least)
         lines.append(f"least margins: {said}")
     return "<br>".join(lines)
@@ -56,10 +112,10 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
         if not row["feasible"] and is_barred(row):
             return "infeasible"
         if not row["feasible"] or row["trial"] in failed:
-            return "lands too hard"
+            return "fails when simulated"
         return "front" if row["trial"] in front else "dominated"
 
-    kinds = ("dominated", "lands too hard", "infeasible", "front", "chosen", "prototype")
+    kinds = ("dominated", "fails when simulated", "infeasible", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
     for row in result["trials"]:
         found[kind(row)].append(row)
@@ -101,6 +157,7 @@ def front_frame(result: Row, variables: list[str]) -> pd.DataFrame:
         *("trial", "prototype", "chosen", *variables),
         *(name for one in told for name in (one, f"standard_error_of_{one}")),
         *(*ends, "probability_on_front", "smallest_margin", "weakest_check"),
+        *("margin_worst_case", "weakest_check_worst_case"),
     ]
     rows = [
         {

@@ -8,7 +8,12 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.kit.look import BLUE, INK, MARKS, Row, styled, window
-from dogshape.pipeline.reports.study.designs import describe, design_name, of_kinds
+from dogshape.pipeline.reports.study.designs import (
+    confirmed_designs,
+    describe,
+    design_name,
+    of_kinds,
+)
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
 from dogshape.pipeline.simulate.design import SIMULATED
 
@@ -17,9 +22,12 @@ LEAST, LARGEST = 9.0, 36.0  #: sizes of marks that show a third objective, px
 MAIN, ASIDE = 1.0, 0.15  #: widths of all panels together, and of each beside the main one
 EMPTY = 1.0 / 3.0  #: share of the axis that may be empty before the prototype has its own panel
 CHOICES = ("front", "prototype", "chosen")  #: kinds of designs that are named
-REACH = 20.0  #: least distance of a name from its mark, px
+STEPS = (20.0, 36.0, 54.0)  #: distances of a name from its mark that are tried, px
+MARK, HIGH = 9.0, 10.0  #: half sizes of a mark and of a name's height, px
 LETTER = 8.0  #: width of a letter, px
 PLOT = (600.0, 320.0)  #: size of a narrow plot, px, in which names stay within the axes
+WIDTHS = (PLOT[0], 1000.0)  #: of a plot on paper and on a screen, px
+Box = tuple[float, float, float, float]  #: middle and half sides, px
 
 
 def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
@@ -28,10 +36,11 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     lead, second = goals.leading, goals.named(other)
     barred = [row for row in kinds["infeasible"] if row.get(other) is not None]
     seen = _simulated(kinds)
-    y = window([second.shown(row) for row in seen + barred])
+    y = window([second.shown(row) for row in seen])
+    barred = [row for row in barred if y[0] < second.shown(row) < y[1]]
     beaten = [
         row
-        for row in [*kinds["dominated"], *kinds["lands too hard"]]
+        for row in [*kinds["dominated"], *kinds["fails when simulated"]]
         if row[SIMULATED] is not None and y[0] < second.shown(row) < y[1]
     ]
     far = _far_prototype(kinds["prototype"], [*kinds["front"], *kinds["chosen"], *beaten], lead)
@@ -91,23 +100,52 @@ def _write_names(
     figure: go.Figure, rows: Sequence[Row], names: Sequence[str], goals: tuple[Goal, Goal],
     ends: tuple[tuple[float, float], tuple[float, float]], *, size: float = 0.0, **where: int,
 ) -> None:  # fmt: skip
-    """Name designs beside their marks: on the better side, where the front leaves no other mark.
+    """Name designs beside their marks, where no mark and no other name is.
 
-    Names of neighbours stand at three distances in turn; ``ends`` are of the axes, within which
-    all names stay, ``size`` is of the largest marks, px.
+    The better side, where the front leaves no other design, is tried first. ``ends`` are of the
+    axes, within which all names stay, ``size`` is of the largest marks, px.
     """
-    for turn, k in enumerate(sorted(range(len(rows)), key=lambda k: goals[0].shown(rows[k]))):
+    spans = [high - low for low, high in ends]
+    lows = [low for low, _ in ends]
+    at = [[goal.shown(row) for goal in goals] for row in rows]
+    marks = [
+        [(wide * (x - lows[0]) / spans[0], PLOT[1] * (y - lows[1]) / spans[1]) for x, y in at]
+        for wide in WIDTHS
+    ]
+    taken: list[list[Box]] = [
+        [(x, y, 0.5 * size + MARK, 0.5 * size + MARK) for x, y in placed] for placed in marks
+    ]
+    for k in sorted(range(len(rows)), key=lambda k: at[k][0]):
         half = 0.5 * LETTER * len(names[k].replace("<b>", "").replace("</b>", ""))
-        off = 8.0 + 0.5 * size + half, REACH + 0.5 * size + 16.0 * (turn % 3)
-        at, place = (goals[0].shown(rows[k]), goals[1].shown(rows[k])), []
-        for axis, room in enumerate((half, 10.0)):
-            # The prototype is seldom on the front: its better side is full, the other one is not.
-            better = goals[axis].objective.maximise != bool(rows[k]["prototype"])
-            low, high = ends[axis]
-            own = PLOT[axis] * (at[axis] - low) / (high - low)
-            wanted = own + (off[axis] if better else -off[axis])
-            place.append(min(max(wanted, room), PLOT[axis] - room) - own)
-        _write(figure, at, names[k], (place[0], -place[1]), **where)
+        # The prototype is seldom on the front: its better side is full, the other one is not.
+        right, up = (
+            1.0 if goal.objective.maximise != bool(rows[k]["prototype"]) else -1.0 for goal in goals
+        )
+        best: tuple[int, float, float] | None = None
+        for far in STEPS:
+            for side, rise in ((right, up), (0.0, up), (right, 0.0), (-right, up), (right, -up),
+                               (0.0, -up), (-right, -up)):  # fmt: skip
+                offs = side * (8.0 + 0.5 * size + half), rise * (far + 0.5 * size)
+                x, y = (
+                    min(max(own + off, room), most - room) - own
+                    for own, off, room, most in zip(
+                        marks[0][k], offs, (half, HIGH), PLOT, strict=True
+                    )
+                )
+                boxes = [(m[k][0] + x, m[k][1] + y, half, HIGH) for m in marks]
+                hits = sum(_meet(b, o) for b, t in zip(boxes, taken, strict=True) for o in t)
+                if best is None or hits < best[0]:
+                    best = hits, x, y
+        if best is not None:
+            _, x, y = best
+            for m, others in zip(marks, taken, strict=True):
+                others.append((m[k][0] + x, m[k][1] + y, half, HIGH))
+            _write(figure, (at[k][0], at[k][1]), names[k], (x, -y), **where)
+
+
+def _meet(one: Box, other: Box) -> bool:
+    """Check whether two boxes, given by middle and half sides, overlap."""
+    return all(abs(one[k] - other[k]) < one[k + 2] + other[k + 2] for k in (0, 1))
 
 
 def _write(
@@ -184,12 +222,6 @@ def sure_figure(result: Row) -> go.Figure:
                             tickvals=[0, 0.25, 0.5, 0.75, 1], col=2)  # fmt: skip
     figure.update_xaxes(title=lead.axis, col=1)
     return styled(figure, 150 + 40 * len(rows)).update_layout(margin={"l": 150})
-
-
-def confirmed_designs(result: Row) -> dict[int, Row]:
-    """Select the records of the confirmation for designs of the front, by trial."""
-    confirmation = result["confirmation"]
-    return {} if not confirmation else {one["trial"]: one for one in confirmation["designs"]}
 
 
 def _bars(rows: list[Row], goal: Goal) -> Row:

@@ -162,7 +162,7 @@ class Goals:
 
     def named(self, name: str) -> Goal:
         """Find an objective by its name."""
-        return next(goal for goal in self.every if goal.name == name)
+        return next(goal for goal in self.told if goal.name == name)
 
 
 def goals_of(result: Row) -> Goals:

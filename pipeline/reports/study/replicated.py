@@ -93,7 +93,7 @@ def _both(before: str, after: str) -> str:
 def _interval(lead: Goal, one: Row, when: str) -> str:
     low, high = one[f"low{when}"], one[f"high{when}"]
     if low is None:
-        return "lands too hard"
+        return "fails when simulated"
     return f"{lead.number(lead.factor * low)} to {lead.number(lead.factor * high)}"
 
 

@@ -1,6 +1,7 @@
 """Standing of designs: time, worst operating point, margins, friction that locks, length.
 
-Of each design alike: from the confirmation where it was confirmed, else from the search.
+Of each design alike: from the confirmation where it was confirmed, else from the search. A design
+that does not engage has no time.
 """
 
 from __future__ import annotations
@@ -10,6 +11,14 @@ from dataclasses import dataclass
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import ms_with_error
+from dogshape.pipeline.reports.study.designs import (
+    engaged_shifts,
+    is_measured,
+    least_margins,
+    margins_of,
+    weakest_at_worst,
+)
 from dogshape.pipeline.reports.study.paired import (
     Difference,
     Place,
@@ -19,7 +28,6 @@ from dogshape.pipeline.reports.study.paired import (
 )
 from dogshape.pipeline.reports.study.single_shifts import Shifts, place
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.strength.locking import locking_friction
 from dogshape.sim.units import MM, RPM
 
@@ -33,21 +41,21 @@ class Standing:
     Parameters
     ----------
     row : of ``result.json``.
-    time : expected shift time and its standard error, s; None where it was not simulated.
-    points : operating points of the confirmation; empty where it was not confirmed.
+    time : expected shift time and its standard error, s; None where no shifts say it.
+    record : of the confirmation; None where it was not confirmed.
     margins : margins of all checks by name, those at the new angles where there are any.
+    worst : check with the smallest margin at worst-case tolerances, and that margin.
     friction : static friction above which a surface locks, and the check of that surface.
     length_mm : axial length, mm.
-    checks : records of the checks at the new angles, empty where it was not confirmed.
     """
 
     row: Row
     time: tuple[float, float] | None
-    points: tuple[Row, ...]
+    record: Row | None
     margins: Mapping[str, float]
+    worst: tuple[str, float] | None
     friction: tuple[float, str]
     length_mm: float
-    checks: tuple[Row, ...] = ()
 
     @property
     def trial(self) -> int:
@@ -57,12 +65,27 @@ class Standing:
     @property
     def confirmed(self) -> bool:
         """Whether it was simulated at new angles and every operating point."""
-        return bool(self.points)
+        return self.record is not None
+
+    @property
+    def points(self) -> list[Row]:
+        """Operating points of the confirmation; empty where it was not confirmed."""
+        return [] if self.record is None else list(self.record["points"])
+
+    @property
+    def time_words(self) -> str:
+        """Mean time with its error in ms, or how many shifts engage."""
+        if self.time is not None:
+            return ms_with_error(*self.time)
+        if self.record is None:
+            return "does not engage everywhere" if self.row.get("engaged") == 0.0 else "-"
+        engaged, count = engaged_shifts(self.record)
+        return f"engages in {engaged} of {count}"
 
     @property
     def least(self) -> list[tuple[str, float]]:
-        """Smallest margins with their checks, the smallest first."""
-        return sorted(self.margins.items(), key=lambda pair: pair[1])[:SHOWN]
+        """Smallest margins at nominal size with their checks, the smallest first."""
+        return least_margins(self.margins)[:SHOWN]
 
     @property
     def passes(self) -> bool:
@@ -78,31 +101,13 @@ def standing_of(study: Setup, result: Row, row: Row) -> Standing:
         found = confirmation["prototype"]
     elif result["confirmation"] and row["trial"] == confirmation.get("chosen"):
         found = confirmation["best"]
-    margins = dict(row["margins"] or {})
-    time = None
-    if row[SIMULATED] is not None:
-        time = float(row[SIMULATED]), float(row["standard_error_s"] or 0.0)
-    if found is not None:
-        margins |= {c["name"]: c["margin"] for c in found["checks"] if c["margin"] is not None}
-        time = float(found[SIMULATED]), float(found["standard_error_s"] or 0.0)
-    params = {name: row[name] for name in study.variables}
-    dog = study.dog_with(params)
+    dog = study.dog_with({name: row[name] for name in study.variables})
     friction, length = locking_friction(dog, study.limits.load), dog.axial_length / MM
-    known = (tuple(found["points"]), tuple(found["checks"])) if found else ((), ())
-    return Standing(row, time, known[0], margins, friction, length, known[1])
-
-
-def standings(study: Setup, result: Row) -> dict[int, Standing]:
-    """Collect the standing of each simulated design of a result, by its number."""
-    found = {}
-    for row in result["trials"]:
-        if row[SIMULATED] is None:
-            continue
-        try:
-            found[int(row["trial"])] = standing_of(study, result, row)
-        except (GeometryError, InputError):
-            continue  # no dog, so that nothing can be said of its locking
-    return found
+    known, time = row if found is None else found, None
+    if is_measured(known):
+        time = float(known[SIMULATED]), float(known["standard_error_s"] or 0.0)
+    worst = weakest_at_worst(study, row)
+    return Standing(row, time, found, margins_of(row, found), worst, friction, length)
 
 
 def weights_by_place(study: Setup) -> dict[Place, float]:
@@ -128,10 +133,10 @@ def difference(
     """Take the second design's expected time less the first's; None where one has none."""
     if one.trial == other.trial:
         return Difference(0.0, 0.0, paired=True)
-    if points := against(one, other, shifts):
-        return overall(points, weights_by_place(study))
     if one.time is None or other.time is None:
         return None
+    if points := against(one, other, shifts):
+        return overall(points, weights_by_place(study))
     error = float((one.time[1] ** 2 + other.time[1] ** 2) ** 0.5)
     return Difference(other.time[0] - one.time[0], error, paired=False)
 
@@ -141,7 +146,7 @@ def worst_point(
 ) -> tuple[Row, Difference] | None:
     """Find the operating point where a design loses most on the prototype, or gains least."""
     found = against(prototype, design, shifts)
-    if not found:
+    if not found or prototype.time is None or design.time is None:
         return None
     at = max(found, key=lambda key: found[key].value)
     point = next(p for p in design.points if place(p["mismatch_rpm"], p["force_N"]) == at)

@@ -12,23 +12,18 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import check_name, label, percent
+from dogshape.pipeline.reports.kit.text import check_name, label, minus, percent
 from dogshape.pipeline.reports.study import alternatives as other_choices
 from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
 from dogshape.pipeline.reports.study import point_gains as places
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
-from dogshape.pipeline.reports.study.front import (
-    confirmed_designs,
-    front_figure,
-    sure_figure,
-    third_figure,
-)
+from dogshape.pipeline.reports.study.front import front_figure, sure_figure, third_figure
 from dogshape.pipeline.reports.study.goals import MARGIN, goals_of
-from dogshape.pipeline.reports.study.parallel import parallel_figure
 from dogshape.pipeline.reports.study.prices import at_factor, dear, prices_figure, step_price
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import replays_of, write_replays
 from dogshape.pipeline.reports.study.single_shifts import Shifts, place, read_shifts
+from dogshape.pipeline.reports.study.summary import as_decided, facts_of
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
 from dogshape.pipeline.simulate.design import limits_of
@@ -48,7 +43,7 @@ from dogshape.surrogate.validation_figures import validation_of
 Say = Callable[[str], None]
 #: What every page of a study has, filled or empty; a template asks for nothing else.
 FIGURES = (
-    "fronts", "sure", "parallel", "effects", "indices", "prices", "distribution", "engaged", "gain",
+    "fronts", "sure", "effects", "indices", "prices", "distribution", "engaged", "gain",
     "points", "listed", "convergence",
 )  # fmt: skip
 
@@ -91,25 +86,27 @@ def _write(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Pa
 
 def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Row:
     """Collect the content of the report's template; what is not known is empty."""
-    result = at_own_places(study, result)
+    decided = _decided(folder)
+    result = as_decided(at_own_places(study, result), decided.get("design"))
     variables, best = list(study.variables), result["best"]
     fitted, confirmation = result["surrogate"], result["confirmation"]
     goals, weights = goals_of(result), {point.weight for point in study.points}
     figures: Row = dict.fromkeys(FIGURES, "")
     if best is not None:
         figures |= _search_figures(result, variables, shifts) | _surrogate_figures(folder)
-    if confirmation:
-        figures |= _confirmed_figures(weighted(study, confirmation))
+    both = ("prototype", "best") if confirmation else ()
+    measured = {key: designs.is_measured(confirmation[key]) for key in both}
+    if confirmation and not best["prototype"]:
+        figures |= _confirmed_figures(weighted(study, confirmation), all(measured.values()))
     times = _distributions(result, shifts)
     if times:
         figures["distribution"] = single_shifts.distribution_figure(times)
     quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
+    facts = facts_of(study, result, shifts)
     # For their limits alone.
     still = landing_checks(study.clutch.dog, Landing(), study.limits)
     own = [Check(quantity.rule(limit), limit, limit) for quantity, limit in limits_of(study)]
     trials = result["trials"]
-    decided = _decided(folder)
-    choices = other_choices.alternatives(study, result, shifts, decided.get("design"))
     return {
         **{name: _html(name, figure) for name, figure in figures.items()},
         "study": study,
@@ -120,30 +117,30 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "lead": goals.leading,
         "columns": [goal for goal in goals.told if goal.name != MARGIN],
         "gained": summary.gained(result),
-        "meaning": summary.meaning(goals, len(study.points), len(weights) > 1),
-        "confirmed": confirmed_designs(result),
+        "measured": measured,
+        "engaged_shifts": designs.engaged_shifts,
+        "confirmed": designs.confirmed_designs(result),
+        "apart": [f for f in facts if f.name.startswith("search and new angles")],
         "partial": any(0 < row["points"] < len(study.points) for row in trials),
         "weighted": len(weights) > 1,
         "uncertain": study.uncertainty.source if study.uncertainty else (),
         "label": label,
         "percent": percent,
-        "ms": summary.ms,
+        "ms": lambda seconds, digits=1: minus(f"{1e3 * seconds:.{digits}f}"),
         "check_name": check_name,
         "step_price": step_price,
         "at_factor": at_factor,
         "headline": summary.headline(result),
-        "said": summary.points_of(result) if confirmation else [],
-        "doubts": other_choices.margin_doubts(result),
-        "alternatives": choices,
-        "reasons": other_choices.reasons(choices),
+        "facts": facts,
+        "head_of_alternatives": other_choices.HEAD,
+        "alternatives": other_choices.alternatives(study, result, shifts, decided.get("design")),
         "decided": decided,
-        "choice": summary.choice(result),
-        "failures": summary.failures_of(result) if confirmation else [],
-        "passed_over": summary.passed_over(result) if confirmation else "",
-        "at_the_ends": summary.at_the_ends(result, study.variables),
+        "margin_of": lambda row: designs.least_margins(row["margins"])[0],
+        "worst_of": lambda row: designs.weakest_at_worst(study, row),
+        "failure": summary.failure,
         "lost": any(row["lost"] for row in quantiles),
         "failed_words": summary.failed_words,
-        "both_levels": summary.both_levels(result),
+        "both_levels": bool(result.get("n_compiled_shifts")),
         "replicated_words": replicated.replicated_words(result),
         "replicated": replicated.replicated_rows(result),
         "quantiles": quantiles,
@@ -192,9 +189,8 @@ def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
         figure = third_figure(result, variables, others[0], others[1])
         fronts.append(figure_html(figure, "front-third"))
     return {
-        "fronts": fronts,
-        "sure": sure_figure(result),
-        "parallel": parallel_figure(result, variables),
+        "fronts": fronts if result["n_simulated_designs"] > 1 else [],
+        "sure": sure_figure(result) if result["front"] else "",
         "convergence": convergence_figure(result, course(result, shifts)),
     }
 
@@ -226,14 +222,18 @@ def weighted(study: Setup, confirmation: Row) -> Row:
     return {key: {**found, "points": added(found["points"])} for key, found in both.items()}
 
 
-def _confirmed_figures(confirmation: Row) -> Row:
+def _confirmed_figures(confirmation: Row, measured: bool) -> Row:
+    """Draw each operating point; times where ``measured``, shares where they differ."""
+    points = [p for key in ("prototype", "best") for p in confirmation[key]["points"]]
     if not places.is_grid(confirmation):
-        return {"listed": places.listed_figure(confirmation)}
-    return {
-        "points": places.points_figure(confirmation),
-        "engaged": places.engaged_figure(confirmation),
-        "gain": places.gain_figure(confirmation),
-    }
+        return {"listed": places.listed_figure(confirmation)} if measured else {}
+    found: Row = {}
+    if measured:
+        found |= {"points": places.points_figure(confirmation)}
+        found |= {"gain": places.gain_figure(confirmation)}
+    if len({p["engaged"] for p in points}) > 1:
+        found |= {"engaged": places.engaged_figure(confirmation)}
+    return found
 
 
 def _surrogate_figures(folder: StudyFolder) -> Row:
@@ -243,9 +243,16 @@ def _surrogate_figures(folder: StudyFolder) -> Row:
     effects, paid = known["effects"], dear(known["prices"])
     return {
         "prices": (paid, figure_html(prices_figure(paid), "prices")) if paid else "",
-        "effects": (effects, figure_html(effects_figure(effects), "effects")),
+        "effects": (effects, _effects(effects)),
         "indices": indices_html(known["indices"]),
     }
+
+
+def _effects(effects: Row) -> str:
+    """Draw the effects; nothing where most designs lie outside the trained range."""
+    if effects["outside_trained_range"] > 0.5:
+        return ""
+    return figure_html(effects_figure(effects), "effects")
 
 
 def _distributions(result: Row, shifts: Shifts) -> dict[str, single_shifts.Distribution]:
@@ -253,6 +260,8 @@ def _distributions(result: Row, shifts: Shifts) -> dict[str, single_shifts.Distr
         return {}
     best = {name: result["best"][name] for name in shifts.study.variables}
     pairs = {"prototype": shifts.study.prototype, "chosen": best}
+    if result["best"]["prototype"]:
+        del pairs["chosen"]
     found = {name: single_shifts.distribution(shifts, one) for name, one in pairs.items()}
     known = {name: one for name, one in found.items() if one is not None}
     return known if len(known) == len(found) else {}

@@ -1,34 +1,54 @@
-"""The first lines of the report: what was found, how sure it is, what limits it."""
+"""First page of the report: headline, objectives of both designs, and facts behind them."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import (
     check_name,
+    in_ms,
     label,
     minus,
     ms_with_error,
     percent,
+    place_name,
     value,
 )
-from dogshape.pipeline.reports.study.front import confirmed_designs
-from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
-from dogshape.pipeline.reports.study.point_gains import Gain, gains
-from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.reports.study.designs import (
+    confirmed_designs,
+    design_name,
+    engaged_shifts,
+    failed_at_new_angles,
+    is_measured,
+    least_margins,
+    margins_of,
+    weakest_at_worst,
+)
+from dogshape.pipeline.reports.study.goals import Goal, goals_of
+from dogshape.pipeline.reports.study.paired import gain_by_factor
+from dogshape.pipeline.reports.study.point_gains import gains
+from dogshape.pipeline.reports.study.single_shifts import Shifts, weights_of
+from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, WORST
 
 Span = tuple[float, float]
 END = 0.01  #: share of a search range within which a value lies at its end
-COUNTS = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six", 7: "seven"}
+APART = 3.0  #: combined standard errors between search and new angles that are said
+LANDING = "_impact"  #: end of the names of the checks of a landing
+ENGINES = {"drake": "Drake", "planar": "the compiled engine"}
 
 
-def ms(seconds: float, digits: int = 1) -> str:
-    """Print a time in ms without its unit, with a real minus."""
-    return minus(f"{seconds * 1e3:.{digits}f}")
+class Fact(NamedTuple):
+    """A line of the first page; ``bad`` speaks against the design."""
+
+    name: str
+    words: str
+    bad: bool = False
 
 
 @dataclass(frozen=True)
@@ -76,19 +96,22 @@ class Gained:
 def gained(result: Row) -> list[Gained]:
     """Compare all objectives of prototype and chosen design, the leading one first.
 
-    Simulated ones are those of the confirmation, others exact. Empty before the confirmation.
+    Simulated ones are those of the confirmation, others exact. Empty before the confirmation, and
+    without times where one of both does not engage.
     """
     c, best = result["confirmation"], result["best"]
     prototype = next((row for row in result["trials"] if row["prototype"]), None)
-    if not c or best is None:
+    if not c or best is None or best["prototype"]:
         return []
-    found = []
+    found, timed = [], is_measured(c["prototype"]) and is_measured(c["best"])
     for goal in goals_of(result).told:
-        if goal.objective.simulated:
+        if goal.objective.simulated and (timed or goal.unit != "ms"):
             gain, values = c["gains"][goal.name], (c["prototype"], c["best"])
             one, other = (goal.estimate(value) for value in values)
             change = (goal.factor * gain["value"], goal.factor * (gain["standard_error"] or 0.0))
-        elif prototype is not None and prototype.get(goal.name) is not None:
+        elif prototype is not None and prototype.get(goal.name) is not None and (
+            not goal.objective.simulated
+        ):  # fmt: skip
             one, other = (goal.shown(prototype), 0.0), (goal.shown(best), 0.0)
             change = (goal.objective.sign * (one[0] - other[0]), 0.0)
         else:
@@ -97,7 +120,27 @@ def gained(result: Row) -> list[Gained]:
     return found
 
 
-ENGINES = {"drake": "Drake", "planar": "the compiled engine"}
+def as_decided(result: Row, design: int | None) -> Row:
+    """Put the design that was decided for in place of the search's own choice.
+
+    Unchanged without a decision, for the prototype, and for a design that was not confirmed.
+    """
+    found = confirmed_designs(result).get(design) if design else None
+    if found is None or design == result["best"]["trial"]:
+        return result
+    c = result["confirmation"]
+    row = next(row for row in result["trials"] if row["trial"] == design)
+    changes = {}
+    for name, one in found["estimates"].items():
+        other = c["prototype"]["estimates"][name]
+        errors = [each["standard_error"] or 0.0 for each in (one, other)]
+        difference = OBJECTIVES[name].sign * (other["value"] - one["value"])
+        changes[name] = {"value": difference, "standard_error": math.hypot(*errors)}
+    return {
+        **result,
+        "best": row,
+        "confirmation": {**c, "chosen": design, "best": found, "gains": changes},
+    }
 
 
 def engine_of(result: Row) -> str:
@@ -108,56 +151,77 @@ def engine_of(result: Row) -> str:
     return searched if other == engine else f"{searched}, at the new angles by {confirmed}"
 
 
-def counted(result: Row) -> str:
-    """Count the shifts that were simulated, by engine."""
-    said = f"{result['n_simulated_shifts']} shifts were simulated by {engine_of(result)}"
-    if compiled := result.get("n_compiled_shifts"):
-        said += f" and {compiled} by the compiled engine"
-    return said
-
-
-def both_levels(result: Row) -> str:
-    """Name the shifts that times and errors rest on in two levels; empty in one level."""
-    if not result.get("n_compiled_shifts"):
-        return ""
-    return (
-        "Times are those of the compiled engine at many angles, corrected by what Drake differs at "
-        "some of the same angles; their error is that of both: of the compiled engine's mean, and "
-        "of the correction."
-    )
-
-
 def headline(result: Row) -> str:
     """Summarise the study in one sentence."""
-    best, lead = result["best"], goals_of(result).leading
+    best, c, lead = result["best"], result["confirmation"], goals_of(result).leading
     if best is None:
         return none_passes(result)
-    if not result["confirmation"]:
-        value = lead.words(lead.shown(best), lead.error(best))
-        return (
-            f"The best design so far is number {best['trial']}: {lead.label} {value}. "
-            "It has not been confirmed at new angles yet."
-        )
+    name = design_name(best)
+    if not c:
+        found = lead.words(lead.shown(best), lead.error(best))
+        if not is_measured(best):
+            found = "does not engage at every operating point"
+        return f"Best so far is {name}, not confirmed at new angles: {lead.label} {found}."
+    if not (is_measured(c["best"]) and is_measured(c["prototype"])):
+        each = [engaged_shifts(c[key]) for key in ("best", "prototype")]
+        own, other = (f"in {one} of {n} shifts" for one, n in each)
+        if best["prototype"]:
+            return f"The prototype engages {own}; no other design is chosen."
+        return f"{name.capitalize()} engages {own}, the prototype {other}."
     if best["prototype"]:
-        better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
-        return f"No design of this search is {better} than the prototype."
-    failed = ", but fails a check at the new angles" if _chosen_fails(result) else ""
-    return f"Design {best['trial']} {_against_prototype(gained(result)[0])}{failed}."
+        return _no_better(result, lead)
+    failed = ", but fails a check at the new angles" if failed_words(c["best"]) else ""
+    if result["n_simulated_designs"] < 2:
+        return f"Only {name} was simulated: there is no comparison of designs{failed}."
+    return f"{name.capitalize()} {_against_prototype(gained(result)[0])}{failed}."
+
+
+def _no_better(result: Row, lead: Goal) -> str:
+    """Write a sentence on a search that leaves the prototype."""
+    fails = failed_words(result["confirmation"]["best"])
+    also = f", and the prototype fails {fails}" if fails else ""
+    other = [r for r in result["trials"] if not r["prototype"] and r[SIMULATED] is not None]
+    if not other:
+        return f"Only the prototype was simulated: no other design passes the first checks{also}."
+    better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
+    sign, own = lead.objective.sign, lead.shown(result["best"])
+    if any(sign * lead.shown(row) < sign * own for row in other):
+        return f"No design that is {better} than the prototype passes every check{also}."
+    return f"No design of this search is {better} than the prototype{also}."
 
 
 def none_passes(result: Row) -> str:
     """Write a sentence on a search of which no design passes, with the check that most fail."""
-    said = "No design of this search passes every check"
+    said, how = "No design of this search passes every check", _most_failed(result)
+    return f"{said}: {how}. Widen [variables], or change what this check rests on." if how else (
+        f"{said}."
+    )  # fmt: skip
+
+
+def _most_failed(result: Row) -> str:
+    """Name the check that most designs fail, and by how much the nearest of them does."""
     every = [row["margins"] for row in result["trials"]]
     failing = Counter(name for row in every for name, margin in row.items() if margin < 0.0)
     if not failing:
-        return f"{said}."
+        return ""
     (name, count), *_ = failing.most_common(1)
-    short = percent(-max(row[name] for row in every if row.get(name, 0.0) < 0.0))
-    how = f"{count} of {len(every)} fail {check_name(name)}, the nearest of them by {short}"
+    nearest = max(
+        (r for r in result["trials"] if r["margins"].get(name, 0.0) < 0.0),
+        key=lambda row: row["margins"][name],
+    )
+    short = percent(-nearest["margins"][name])
+    how = f"{count} of {len(every)} fail {failure(name, nearest)}, the nearest of them by {short}"
     if any(row.get(name, -1.0) >= 0.0 for row in every):
         how += ", and those that pass it fail another"
-    return f"{said}: {how}. Widen [variables], or change what this check rests on."
+    return how
+
+
+def failure(name: str, row: Row) -> str:
+    """Name a check that a design fails; of the margin within tolerances the check behind it."""
+    behind = row.get("weakest_check_worst_case")
+    if name == WORST and behind:
+        return f"{check_name(behind)} at worst-case tolerances"
+    return check_name(name)
 
 
 def _against_prototype(first: Gained) -> str:
@@ -187,81 +251,160 @@ def _against_prototype(first: Gained) -> str:
     return f"has a {goal.label} of {value}, {change} {side} the prototype's"
 
 
-def choice(result: Row) -> str:
-    """Explain the objectives, the rule by which a design is chosen, and the margins that decide."""
-    goals = goals_of(result)
-    number = COUNTS.get(len(goals.every), str(len(goals.every)))
-    first = f"The objective is the {goals.leading.label}."
-    if goals.others:
-        others = "; ".join(f"the {goal.label}" for goal in goals.others)
-        lead = f"the {goals.leading.label}, which leads"
-        first = f"There are {number} objectives: {lead}; {others}."
-    chosen = (
-        "Chosen is the first design of the front, in the order of the leading objective, which "
-        "also passes every check at the new angles"
-    )
-    if result["confirmation"] and _chosen_fails(result):
-        chosen += "; none of those confirmed does, so it is the first of all"
-    return (
-        f"{first} {chosen}. Margins at nominal size decide what passes; the margin with every "
-        "tolerance at its worst is shown, and may be negative."
-    )
+def failed_words(confirmed: Row | None) -> str:
+    """List the checks that a confirmed design fails, with their margins; empty where none."""
+    failed = [check for check in (confirmed or {"checks": []})["checks"] if not check["passed"]]
+    return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
 
 
-def points_of(result: Row) -> list[str]:
-    """Write sentences on a confirmed design: certainty, limits, and losses."""
-    confirmation, best = result["confirmation"], result["best"]
-    if best["prototype"]:
-        return [_simulated(result), _limits(best)]
-    said = [_how_sure(result), *_hung(result), *_better(result), _limits(best)]
-    return [*said, *_slower(gains(confirmation))]
+def facts_of(study: Setup, result: Row, shifts: Shifts | None) -> list[Fact]:
+    """List the facts of the chosen design, and what speaks against it."""
+    c, best = result["confirmation"], result["best"]
+    if not c or best is None:
+        return []
+    found = [*_margin_facts(study, result)]
+    if not best["prototype"]:
+        found = [*_contact_facts(study, result, shifts), *found, *_point_facts(c)]
+    elif how := _most_failed(result):
+        found.append(Fact("designs that fail", how))
+    return [*found, *_failure_facts(result), *_search_facts(study, result)]
 
 
-def failures_of(result: Row) -> list[str]:
-    """Write a sentence where the chosen design, or else the prototype, fails a check."""
-    best, said = result["best"], []
-    if words := failed_words(confirmed_designs(result).get(best["trial"])):
-        said.append(f"Design {best['trial']}, the chosen one, fails at the new angles: {words}.")
+def _contact_facts(study: Setup, result: Row, shifts: Shifts | None) -> Iterator[Fact]:
+    """Give the gain at 10 and 90 % of each factor on the contact that is uncertain."""
+    c, own = result["confirmation"], study.prototype
+    if not (is_measured(c["prototype"]) and is_measured(c["best"])):
+        return
+    rows = [] if shifts is None else shifts.confirmed(own)
+    design = {name: result["best"][name] for name in study.variables}
+    other = [] if shifts is None else shifts.confirmed(design)
+    weights = weights_of(study, rows) if rows else ()
+    found = gain_by_factor(rows, other, weights, ("friction_factor", "dissipation_factor"))
+    for name, one in found.items():
+        what = name.removesuffix("_factor")
+        low, high = (minus(f"{1e3 * gain:.0f}") for gain in one.ends)
+        yield Fact(
+            f"gain over the {what} drawn",
+            f"{low} ms at the 10 % quantile, {high} ms at the 90 % quantile; standard error of the "
+            f"difference {1e3 * one.error:.0f} ms",
+        )
+    if study.uncertainty is None:
+        words = f"one set, {study.clutch.contact.name}: the error of the gain is of sampling alone"
+        yield Fact("contact", words)
+
+
+def _margin_facts(study: Setup, result: Row) -> Iterator[Fact]:
+    best, record = result["best"], result["confirmation"]["best"]
+    margins = margins_of(best, record)
+    name, margin = least_margins(margins)[0]
+    yield Fact("smallest margin, nominal size", f"{percent(margin)} {check_name(name)}", margin < 0)
+    worst, within = weakest_at_worst(study, best), best["margin_root_sum_square"]
+    if worst is not None:
+        name, margin = worst
+        words = f"{percent(margin)} {check_name(name)}"
+        yield Fact("at worst-case tolerances", words, margin < 0)
+    if within is not None:
+        yield Fact("by root sum of squares of the tolerances", percent(within), within < 0)
+    landing = {n: m for n, m in margins.items() if n.endswith(LANDING)}
+    if landing:
+        name = min(landing, key=lambda one: landing[one])
+        words = f"{percent(landing[name])} {check_name(name)}"
+        if name in best["margins"]:
+            words += f"; {percent(best['margins'][name])} at the angles of the search"
+        scatter = landing_scatter(result, name)
+        own = math.inf if scatter is None else scatter * (1.0 - landing[name])
+        if scatter is not None:
+            words += f"; from angles to angles ± {percent(own)}"
+        bad = landing[name] < 0.0 or (scatter is not None and landing[name] < own)
+        yield Fact("hardest landing at the new angles", words, bad)
+
+
+def _point_facts(c: Row) -> Iterator[Fact]:
+    found = gains(c)
+    slower = sorted((g for g in found if g.gain_s < 0.0), key=lambda g: g.gain_s)
+    words = f"{len(slower)} of {len(found)}"
+    if slower:
+        first = slower[0]
+        loss = ms_with_error(-first.gain_s, first.error_s)
+        clear = sum(gain.clear for gain in slower)
+        words += (
+            f", {clear} by more than twice the standard error; most at "
+            f"{place_name(first.mismatch_rpm, first.force_N)}, by {loss} ms"
+        )
+    yield Fact("operating points slower than the prototype", words, any(g.clear for g in slower))
+    counts = {key: engaged_shifts(c[key]) for key in ("best", "prototype")}
+    own, other = (f"{one} of {n}" for one, n in counts.values())
+    again = c["best"].get("mean_engaged_s")
+    lost = counts["best"][0] < counts["best"][1]
+    words = f"{own} shifts; prototype {other}"
+    if lost and again is not None:
+        words += f"; without retries {in_ms(again)} ms"
+    yield Fact("engaged at the first try", words, lost)
+
+
+def _failure_facts(result: Row) -> Iterator[Fact]:
+    best, found = result["best"], confirmed_designs(result)
     own = next((row for row in result["trials"] if row["prototype"]), None)
+    if words := failed_words(result["confirmation"]["best"]):
+        yield Fact("fails at the new angles", f"{design_name(best)}: {words}", bad=True)
     if own is not None and own["failed"] and not best["prototype"]:
         margins = own["margins"] or {}
         words = ", ".join(
-            check_name(name) + (f" ({percent(margins[name])})" if name in margins else "")
+            failure(name, own) + (f" ({percent(margins[name])})" if name in margins else "")
             for name in own["failed"]
         )
-        said.append(f"The prototype itself fails: {words}.")
-    return said
+        yield Fact("the prototype itself fails", words, bad=True)
+    out = [row for row in failed_at_new_angles(result) if row["trial"] != best["trial"]]
+    if out:
+        words = "; ".join(f"{row['trial']}: {failed_words(found[row['trial']])}" for row in out)
+        yield Fact("designs out, failed at the new angles", words)
 
 
-def passed_over(result: Row) -> str:
-    """Write a sentence on designs beside the chosen one that fail at the new angles, or none."""
-    best, found = result["best"]["trial"], confirmed_designs(result)
-    worst = {
-        trial: min(check["margin"] for check in one["checks"] if not check["passed"])
-        for trial, one in found.items()
-        if trial != best and failed_words(one)
-    }
-    if not worst:
-        return ""
-    names = ", ".join(str(trial) for trial in worst)
-    many = len(worst) > 1
-    what = sorted({check_name(check["name"]) for trial in worst
-                   for check in found[trial]["checks"] if not check["passed"]})  # fmt: skip
-    over = [percent(-margin) for margin in sorted(worst.values(), reverse=True)]
-    by = f"by {over[0]} to {over[-1]}" if many and over[0] != over[-1] else f"by {over[0]}"
-    who = f"Designs {names}, found by the search, are" if many else f"Design {names} is"
-    fails = "they fail" if many else "it fails"
-    return f"{who} out: {fails} at the new angles {by} ({', '.join(what)})."
+def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
+    c, best, lead = result["confirmation"], result["best"], goals_of(result).leading
+    rows = {row["trial"]: row for row in result["trials"]}
+    for trial, one in confirmed_designs(result).items():
+        if (distance := disagreement(lead, rows[trial], one)) > APART:
+            both = (lead.of(rows[trial]), lead.pair(*lead.estimate(one)))
+            yield Fact(
+                f"search and new angles of design {trial}",
+                f"{both[0]} and {both[1]} {lead.unit}, {distance:.1f} combined standard errors "
+                "apart: one of both errors is too small",
+                bad=True,
+            )
+    value, error = lead.estimate(c["best"])
+    better = [
+        str(trial)
+        for trial, one in confirmed_designs(result).items()
+        if trial != best["trial"] and not failed_words(one) and is_measured(one)
+        and lead.objective.sign * (value - lead.estimate(one)[0])
+        > 2.0 * math.hypot(error, lead.estimate(one)[1])
+    ]  # fmt: skip
+    if better:
+        words = f"{', '.join(better)}; the order of the search decides"
+        yield Fact("clearly better at the new angles", words)
+    if not best["prototype"] and (ends := at_the_ends(best, study.variables)):
+        yield Fact("at the end of the search range", f"{ends}; widen [variables]", bad=True)
+    count = f"{result['n_simulated_shifts']} by {engine_of(result)}"
+    if compiled := result.get("n_compiled_shifts"):
+        count += f", {compiled} by the compiled engine"
+    angles = f"{c['angles']} new angles at each operating point"
+    if many := c["best"]["points"][0].get("n_planar"):
+        angles += f" among {many} of the compiled engine"
+    yield Fact("shifts simulated", f"{count}; figures above: {angles}")
 
 
-def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
-    """Write a sentence on variables of the chosen design at an end of their range, or none.
+def disagreement(lead: Goal, row: Row, record: Row) -> float:
+    """Compute the combined standard errors between search and new angles; 0 where exact."""
+    if row.get(lead.name) is None or not is_measured(record):
+        return 0.0
+    value, error = lead.estimate(record)
+    both = math.hypot(error, lead.error(row))
+    return abs(value - lead.shown(row)) / both if both else 0.0
 
-    ``ranges`` has the ends of each variable in edge units.
-    """
-    best = result["best"]
-    if best is None or best["prototype"]:
-        return ""
+
+def at_the_ends(best: Row, ranges: Mapping[str, Span]) -> str:
+    """List the variables of a design at an end of their range, in edge units; none is empty."""
     found = []
     for name, (low, high) in ranges.items():
         room = END * (high - low) if name != "count" else 0.0
@@ -269,121 +412,25 @@ def at_the_ends(result: Row, ranges: Mapping[str, Span]) -> str:
             if near:
                 side = "lower" if end == low else "upper"
                 found.append(f"{label(name)} {value(name, best[name])} ({side} end {end:g})")
-    if not found:
-        return ""
-    keys = "it" if len(found) == 1 else "them"
-    return (
-        f"At the end of the search range: {', '.join(found)}. The best may lie beyond: "
-        f"widen {keys} in [variables]."
-    )
+    return ", ".join(found)
 
 
-def failed_words(confirmed: Row | None) -> str:
-    """List the checks that a confirmed design fails, with their margins; empty where none."""
-    failed = [check for check in (confirmed or {"checks": []})["checks"] if not check["passed"]]
-    return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
+def landing_scatter(result: Row, name: str) -> float | None:
+    """Compute the relative scatter of a check of the landing from draw to draw of angles.
 
-
-def _chosen_fails(result: Row) -> bool:
-    return bool(failed_words(result["confirmation"]["best"]))
-
-
-def _how_sure(result: Row) -> str:
-    first = gained(result)[0]
-    gain, error = first.gain
-    if not error:
-        sure = f"The {first.goal.label} has no standard error: most margins are exact, and the " \
-               "hardest landing is an extreme"  # fmt: skip
-    elif first.clear:
-        sure = f"Clear: the gain is {abs(gain) / error:.0f} times its standard error"
-    else:
-        sure = f"Not clear: the gain is {abs(gain) / error:.1f} times its standard error"
-    return f"{sure}. {_simulated(result)}"
-
-
-def _simulated(result: Row) -> str:
-    angles = result["confirmation"]["angles"]
-    return (
-        f"{counted(result)}; the figures above are from {angles} new relative angles "
-        f"{_beside(result)}at each operating point, not used by the search."
-    )
-
-
-def _beside(result: Row) -> str:
-    """Name the compiled engine's angles of a confirmation in two levels."""
-    many = result["confirmation"]["best"]["points"][0].get("n_planar")
-    return f"of Drake, among {many} of the compiled engine, " if many else ""
-
-
-def _hung(result: Row) -> list[str]:
-    said = []
-    for name, role in (("prototype", "the prototype"), ("best", "the chosen design")):
-        found = result["confirmation"][name]
-        count = sum(point["n"] for point in found["points"])
-        lost = sum(p["n"] - round(p["engaged"] * p["n"]) for p in found["points"])
-        if not lost:
-            continue
-        text = f"{lost} of {count} shifts of {role} did not engage there and are tried again"
-        if found.get("mean_engaged_s") is not None:
-            text += f"; without the retries it takes {ms(found['mean_engaged_s'])} ms"
-        said.append(f"{text}.")
-    return said
-
-
-def _better(result: Row) -> list[str]:
-    """Write a sentence where another design of the front did clearly better when confirmed."""
-    lead, chosen = goals_of(result).leading, result["best"]["trial"]
-    own, own_error = lead.estimate(result["confirmation"]["best"])
-    better = []
-    for trial, one in confirmed_designs(result).items():
-        value, error = lead.estimate(one)
-        clear = lead.objective.sign * (own - value) > 2.0 * math.hypot(error, own_error)
-        if trial != chosen and clear and not failed_words(one):
-            better.append(str(trial))
-    if not better:
-        return []
-    return [
-        f"Design{'s' if len(better) > 1 else ''} {', '.join(better)} did clearly better than "
-        f"design {chosen} at the new angles; the order of the search decides, so that none is "
-        "chosen for its luck there."
-    ]
-
-
-def _limits(best: Row) -> str:
-    weakest = best["weakest_check"]
-    said = (
-        f"What limits it: {check_name(weakest)}, with a margin of "
-        f"{percent(best['margins'][weakest])} to its limit"
-    )
-    worst = best["margin_worst_case"]
-    if worst is not None:
-        said += f"; the smallest margin is {percent(worst)} with every tolerance at its worst"
-        said += ", so such a part may break a limit" if worst < 0.0 else ""
-    return f"{said}."
-
-
-def _slower(found: list[Gain]) -> list[str]:
-    slower = [gain for gain in found if gain.gain_s < 0.0]
-    if not slower:
-        return [f"Nowhere slower than the prototype, at {len(found)} operating points."]
-    clear = [gain for gain in slower if gain.clear]
-    rest = len(slower) - len(clear)
-    said = f"Slower than the prototype at {len(slower)} of {len(found)} operating points"
-    if not clear:
-        return [f"{said}, nowhere clearly: each loss is below twice its standard error."]
-    places = "; ".join(
-        f"{g.mismatch_rpm:.4g} 1/min with {g.force_N:.4g} N by "
-        f"{ms_with_error(-g.gain_s, g.error_s)} ms"
-        for g in sorted(clear, key=lambda g: g.gain_s)
-    )
-    said += f", clearly at {len(clear)}: {minus(places)}"
-    return [said + (f"; the other {rest} may be chance." if rest else ".")]
-
-
-def meaning(goals: Goals, points: int, weighted: bool) -> str:
-    """Explain the leading objective in a sentence."""
-    lead = goals.leading
-    over = f"all relative angles of the rings and {points} operating points (mismatch and force)"
-    over += ", each with its weight" if weighted else ""
-    said = lead.meaning.replace("{over}", over)
-    return f"The {lead.label} is {said}."
+    It is the standard deviation of the logarithm of its use, new angles over search, over the
+    confirmed designs: that more angles find harder landings for all of them does not count. The
+    scatter of the search's fewer angles is in it too, so that it is rather too large. None with
+    fewer than three designs.
+    """
+    rows = {row["trial"]: row for row in result["trials"]}
+    found = []
+    for one in result["confirmation"]["designs"]:
+        margins = rows.get(one["trial"], {}).get("margins") or {}
+        after = next((c["margin"] for c in one["checks"] if c["name"] == name), None)
+        if name in margins and after is not None and max(after, margins[name]) < 1.0:
+            found.append(math.log((1.0 - after) / (1.0 - margins[name])))
+    if len(found) < 3:
+        return None
+    middle = sum(found) / len(found)
+    return math.sqrt(sum((each - middle) ** 2 for each in found) / (len(found) - 1))

@@ -42,6 +42,7 @@ def stored_effects(folder: StudyFolder) -> Row | None:
     try:
         stored = read_json(folder.effects, AGAIN)
         fits = stored["surrogate"] == _identity(folder)
+        fits &= all("without_s" in row for row in stored["prices"])
         return {key: stored[key] for key in ("effects", "indices", "prices")} if fits else None
     except (StorageError, KeyError):
         return None

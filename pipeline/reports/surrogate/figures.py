@@ -45,9 +45,18 @@ def effects_figure(effects: Row) -> go.Figure:
         figure.add_trace(_trace("effect on the expected shift time", line, look, place), **where)
         figure.add_hline(0.0, line={"color": GREY, "width": 1}, **where)
         figure.update_xaxes(title=axis(effect["variable"]), **where)
-    figure.update_yaxes(matches="y", showticklabels=True)
+    figure.update_yaxes(matches="y", showticklabels=True, range=_effect_range(shown))
     figure.update_yaxes(title="effect, ms", col=1)
     return styled(figure, 110 + 260 * _rows(len(shown), 3))
+
+
+def _effect_range(shown: list[Row]) -> tuple[float, float]:
+    """Give the range of effects in ms: all lines, and of wide bands as much again either way."""
+    lines = [value for one in shown for value in _ms(one["effect_s"])]
+    room = 0.1 * (span := max(lines) - min(lines) or 1.0)
+    ends = [value for one in shown for key in ("low_s", "high_s") for value in _ms(one[key])]
+    low = max(min(ends) - room, min(lines) - span)
+    return low, min(max(ends) + room, max(lines) + span)
 
 
 def indices_figure(found: Row) -> go.Figure:
