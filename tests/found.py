@@ -24,7 +24,8 @@ def design(trial: int, time: float | None, length: float, **changes: Any) -> Row
         "failed": [] if time is not None else ["tip_width"],
         "smallest_margin": 0.01 * (trial + 1), "weakest_check": "tip_width",
         "margins": {"tip_width": 0.01 * (trial + 1), "module": 0.5},
-        "margin_worst_case": -0.02, "weakest_check_worst_case": "root_fatigue", "margin_root_sum_square": 0.0, "time_within_tolerances": None,
+        "margin_worst_case": -0.02, "weakest_check_worst_case": "root_fatigue",
+        "margin_root_sum_square": 0.0, "time_within_tolerances": None,
     }  # fmt: skip
     return row | changes
 

@@ -21,7 +21,6 @@ from dogshape.pipeline.reports.study.designs import (
     weakest_at_worst,
 )
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
-from dogshape.pipeline.reports.study.replicated import replicated_words
 from dogshape.pipeline.reports.study.study_page import at_own_places
 from dogshape.pipeline.reports.study.summary import facts_of, gained, headline
 from dogshape.sim.shift.outcome import depends_on_clock
@@ -51,7 +50,6 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
         lines += ["", f"front by the search (95 % intervals){last}", _front(study, result), ""]
-        lines += [words] if (words := replicated_words(result)) else []
     for reason, count in result["failed_shifts"].items():
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")

@@ -40,7 +40,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class ByFactor:
-    """Gain in s at 10 and 90 % of the draws of a factor, and the standard error of their difference."""
+    """Gain in s at ``ENDS`` of the draws of a factor, and the standard error of the difference."""
 
     ends: tuple[float, float]
     error: float

@@ -385,6 +385,10 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
         yield Fact("clearly better at the new angles", words)
     if not best["prototype"] and (ends := at_the_ends(best, study.variables)):
         yield Fact("at the end of the search range", f"{ends}; widen [variables]", bad=True)
+    if done := result.get("replication"):
+        unclear = [len(done[key]) for key in ("unclear_before", "unclear")]
+        words = f"{unclear[0]} after the search, {unclear[1]} after replication"
+        yield Fact("designs of unclear place on the front", words)
     count = f"{result['n_simulated_shifts']} by {engine_of(result)}"
     if compiled := result.get("n_compiled_shifts"):
         count += f", {compiled} by the compiled engine"
