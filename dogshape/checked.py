@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -63,7 +64,7 @@ class Checked(Result):
         return {
             "feasible": told + open_ones,
             "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
-            "at worst-case tolerances": f"{worst:.1%}, {name}",
+            "at worst-case tolerances": "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}",
         }
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:

@@ -63,7 +63,8 @@ ENTRIES: list[Entry] = [
     Entry(
         PAGE,
         "| {:.1f} ± {:.1f} ms instead of {:.1f} ± {:.1f} ms, {:.1f} mm instead of {:.1f} mm long "
-        "| smallest margin {:.1f} % at worst-case tolerances; of the front {:d} designs stay unclear |",
+        "| smallest margin {:.1f} % at worst-case tolerances; of the front {:d} designs stay "
+        "unclear |",
         lambda: [
             *gearbox(),
             *(row["axial_length_mm"] for row in (result("mq200")["best"], prototype("mq200"))),

@@ -50,6 +50,40 @@ def test_designs_of_a_kept_result(dogshape: Call) -> None:
     assert chosen["locking_friction"] == pytest.approx(0.12198, abs=1e-5)
 
 
+def test_margins_at_worst_case_tolerances_have_the_check_behind_them(
+    dogshape: Call, tmp_path: Path
+) -> None:
+    """Also of a study that bounds that margin, and of its own dog."""
+    names = ("mq200#34", "mq200#33", "mq200#0")
+    record = dogshape("compare", *names, "--json").json
+    found = [(i["weakest_check_worst_case"], i["margin_worst_case"]) for i in record["items"]]
+    assert [name for name, _ in found] == ["root_fatigue", "contact_ratio", "root_fatigue"]
+    assert found[0][1] == pytest.approx(0.00565, abs=1e-5)
+    for item in record["items"]:
+        assert "smallest_margin_worst" not in [one["name"] for one in item["smallest_margins"]]
+    said = dogshape("compare", *names, "--html", tmp_path / "side.html").out
+    page = (tmp_path / "side.html").read_text()
+    for text in (said, page):
+        assert "0.6 % root fatigue" in text
+        assert "smallest margin worst" not in text
+    assert page.count("independent") < 6
+
+
+def test_a_design_that_does_not_engage_is_compared_by_counts(tmp_path: Path) -> None:
+    folder = kept_folder(tmp_path / "mine")
+    result = folder.stored_result()
+    for one in (result["confirmation"]["best"], *result["confirmation"]["designs"][:1]):
+        one["lower_bound"] = True
+        one["points"][0]["engaged"] = 0.25
+    folder.result.write_text(json.dumps(result))
+    found = ds.compare(f"{folder.root}#44", f"{folder.root}#43")
+    item = found.to_dict()["items"][1]
+    assert (item["expected_shift_time_s"], item["shifts_engaged"]) == (None, [436, 448])
+    assert found.to_dict()["differences"][0]["expected_shift_time_s"] is None
+    found.report(tmp_path / "side.html")
+    assert "engages in 436 of 448" in (tmp_path / "side.html").read_text()
+
+
 def test_a_study_without_a_number_is_its_chosen_design_or_the_one_decided_for(
     tmp_path: Path,
 ) -> None:

@@ -62,6 +62,25 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
     assert "smallest margin -26.9%, traction_release" in bad.out
 
 
+@pytest.mark.parametrize(
+    ("setting", "weakest", "worst"),
+    [
+        ("search.limits={smallest_margin_worst=0.0}", "root_fatigue", "root_fatigue"),
+        ("search.limits={smallest_margin=0.02}", "root_fatigue", "root_fatigue"),
+        ("search.limits={utilisation=0.995}", "root_fatigue", "root_fatigue"),
+        ("tolerance.contact_ratio=0.55", "contact_ratio", "root_fatigue"),
+    ],
+)
+def test_the_smallest_margin_is_that_of_a_check_and_not_of_a_sum_of_checks(
+    dogshape: Call, setting: str, weakest: str, worst: str
+) -> None:
+    said = dogshape("strength", "mq200_paper", "--no-simulation", "--set", setting).out
+    line = next(line for line in said.splitlines() if "smallest margin " in line)
+    assert line.endswith(f", {weakest}")
+    line = next(line for line in said.splitlines() if line.startswith("at worst-case"))
+    assert line.endswith(f", {worst}")
+
+
 def test_what_was_not_simulated_is_said(dogshape: Call) -> None:
     said = dogshape("strength", "mq200_paper", "--no-simulation", "--json").json
     assert said["feasible"] is True

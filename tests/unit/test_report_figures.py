@@ -200,8 +200,9 @@ def test_distribution_of_single_shifts(study: Setup) -> None:
     assert steps.y[-1] == pytest.approx(0.99)
     assert steps.x[-1] == pytest.approx(990.0)
     assert curve.name == "prototype"
-    words = [note.text for note in figure.layout.annotations]
-    assert words.count("95%: 950 ms") == 2
+    marks = next(t for t in figure.data if t.name == "prototype" and t.mode == "markers")
+    assert list(marks.x) == pytest.approx([500.0, 950.0, 990.0])
+    assert [note.text for note in figure.layout.annotations] == [" 50%", " 95%", " 99%"]
     dashes = {t.line.dash for t in figure.data if t.mode == "lines"}
     assert dashes == {"dash", "solid"}
     assert distribution(Shifts(study, ()), own) is None

@@ -31,6 +31,7 @@ from dogshape.pipeline.reports.study.goals import Goal, goals_of
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quantile, weights_of
+from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.reports.study.summary import (
     Gained,
     as_decided,
@@ -40,6 +41,7 @@ from dogshape.pipeline.reports.study.summary import (
     headline,
 )
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
+from dogshape.pipeline.reports.surrogate.figures import effects_figure
 from dogshape.pipeline.simulate.design import (
     OBJECTIVES,
     SUMMARIES,
@@ -54,6 +56,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
 from tests.found import TIME, VARIABLES, Row, confirmed, design, shift
+from tests.kept import kept_folder
 
 
 def test_every_design_is_of_one_kind(result: Row) -> None:
@@ -488,6 +491,90 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     assert stored_effects(folder) == known
     save(folder.surrogate, replace(stored, comparison=({"form": "other"},)))
     assert stored_effects(folder) is None
+
+
+def _effect(low: float, high: float, lines: list[float]) -> Row:
+    many = len(lines)
+    return {"variable": "chamfer_deg", "values": [*range(many)], "effect_s": lines,
+            "low_s": [low] * many, "high_s": [high] * many, "distinguishable": True}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("outside", "drawn"), [(0.0, True), (0.4, True), (0.95, False), (1.0, False)]
+)
+def test_effects_are_not_drawn_where_they_are_extrapolated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outside: float, drawn: bool
+) -> None:
+    effects = {"designs": 150, "outside_trained_range": outside, "mean_expected_shift_time_s": 0.08,
+               "variables": [_effect(-0.01, 0.01, [0.0, 0.005])]}  # fmt: skip
+    known = {"effects": effects, "indices": [], "prices": []}
+    monkeypatch.setattr("dogshape.pipeline.reports.study.study_page.stored_effects",
+                        lambda _: known)  # fmt: skip
+    page = write_report(kept_folder(tmp_path / "mq200")).read_text()
+    assert ('id="effects"' in page) == drawn
+    assert ("are not drawn" in page) != drawn
+    assert (f"{percent(outside)} of the" in page) == (outside > 0.0)
+
+
+def test_one_wide_band_does_not_flatten_the_other_effects() -> None:
+    narrow = _effect(-0.006, 0.006, [-0.005, 0.005])
+    wide = _effect(-0.055, 0.090, [-0.002, 0.002])
+    low, high = effects_figure({"variables": [narrow, wide]}).layout.yaxis.range
+    assert (low, high) == (pytest.approx(-15.0), pytest.approx(15.0))
+    low, high = effects_figure({"variables": [narrow, narrow]}).layout.yaxis.range
+    assert (low, high) == (pytest.approx(-7.0), pytest.approx(7.0))
+
+
+def test_equal_shares_of_engagement_are_said_in_one_line(tmp_path: Path) -> None:
+    folder = kept_folder(tmp_path / "mq200", "mq200")
+    page = write_report(folder).read_text()
+    assert 'id="engaged"' not in page
+    assert "224 of 224 shifts; prototype 224 of 224" in page
+    result = folder.stored_result()
+    result["confirmation"]["best"]["points"][3]["engaged"] = 0.875
+    folder.result.write_text(json.dumps(result))
+    assert 'id="engaged"' in write_report(folder).read_text()
+
+
+@pytest.mark.parametrize("name", ["mq200", "mq200_paper"])
+def test_a_page_where_nothing_was_found_compares_the_prototype_with_nothing(
+    name: str, tmp_path: Path
+) -> None:
+    folder = kept_folder(tmp_path / name, name)
+    result = folder.stored_result()
+    own = next(row for row in result["trials"] if row["prototype"])
+    c = result["confirmation"]
+    c |= {"best": c["prototype"], "chosen": own["trial"], "designs": []}
+    result |= {"best": own, "front": [own], "trials": [own], "n_simulated_designs": 1}
+    folder.result.write_text(json.dumps(result))
+    page = write_report(folder).read_text()
+    first = page[page.index("<h1>") : page.index('id="front"')]
+    assert "Only the prototype was simulated" in first
+    assert "<span>gain</span>" not in first
+    assert "chosen" not in first
+    for figure in ("gain", "points", "front-axial_length_mm"):
+        assert f'id="{figure}"' not in page
+
+
+@pytest.mark.parametrize("keys", [("best",), ("prototype",), ("best", "prototype")])
+def test_a_page_of_a_clutch_that_does_not_engage_has_counts(
+    keys: tuple[str, ...], tmp_path: Path
+) -> None:
+    folder = kept_folder(tmp_path / "mq200", "mq200")
+    result = folder.stored_result()
+    for key in keys:
+        found = result["confirmation"][key] | {"expected_shift_time_s": 21.0, "lower_bound": True}
+        found["points"] = [{**p, "engaged": 0.0, "mean_s": 21.0} for p in found["points"]]
+        found["points"][0]["engaged"] = 1.0
+        result["confirmation"][key] = found
+    folder.result.write_text(json.dumps(result))
+    page = write_report(folder).read_text()
+    first = page[page.index("<h1>") : page.index('id="front"')]
+    assert "8 of 224 shifts" in first
+    for words in ("21000", "% faster", "<span>gain</span>", "times its standard error"):
+        assert words not in first
+    assert 'id="gain"' not in page
+    assert 'id="engaged"' in page
 
 
 def test_a_journal_that_is_only_read_keeps_a_line_being_written(

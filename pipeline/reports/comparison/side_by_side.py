@@ -95,6 +95,8 @@ def _point_record(point: Row, one: Difference) -> Row:
 def _difference_record(first: Item, other: Item) -> Row:
     pairs = paired_points(first.confirmed_shifts, other.confirmed_shifts)
     points = point_differences(first.standing.points, other.standing.points, pairs)
+    if first.standing.time is None or other.standing.time is None:
+        points = {}  # means that are retries
     records = []
     for point in first.standing.points:
         at = place(point["mismatch_rpm"], point["force_N"])
@@ -137,8 +139,9 @@ def _time(
         return overall(points, weights), notes
     one, two = first.standing.time, other.standing.time
     if one is None or two is None:
-        lacking = first.label if one is None else other.label
-        return None, [f"nothing of {lacking} was simulated"]
+        lacking = first if one is None else other
+        how = "was not simulated" if lacking.standing.record is None else "does not engage"
+        return None, [f"{lacking.label} {how}"]
     if weights != theirs:
         return None, [
             "their operating points differ, and not both were confirmed: times of other mixes of "

@@ -9,7 +9,7 @@ differ, nothing is paired.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +47,7 @@ class ByFactor:
 
 
 def gain_by_factor(
-    ours: Sequence[Record], theirs: Sequence[Record], weights: Sequence[float], names: Sequence[str]
+    ours: Sequence[Record], theirs: Sequence[Record], weights: Iterable[float], names: Sequence[str]
 ) -> dict[str, ByFactor]:
     """Fit the first design's times less the second's to the logarithms of the drawn factors.
 

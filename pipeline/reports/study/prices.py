@@ -115,9 +115,9 @@ def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
             }
         )  # fmt: skip
     if pool.losses.any():
-        times = [pool.time(None, tolerances=factor) for factor in FACTORS]
+        scaled = [pool.time(None, tolerances=factor) for factor in FACTORS]
         words: Row = {"name": TOLERANCES, "key": "[tolerance]", "unit": "%", "limit": 100.0}
-        priced = _priced(times, 100.0, pool.time(None, tolerances=0.0))
+        priced = _priced(scaled, 100.0, pool.time(None, tolerances=0.0))
         found.append({**words, "at_most": True, **priced})
     return sorted(found, key=lambda row: -max(row["price_s"] or 0.0, _saved(row)))
 

@@ -165,15 +165,15 @@ def headline(result: Row) -> str:
     if not (is_measured(c["best"]) and is_measured(c["prototype"])):
         each = [engaged_shifts(c[key]) for key in ("best", "prototype")]
         own, other = (f"in {one} of {n} shifts" for one, n in each)
-        if best["prototype"]:
-            return f"The prototype engages {own}; no other design is chosen."
-        return f"{name.capitalize()} engages {own}, the prototype {other}."
+        also = "no other design is chosen" if best["prototype"] else f"the prototype {other}"
+        return f"{name.capitalize()} engages {own}, {also}."
     if best["prototype"]:
         return _no_better(result, lead)
     failed = ", but fails a check at the new angles" if failed_words(c["best"]) else ""
+    said = f"{name.capitalize()} {_against_prototype(gained(result)[0])}"
     if result["n_simulated_designs"] < 2:
-        return f"Only {name} was simulated: there is no comparison of designs{failed}."
-    return f"{name.capitalize()} {_against_prototype(gained(result)[0])}{failed}."
+        said = f"Only {name} was simulated: there is no comparison of designs"
+    return f"{said}{failed}."
 
 
 def _no_better(result: Row, lead: Goal) -> str:
