@@ -22,7 +22,7 @@ from dogshape.pipeline.reports.study.standing import (
     worst_point,
 )
 from dogshape.pipeline.reports.study.summary import engine_of
-from dogshape.pipeline.simulate.design import design_of, margins_within
+from dogshape.pipeline.simulate.design import SUMMARIES, design_of, margins_within
 from dogshape.pipeline.store.decisions import Decision
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.shift.geometry import Dog
@@ -133,6 +133,8 @@ def margins_of(study: Setup, params: dict[str, float], chosen: Standing) -> list
     known |= {check["name"]: check for check in (chosen.record or {"checks": []})["checks"]}
     rows = []
     for name, margin in chosen.margins.items():
+        if name in SUMMARIES:
+            continue
         check = known.get(name)
         worst = within.get(name, {}).get("worst_case")
         rows.append(
@@ -160,6 +162,7 @@ def _limit(at_most: bool, limit: float) -> str:
 
 
 def _provenance(study: Setup, result: Row, decision: Decision) -> list[tuple[str, str]]:
+    load = study.file.load
     versions = ", ".join(f"{name} {version}" for name, version in result["versions"].items())
     confirmation = result["confirmation"]
     angles = f", confirmed at {confirmation['angles']} new angles" if confirmation else ""
@@ -167,6 +170,8 @@ def _provenance(study: Setup, result: Row, decision: Decision) -> list[tuple[str
         ("study", command_of(study) or f"{study.name}, its file in study.json"),
         ("simulated", f"{result['n_simulated_shifts']} shifts by {engine_of(result)}{angles}"),
         ("operating points", study.operating_text),
+        ("load", f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}"),
+        ("mechanism", ", ".join(f"{k} {v:.4g}" for k, v in study.mechanism.items()) or "-"),
         ("contact", f"{study.clutch.contact.name}, friction "
                     f"{study.clutch.contact.static_friction:g} static, "
                     f"{study.clutch.contact.dynamic_friction:g} dynamic"),

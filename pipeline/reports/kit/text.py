@@ -24,7 +24,7 @@ LABELS = {
 #: Checks whose key is no name.
 CHECKS = {
     "smallest_margin_worst": "smallest margin at worst-case tolerances",
-    "slower_than_reference_s": "time lost on the reference design",
+    "slower_than_reference_s": "time lost on the reference",
 }
 
 

@@ -68,7 +68,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     x = window([lead.shown(row) for row in ([*near, *beaten] if far else near)])
     chosen = kinds["chosen"]
     names = [f"<b>chosen: {design_name(r)}</b>" if r in chosen else _short(r) for r in near]
-    _write_names(figure, near, names, (lead, second), (x, y), row=1, col=1)
+    _write_names(figure, [*near, *beaten], names, (lead, second), (x, y), row=1, col=1)
     figure.update_xaxes(title=lead.axis, range=x, col=1)
     figure.update_yaxes(title=second.axis, range=y, col=1)
     for row in far:
@@ -100,7 +100,7 @@ def _write_names(
     figure: go.Figure, rows: Sequence[Row], names: Sequence[str], goals: tuple[Goal, Goal],
     ends: tuple[tuple[float, float], tuple[float, float]], *, size: float = 0.0, **where: int,
 ) -> None:  # fmt: skip
-    """Name designs beside their marks, where no mark and no other name is.
+    """Name the first of ``rows`` beside their marks, where no mark and no other name is.
 
     The better side, where the front leaves no other design, is tried first. ``ends`` are of the
     axes, within which all names stay, ``size`` is of the largest marks, px.
@@ -115,7 +115,7 @@ def _write_names(
     taken: list[list[Box]] = [
         [(x, y, 0.5 * size + MARK, 0.5 * size + MARK) for x, y in placed] for placed in marks
     ]
-    for k in sorted(range(len(rows)), key=lambda k: at[k][0]):
+    for k in sorted(range(len(names)), key=lambda k: at[k][0]):
         half = 0.5 * LETTER * len(names[k].replace("<b>", "").replace("</b>", ""))
         # The prototype is seldom on the front: its better side is full, the other one is not.
         right, up = (
@@ -188,7 +188,7 @@ def sure_figure(result: Row) -> go.Figure:
     known = all("probability_on_front" in row for row in rows)
     figure = make_subplots(
         1, 2 if known else 1, shared_yaxes=True, column_widths=[0.62, 0.38] if known else [1.0],
-        horizontal_spacing=0.03,
+        horizontal_spacing=0.08,
     )  # fmt: skip
     best = result["best"]["trial"]
     names = {r["trial"]: design_name(r) + " (chosen)" * (r["trial"] == best) for r in rows}

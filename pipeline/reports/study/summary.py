@@ -381,8 +381,7 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
         > 2.0 * math.hypot(error, lead.estimate(one)[1])
     ]  # fmt: skip
     if better:
-        words = f"{', '.join(better)}; the order of the search decides"
-        yield Fact("clearly better at the new angles", words)
+        yield Fact("designs clearly better at the new angles", ", ".join(better))
     if not best["prototype"] and (ends := at_the_ends(best, study.variables)):
         yield Fact("at the end of the search range", f"{ends}; widen [variables]", bad=True)
     if done := result.get("replication"):
