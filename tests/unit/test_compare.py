@@ -73,7 +73,6 @@ def test_a_design_that_does_not_engage_is_compared_by_counts(tmp_path: Path) -> 
     folder = kept_folder(tmp_path / "mine")
     result = folder.stored_result()
     for one in (result["confirmation"]["best"], *result["confirmation"]["designs"][:1]):
-        one["lower_bound"] = True
         one["points"][0]["engaged"] = 0.25
     folder.result.write_text(json.dumps(result))
     found = ds.compare(f"{folder.root}#44", f"{folder.root}#43")

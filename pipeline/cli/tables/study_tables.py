@@ -106,8 +106,8 @@ def _front(study: Setup, result: Row) -> Table:
 
 def _searched(goal: Goal, row: Row) -> str:
     """Return an objective of a row with its 95 % interval, if it has one."""
-    if row.get(goal.name) is None:
-        return "not simulated"
+    if row.get(goal.name) is None or (goal.unit == "ms" and not is_measured(row)):
+        return "does not engage" if row["points"] else "not simulated"
     if not goal.error(row):
         return goal.number(goal.shown(row))
     return f"{goal.number(goal.shown(row))} ({_between(goal, *goal.interval(row))})"

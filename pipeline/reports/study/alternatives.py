@@ -101,11 +101,12 @@ def alternatives(
         s for s in others
         if s.trial != chosen.trial and not s.row["prototype"] and s.passes and s.confirmed
     ]  # fmt: skip
-    lead = goals_of(result).leading
+    lead, rows = goals_of(result).leading, {row["trial"]: row for row in result["trials"]}
 
     def told(standing: Standing) -> Alternative:
         worst = None if prototype is None else worst_point(prototype, standing, shifts)
-        apart = standing.record and disagreement(lead, standing.row, standing.record) > APART
+        searched = rows[standing.trial]
+        apart = standing.record and disagreement(lead, searched, standing.record) > APART
         return Alternative(
             standing, difference(study, chosen, standing, shifts), worst, bool(apart)
         )

@@ -12,12 +12,13 @@ from dogshape.pipeline.reports.kit.text import check_name, label, percent, value
 from dogshape.pipeline.reports.study.goals import MARGIN, Goals
 from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, design_of, weakest_within
 
+LEAST_ENGAGED = 0.5  #: share of the shifts of an operating point from which it has a time
 BESIDE = 8  #: designs beside each other in a table of margins
 
 
 def is_barred(row: Row) -> bool:
-    """Check whether a design failed a check that needs no simulation, and so has no time."""
-    return not row["feasible"] and row["expected_shift_time_s"] is None
+    """Check whether a design failed a check that needs no simulation, and so was not simulated."""
+    return not row["feasible"] and not row["points"]
 
 
 def design_name(row: Row) -> str:
@@ -40,12 +41,11 @@ def engaged_shifts(record: Row) -> tuple[int, int]:
 def is_measured(found: Row) -> bool:
     """Check whether a row or a confirmed design has a time that shifts say, not retries alone.
 
-    Some shift engaged at every operating point, and half of all of them.
+    At every operating point ``LEAST_ENGAGED`` of the shifts engaged.
     """
-    if "lower_bound" not in found:
-        return found[SIMULATED] is not None and found["engaged"] != 0.0
-    engaged, count = engaged_shifts(found)
-    return not found["lower_bound"] and 2 * engaged >= count
+    points = found["points"]
+    shares = [p["engaged"] for p in points] if isinstance(points, list) else [found["engaged"]]
+    return found[SIMULATED] is not None and min(shares, default=1.0) >= LEAST_ENGAGED
 
 
 def margins_of(row: Row, record: Row | None) -> dict[str, float]:

@@ -12,10 +12,10 @@ from dogshape.pipeline.reports.study.designs import (
     confirmed_designs,
     describe,
     design_name,
+    is_measured,
     of_kinds,
 )
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
-from dogshape.pipeline.simulate.design import SIMULATED
 
 PALE = "#b9c9dd"
 LEAST, LARGEST = 9.0, 36.0  #: sizes of marks that show a third objective, px
@@ -41,7 +41,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     beaten = [
         row
         for row in [*kinds["dominated"], *kinds["fails when simulated"]]
-        if row[SIMULATED] is not None and y[0] < second.shown(row) < y[1]
+        if is_measured(row) and y[0] < second.shown(row) < y[1]
     ]
     far = _far_prototype(kinds["prototype"], [*kinds["front"], *kinds["chosen"], *beaten], lead)
     aside = bool(far) + bool(barred)
@@ -56,8 +56,9 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
             mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
             showlegend=False, hoverinfo="skip", name="border of the front", row=1, col=1,
         )  # fmt: skip
-    for kind, rows in kinds.items():
-        if rows and kind != "infeasible" and rows[0][SIMULATED] is not None:
+    for kind, every in kinds.items():
+        rows = [row for row in every if is_measured(row)]
+        if rows and kind != "infeasible":
             column = 2 if far and kind == "prototype" else 1
             figure.add_trace(_designs(kind, rows, second, variables, goals), 1, column)
     if barred:
@@ -78,7 +79,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
 
 def _far_prototype(prototype: list[Row], others: list[Row], lead: Goal) -> list[Row]:
     """List the prototype where it would leave more than ``EMPTY`` of the axis without a design."""
-    own = [row for row in prototype if row[SIMULATED] is not None]
+    own = [row for row in prototype if is_measured(row)]
     values = [lead.shown(row) for row in others]
     if not own or not values:
         return []
@@ -162,11 +163,11 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
     """Draw the front by leading objective and ``second``; size and a number are ``third``."""
     kinds, goals = of_kinds(result), goals_of(result)
     lead, up, size = goals.leading, goals.named(second), goals.named(third)
-    values = [size.shown(r) for rows in kinds.values() for r in rows if r[SIMULATED] is not None]
+    values = [size.shown(r) for rows in kinds.values() for r in rows if is_measured(r)]
     low, span = min(values), (max(values) - min(values)) or 1.0
     figure = go.Figure()
     for kind in ("dominated", *CHOICES):
-        rows = [row for row in kinds[kind] if row[SIMULATED] is not None]
+        rows = [row for row in kinds[kind] if is_measured(row)]
         if rows:
             trace = _designs(kind, rows, up, variables, goals)
             sizes = [LEAST + (LARGEST - LEAST) * (size.shown(r) - low) / span for r in rows]
@@ -199,7 +200,7 @@ def sure_figure(result: Row) -> go.Figure:
         hovertemplate=f"%{{y}}: %{{x:.4g}} {lead.unit}<extra></extra>", row=1, col=1,
     )  # fmt: skip
     found = confirmed_designs(result)
-    estimates = {t: lead.estimate(found[t]) for t in names if t in found}
+    estimates = {t: lead.estimate(found[t]) for t in names if t in found and is_measured(found[t])}
     if estimates:
         figure.add_scatter(
             x=[value for value, _ in estimates.values()], y=[names[t] for t in estimates],
@@ -256,7 +257,7 @@ def _designs(
 
 def _simulated(kinds: dict[str, list[Row]]) -> list[Row]:
     """Select the designs that are named and were simulated."""
-    return [r for kind in reversed(CHOICES) for r in kinds[kind] if r[SIMULATED] is not None]
+    return [r for kind in reversed(CHOICES) for r in kinds[kind] if is_measured(r)]
 
 
 def _short(row: Row) -> str:

@@ -78,7 +78,7 @@ class Standing:
         if self.time is not None:
             return ms_with_error(*self.time)
         if self.record is None:
-            return "does not engage everywhere" if self.row.get("engaged") == 0.0 else "-"
+            return "does not engage" if self.row.get("points") else "-"
         engaged, count = engaged_shifts(self.record)
         return f"engages in {engaged} of {count}"
 

@@ -119,6 +119,7 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "gained": summary.gained(result),
         "measured": measured,
         "engaged_shifts": designs.engaged_shifts,
+        "is_measured": designs.is_measured,
         "confirmed": designs.confirmed_designs(result),
         "apart": [f for f in facts if f.name.startswith("search and new angles")],
         "partial": any(0 < row["points"] < len(study.points) for row in trials),
@@ -181,13 +182,14 @@ def _html(name: str, figure: Any) -> Any:
 
 
 def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
-    others = [goal.name for goal in goals_of(result).others]
+    several = sum(map(designs.is_measured, result["trials"])) > 1
+    others = [goal.name for goal in goals_of(result).others if several]
     fronts = [figure_html(front_figure(result, variables, o), f"front-{o}") for o in others]
     if len(others) >= 2:
         figure = third_figure(result, variables, others[0], others[1])
         fronts.append(figure_html(figure, "front-third"))
     return {
-        "fronts": fronts if result["n_simulated_designs"] > 1 else [],
+        "fronts": fronts,
         "sure": sure_figure(result) if result["front"] else "",
         "convergence": convergence_figure(result, course(result, shifts)),
     }

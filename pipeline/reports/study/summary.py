@@ -131,8 +131,8 @@ def as_decided(result: Row, design: int | None) -> Row:
     c = result["confirmation"]
     row = next(row for row in result["trials"] if row["trial"] == design)
     changes = {}
-    for name, one in found["estimates"].items():
-        other = c["prototype"]["estimates"][name]
+    for name in found["estimates"].keys() & c["prototype"]["estimates"].keys():
+        one, other = found["estimates"][name], c["prototype"]["estimates"][name]
         errors = [each["standard_error"] or 0.0 for each in (one, other)]
         difference = OBJECTIVES[name].sign * (other["value"] - one["value"])
         changes[name] = {"value": difference, "standard_error": math.hypot(*errors)}
@@ -158,10 +158,10 @@ def headline(result: Row) -> str:
         return none_passes(result)
     name = design_name(best)
     if not c:
-        found = lead.words(lead.shown(best), lead.error(best))
-        if not is_measured(best):
-            found = "does not engage at every operating point"
-        return f"Best so far is {name}, not confirmed at new angles: {lead.label} {found}."
+        found = "it does not engage"
+        if is_measured(best):
+            found = f"{lead.label} {lead.words(lead.shown(best), lead.error(best))}"
+        return f"Best so far is {name}, not confirmed at new angles: {found}."
     if not (is_measured(c["best"]) and is_measured(c["prototype"])):
         each = [engaged_shifts(c[key]) for key in ("best", "prototype")]
         own, other = (f"in {one} of {n} shifts" for one, n in each)
@@ -294,7 +294,8 @@ def _contact_facts(study: Setup, result: Row, shifts: Shifts | None) -> Iterator
 
 
 def _margin_facts(study: Setup, result: Row) -> Iterator[Fact]:
-    best, record = result["best"], result["confirmation"]["best"]
+    record, best = result["confirmation"]["best"], result["best"]
+    searched = next(row for row in result["trials"] if row["trial"] == best["trial"])["margins"]
     margins = margins_of(best, record)
     name, margin = least_margins(margins)[0]
     yield Fact("smallest margin, nominal size", f"{percent(margin)} {check_name(name)}", margin < 0)
@@ -309,8 +310,8 @@ def _margin_facts(study: Setup, result: Row) -> Iterator[Fact]:
     if landing:
         name = min(landing, key=lambda one: landing[one])
         words = f"{percent(landing[name])} {check_name(name)}"
-        if name in best["margins"]:
-            words += f"; {percent(best['margins'][name])} at the angles of the search"
+        if name in searched:
+            words += f"; {percent(searched[name])} at the angles of the search"
         scatter = landing_scatter(result, name)
         own = math.inf if scatter is None else scatter * (1.0 - landing[name])
         if scatter is not None:
@@ -372,11 +373,12 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
                 "apart: one of both errors is too small",
                 bad=True,
             )
-    value, error = lead.estimate(c["best"])
+    timed = is_measured(c["best"])
+    value, error = lead.estimate(c["best"]) if timed else (0.0, 0.0)
     better = [
         str(trial)
         for trial, one in confirmed_designs(result).items()
-        if trial != best["trial"] and not failed_words(one) and is_measured(one)
+        if timed and trial != best["trial"] and not failed_words(one) and is_measured(one)
         and lead.objective.sign * (value - lead.estimate(one)[0])
         > 2.0 * math.hypot(error, lead.estimate(one)[1])
     ]  # fmt: skip
@@ -388,6 +390,9 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
         unclear = [len(done[key]) for key in ("unclear_before", "unclear")]
         words = f"{unclear[0]} after the search, {unclear[1]} after replication"
         yield Fact("designs of unclear place on the front", words)
+    if left := c.get("left_out"):
+        words = f"{', '.join(map(str, left))}; raise search.confirm_designs"
+        yield Fact("designs not confirmed, and so not on the front", words)
     count = f"{result['n_simulated_shifts']} by {engine_of(result)}"
     if compiled := result.get("n_compiled_shifts"):
         count += f", {compiled} by the compiled engine"
@@ -399,7 +404,7 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
 
 def disagreement(lead: Goal, row: Row, record: Row) -> float:
     """Compute the combined standard errors between search and new angles; 0 where exact."""
-    if row.get(lead.name) is None or not is_measured(record):
+    if row.get(lead.name) is None or not (is_measured(row) and is_measured(record)):
         return 0.0
     value, error = lead.estimate(record)
     both = math.hypot(error, lead.error(row))
