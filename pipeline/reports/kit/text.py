@@ -25,6 +25,7 @@ LABELS = {
 CHECKS = {
     "smallest_margin_worst": "smallest margin at worst-case tolerances",
     "slower_than_reference_s": "time lost on the reference",
+    "engagement": "engagement in half of the shifts of each operating point",
 }
 
 

@@ -321,7 +321,8 @@ def _margin_facts(study: Setup, result: Row) -> Iterator[Fact]:
 
 
 def _point_facts(c: Row) -> Iterator[Fact]:
-    found = gains(c)
+    timed = is_measured(c["best"]) and is_measured(c["prototype"])
+    found = gains(c) if timed else []
     slower = sorted((g for g in found if g.gain_s < 0.0), key=lambda g: g.gain_s)
     words = f"{len(slower)} of {len(found)}"
     if slower:
@@ -332,7 +333,9 @@ def _point_facts(c: Row) -> Iterator[Fact]:
             f", {clear} by more than twice the standard error; most at "
             f"{place_name(first.mismatch_rpm, first.force_N)}, by {loss} ms"
         )
-    yield Fact("operating points slower than the prototype", words, any(g.clear for g in slower))
+    if found:
+        bad = any(gain.clear for gain in slower)
+        yield Fact("operating points slower than the prototype", words, bad)
     counts = {key: engaged_shifts(c[key]) for key in ("best", "prototype")}
     own, other = (f"{one} of {n}" for one, n in counts.values())
     again = c["best"].get("mean_engaged_s")
