@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -197,6 +198,10 @@ def _feasible_probability(study: Setup, _: Design, dog: Dog) -> float:
     return kept_share(dog, study.limits, None if unsure is None else unsure.of("friction_factor"))
 
 
+#: Losses of a design, which is asked for its limit, its objective and its record.
+_losses = lru_cache(maxsize=256)(margin_losses)
+
+
 def margins_within(study: Setup, design: Design) -> Within:
     """Return each margin's worst case and root sum of squares, by the check's name.
 
@@ -205,7 +210,7 @@ def margins_within(study: Setup, design: Design) -> Within:
     """
     if design.dog is None:
         return {}
-    spreads = margin_losses(design.dog, study.limits)
+    spreads = _losses(design.dog, study.limits)
     found = {}
     for check in design.checks:
         if check.name in spreads:

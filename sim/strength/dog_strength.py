@@ -26,7 +26,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
 from dogshape.sim.shift.geometry import Dog
@@ -238,7 +237,6 @@ def keeps_limits(dog: Dog, limits: Limits) -> bool:
     return all(feasible(group(dog, limits)) for group in _GROUPS)
 
 
-@lru_cache(maxsize=256)  # the same design is asked for its limit, its objective and its record
 def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     """Compute the largest loss of each margin within the tolerances, by the check's name.
 
