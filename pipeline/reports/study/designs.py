@@ -130,6 +130,12 @@ def designs_shown(result: Row) -> list[Row]:
     return [*own, *shown.values()]
 
 
+def as_searched(result: Row, row: Row) -> Row:
+    """Give a design of the front with the values of the search."""
+    own = next(one for one in result["trials"] if one["trial"] == row["trial"])
+    return {**own, **{key: row[key] for key in ("probability_on_front",) if key in row}}
+
+
 def failed_at_new_angles(result: Row) -> list[Row]:
     """Select the designs that fail a check when re-simulated at new angles, in search order."""
     rows = {row["trial"]: row for row in result["trials"]}

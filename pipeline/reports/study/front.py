@@ -9,6 +9,7 @@ from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.kit.look import BLUE, INK, MARKS, Row, styled, window
 from dogshape.pipeline.reports.study.designs import (
+    as_searched,
     confirmed_designs,
     describe,
     design_name,
@@ -185,7 +186,8 @@ def third_figure(result: Row, variables: list[str], second: str, third: str) -> 
 
 def sure_figure(result: Row) -> go.Figure:
     """Draw the 95 % interval of each design of the front and, if known, its probability."""
-    rows, lead = list(reversed(result["front"])), goals_of(result).leading
+    rows = [as_searched(result, row) for row in reversed(result["front"])]
+    lead = goals_of(result).leading
     known = all("probability_on_front" in row for row in rows)
     figure = make_subplots(
         1, 2 if known else 1, shared_yaxes=True, column_widths=[0.62, 0.38] if known else [1.0],

@@ -102,6 +102,7 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
     if times:
         figures["distribution"] = single_shifts.distribution_figure(times)
     quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
+    searched = [designs.as_searched(result, row) for row in shown]
     facts = facts_of(study, result, shifts)
     # For their limits alone.
     still = landing_checks(study.clutch.dog, Landing(), study.limits)
@@ -157,8 +158,8 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
             check_record(check)
             for check in (*strength_checks(study.clutch.dog, study.limits), *own, *still)
         ],
-        "designs": shown,
-        "parts": designs.in_parts(shown),
+        "designs": searched,
+        "parts": designs.in_parts(searched),
         "sure_known": bool(shown) and all("probability_on_front" in r for r in result["front"]),
         "barred": [r for r in trials if designs.is_barred(r)],
         "failed_anew": designs.failed_at_new_angles(result),
