@@ -3,8 +3,8 @@
 Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
 come from the surrogate over designs and operating points, fitted to every row so far; each other
 objective that needs a simulation has a process over designs, fitted to its values with their
-standard errors. How hard dogs land on each other is known after the simulation only; another
-process over designs predicts that.
+standard errors. How hard dogs land on each other, and how many shifts engage, is known after the
+simulation only; another process over designs predicts that.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dogshape.pipeline.search.guide import Params, Prediction, Response, drawn
 from dogshape.pipeline.search.point_choice import first_plan, telling_plan
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
+    ENGAGEMENT,
     MEASURED,
     SIMULATED,
     exact_losses,
@@ -46,7 +47,8 @@ OWN = ("surrogate", "space_filling")  #: samplers that say what to simulate of a
 #: designs, at least: 0.19 in each of three sets of 12 to 16 designs that fill the default space
 LANDING_SPREAD = 0.2
 SCREENED = "screened"  #: attribute of a trial: rows of the compiled engine, where Drake has none
-LANDING = {rule.name for rule in LANDING_RULES}
+#: Checks that a process over designs predicts: of the worst of them.
+LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 
 
 def search_space(study: Setup) -> dict[str, BaseDistribution]:

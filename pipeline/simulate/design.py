@@ -18,6 +18,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean
 from dogshape.sim.shift.flank import FLANKS
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
@@ -31,6 +32,16 @@ MEASURED = "measured"  #: attribute of a trial: what its measured checks are jud
 WORST = "smallest_margin_worst"
 PROBABLE = "feasible_probability"
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
+ENGAGEMENT = Rule(
+    "engagement",
+    "lock",
+    "least share of the shifts that engage, of any operating point",
+    "engaged over simulated shifts",
+    "judged: below it the time-out makes the expected time, and not the dogs",
+    "",
+    "[shift] and the shape",
+    False,
+)
 
 
 @dataclass(frozen=True)
@@ -79,10 +90,12 @@ class Measured:
     ----------
     demand : what landings make faces and edges bear.
     limited : simulated quantities that ``search.limits`` bounds, by name.
+    engaged : least share of the shifts that engage, of any operating point.
     """
 
     demand: Demand
     limited: Mapping[str, float] = field(default_factory=dict)
+    engaged: float = 1.0
 
 
 def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
@@ -99,6 +112,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     checks = bare.checks + _limit_checks(study, bare, dog, measured)
     if measured is not None:
         checks += demand_checks(measured.demand, study.limits)
+        checks += (Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED),)
     return replace(bare, checks=checks)
 
 
@@ -246,6 +260,11 @@ OBJECTIVES = {
         ),
     )
 }
+
+
+def is_time(name: str) -> bool:
+    """Check whether an objective is a time of shifts, retries included."""
+    return OBJECTIVES[name].unit == "s"
 
 
 def objectives_of(study: Setup) -> list[Objective]:

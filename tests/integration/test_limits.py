@@ -170,7 +170,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     """Designs that fail the screen take no shift of the study's engine; the chosen one keeps it."""
     limit = 0.080
     screened = ["search.screen_angles=24", f"search.limits.worst_shift_time_s={limit}"]
-    study = study_with(*screened, "search.replicate=2.0")
+    study = study_with(*screened)
     result = run_study(study, searching(tmp_path / "out", jobs=1))
     rows = result["trials"]
     judged = [row for row in rows if "worst_shift_time_s" in row["margins"]]
@@ -178,8 +178,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     assert failed
     assert all(row["shifts"] == 0 and not row["feasible"] for row in failed)
     assert result["best"]["margins"]["worst_shift_time_s"] >= 0.0
-    assert result["replication"]["shifts"] > 0
-    for row in judged:  # more shifts of a design do not overrule its screen
+    for row in judged:  # the shifts of a design do not overrule its screen
         (own,) = screen(study, [study.dog_with(_dog(row))], scratch_executor(), 1)
         assert own is not None
         margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit

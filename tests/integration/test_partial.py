@@ -40,7 +40,6 @@ FEW = [
     "search.startup=12",
     "search.confirm_angles=3",
     "search.confirm_designs=2",
-    "search.replicate=0",
     # Another physics than that of the surrogate which the package brings: nothing joins it.
     "shift.timeout_s=1.1",
 ]

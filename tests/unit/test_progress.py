@@ -22,7 +22,7 @@ from tests.found import FORCE, LENGTH, TIME, Row, found
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
     """48 designs at 10 of 28 points with 6 angles, the prototype at all; 16 angles confirm."""
-    study = load_study("mq200_paper", [*ONE_LEVEL, "search.replicate=0.2"])
+    study = load_study("mq200_paper", ONE_LEVEL)
     assert most_to_search(study, 48, partial=True, prototype=True) == (47 * 10 + 28) * 6
     assert most_to_search(study, 8, partial=True, prototype=False) == 8 * 10 * 6
     assert most_to_search(study, 8, partial=False, prototype=True) == 8 * 28 * 6

@@ -24,7 +24,6 @@ from dogshape.pipeline.reports.study.designs import designs_frame, in_parts, of_
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import drawn_variant, replays_of, write_replays
-from dogshape.pipeline.reports.study.replicated import replicated_rows, replicated_words
 from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quantile, weights_of
 from dogshape.pipeline.reports.study.summary import (
     Gained,
@@ -278,52 +277,6 @@ def test_changes_read_alike_for_every_objective(result: Row) -> None:
     assert unclear.change == "1.0 ± 1.4 ms less (1 %), not clear"
     same = Gained(length.goal, (8.0, 0.0), (8.0, 0.0), (0.0, 0.0))
     assert same.change == "none"
-
-
-#: Of what replication says of a design: before and now.
-NUMBERS = ("shifts", "low", "high", "probability_on_front", "on_front")
-
-
-def _stood(trial: int, before: tuple[Any, ...], now: tuple[Any, ...]) -> Row:
-    then = {f"{name}_before": one for name, one in zip(NUMBERS, before, strict=True)}
-    return {"trial": trial, **then, **dict(zip(NUMBERS, now, strict=True))}
-
-
-@pytest.fixture
-def replicated(result: Row) -> Row:
-    done = {
-        "budget_shifts": 100, "shifts": 66, "rounds": 2, "misplaced_before": 1.24,
-        "misplaced": 0.36, "unclear_before": [1, 2, 4], "unclear": [1],
-        "designs": [
-            _stood(2, (60, 0.0695, 0.0718, 0.7, True), (120, 0.0701, 0.0712, 0.97, True)),
-            _stood(1, (60, 0.078, 0.082, 1.0, True), (60, 0.078, 0.082, 1.0, True)),
-            _stood(4, (60, 0.059, 0.061, 0.3, True), (66, None, None, None, False)),
-        ],
-    }  # fmt: skip
-    return result | {"replication": done}
-
-
-def test_words_of_replication(result: Row, replicated: Row) -> None:
-    assert replicated_words(replicated) == (
-        "After the search it was unclear of 3 designs whether they are on the front (probability "
-        "between 5 and 95 %). Replication gave 2 designs more relative angles, 66 shifts of at "
-        "most 100; 1 is unclear now. Designs expected to be wrongly on the front or wrongly off "
-        "it: 1.2 before, 0.4 now."
-    )
-    assert replicated_words(result | {"replication": None}) == ""
-    clear = replicated["replication"] | {"unclear_before": [], "unclear": []}
-    assert "nothing was replicated" in replicated_words(result | {"replication": clear})
-
-
-def test_designs_before_and_after_replication(result: Row, replicated: Row) -> None:
-    chosen, same, hard = replicated_rows(replicated)
-    assert (chosen.trial, chosen.shifts, chosen.on_front) == (2, "60 → 120", "yes")
-    assert chosen.interval == "69.5 to 71.8 → 70.1 to 71.2"
-    assert chosen.probability == "70 % → 97 %"
-    assert (same.shifts, same.interval, same.probability) == ("60", "78.0 to 82.0", "100 %")
-    assert hard.interval == "59.0 to 61.0 → lands too hard"
-    assert (hard.probability, hard.on_front) == ("30 % → none", "yes → no")
-    assert replicated_rows(result | {"replication": None}) == []
 
 
 def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:

@@ -18,7 +18,6 @@ from dogshape.pipeline.reports.study.alternatives import (
 )
 from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
-from dogshape.pipeline.reports.study.replicated import replicated_words
 from dogshape.pipeline.reports.study.summary import (
     at_the_ends,
     both_levels,
@@ -53,7 +52,6 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
         lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
         lines += [_front(study, result), ""]
-        lines += [words] if (words := replicated_words(result)) else []
         lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""

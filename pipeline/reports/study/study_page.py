@@ -14,7 +14,7 @@ from dogshape.pipeline.reports.kit.html import csv_link, figure_html, write_page
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import check_name, label, percent
 from dogshape.pipeline.reports.study import alternatives as other_choices
-from dogshape.pipeline.reports.study import designs, replicated, single_shifts, summary
+from dogshape.pipeline.reports.study import designs, single_shifts, summary
 from dogshape.pipeline.reports.study import point_gains as places
 from dogshape.pipeline.reports.study.convergence import convergence_figure, course
 from dogshape.pipeline.reports.study.front import (
@@ -144,8 +144,6 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "lost": any(row["lost"] for row in quantiles),
         "failed_words": summary.failed_words,
         "both_levels": summary.both_levels(result),
-        "replicated_words": replicated.replicated_words(result),
-        "replicated": replicated.replicated_rows(result),
         "quantiles": quantiles,
         "drawings": _drawings(study, best),
         "replays": _replays(folder, shifts, shown) if best else [],
