@@ -37,7 +37,7 @@ def point(mismatch: float, force: float, mean: float, error: float, engaged: flo
 def confirmed(points: list[Row], mean: float) -> Row:
     return {TIME: mean, "standard_error_s": 0.0006, "points": points, "checks": [],
             "estimates": {TIME: {"value": mean, "standard_error": 0.0006}},
-            "numerical_error_s": 1e-6, "lower_bound": False}  # fmt: skip
+            "numerical_error_s": 1e-6, "engages": True}  # fmt: skip
 
 
 def shift(study: Setup, values: Row, angle: float, time: float | None, **changes: Any) -> Row:

@@ -31,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
     simulated_limits,
     worth_simulating,
 )
+from dogshape.pipeline.simulate.failing import none_passes
 from dogshape.pipeline.simulate.point_plans import Plan
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import InputError
@@ -92,6 +93,10 @@ class DogGuide:
     def allows(self, params: Params) -> bool:
         """Check whether a design passes every check that needs no simulation."""
         return worth_simulating(self.study, dict(params))
+
+    def refusal(self, none_of: str) -> str:
+        """Explain which checks the designs of the space fail, and what would help."""
+        return none_passes(self.study, none_of)
 
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""

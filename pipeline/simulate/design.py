@@ -206,10 +206,26 @@ def _feasible_probability(study: Setup, _: Design, dog: Dog) -> float:
     return kept_share(dog, study.limits, None if unsure is None else unsure.of("friction_factor"))
 
 
+def margins_kept(study: Setup, design: Design) -> dict[str, float]:
+    """Compute the margins of a design's checks that the study asks for, by name.
+
+    Where it bounds the smallest margin with tolerances at their worst, those are at their worst,
+    and stand for that limit.
+    """
+    if WORST not in (study.file.search.limits or {}) or design.dog is None:
+        return {check.name: check.margin for check in design.checks}
+    return margins_at_worst(study, design, design.dog)
+
+
+def margins_at_worst(study: Setup, design: Design, dog: Dog) -> dict[str, float]:
+    """Compute the margin of each check of a design with all tolerances at their worst, by name."""
+    lost = margin_losses(dog, study.operated(design.params).limits)
+    every = {check.name: check.margin for check in design.checks if check.name != WORST}
+    return {n: m - (lost[n].worst_case if n in lost else 0.0) for n, m in every.items()}
+
+
 def _margin_at_worst(study: Setup, design: Design, dog: Dog) -> float:
-    lost = margin_losses(dog, study.limits)
-    losses = (lost[c.name].worst_case if c.name in lost else 0.0 for c in design.checks)
-    return min(c.margin - loss for c, loss in zip(design.checks, losses, strict=True))
+    return min(margins_at_worst(study, design, dog).values())
 
 
 #: What a study can minimise or maximise, and bound by ``search.limits``.

@@ -43,6 +43,7 @@ from dogshape.sim.shift.outcome import Outcome
 Phases = NDArray[np.float64]
 
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
+NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
 
 @dataclass(frozen=True)
@@ -116,8 +117,10 @@ class Expectation:
 
     @property
     def engaged_words(self) -> str:
-        """Count of the shifts that engage, as words."""
-        return f"engages in {self.shifts - self.lost} of {self.shifts} shifts"
+        """Count of the shifts that engage, and what that leaves of the time, as words."""
+        return f"engages in {self.shifts - self.lost} of {self.shifts} shifts" + (
+            "" if self.engages else f": {NO_TIME}"
+        )
 
     @property
     def mean_engaged(self) -> float | None:
