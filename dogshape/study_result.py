@@ -14,7 +14,7 @@ from dogshape.pipeline.reports.study.designs import all_designs_frame, front_fra
 from dogshape.pipeline.reports.study.front import front_figure, sure_figure
 from dogshape.pipeline.reports.study.goals import goals_of
 from dogshape.pipeline.reports.study.study_page import publish
-from dogshape.pipeline.reports.study.summary import gained
+from dogshape.pipeline.reports.study.summary import engaged_words, gained
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.store.result_schema import require_result
@@ -85,9 +85,13 @@ class StudyResult(Result):
         if self.confirmation is None:
             told[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
         else:
-            first = gained(self.record)[0]
+            first = next(iter(gained(self.record)), None)
+            if first is None or not first.goal.leading:
+                told["engagement"] = engaged_words(self.record)
+                return told | effort
             told[first.goal.label] = first.goal.words(*first.chosen)
-            told["gain over the prototype"] = first.goal.words(*first.gain)
+            if not best["prototype"]:
+                told["gain over the prototype"] = first.goal.words(*first.gain)
         return told | effort
 
     def to_dict(self) -> dict[str, Any]:

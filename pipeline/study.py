@@ -114,6 +114,8 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
                 f"before Drake each design is screened by the compiled engine, {angles} angles at "
                 "every operating point"
             )
+        if outside := _outside(search.study):
+            progress.say(f"the study's own dog is not among the designs searched: {outside}")
         lasts = about(foreseen.seconds)
         progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
@@ -141,6 +143,15 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     if confirmation is not None:
         result |= _of_new_angles(state, confirmation["chosen"])
     return {**result, "confirmation": confirmation, "life": life}, progress.say
+
+
+def _outside(study: Setup) -> str:
+    """List the keys of the study's own dog that lie outside its search ranges."""
+    return ", ".join(
+        f"{name} is {study.prototype[name]:g}, the range {low:g} to {high:g}"
+        for name, (low, high) in study.variables.items()
+        if not low <= study.prototype[name] <= high
+    )
 
 
 def _of_new_angles(state: SearchState, chosen: int) -> dict[str, Any]:

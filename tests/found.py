@@ -71,7 +71,7 @@ def found() -> Row:
         "surrogate": None, "versions": {},
         "confirmation": {
             "angles": 16, "prototype": confirmed(ours, 0.100), "best": confirmed(theirs, 0.080),
-            "designs": [{"trial": 2, **confirmed(theirs, 0.080)}],
+            "designs": [{"trial": 2, **confirmed(theirs, 0.080)}], "left_out": [],
             "gain_s": 0.020, "gain_standard_error_s": 0.001, "gain_share": 0.2,
             "gains": {TIME: {"value": 0.020, "standard_error": 0.001}},
         },

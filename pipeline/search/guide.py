@@ -73,7 +73,7 @@ class FreeGuide:
         return True
 
     def refusal(self, none_of: str) -> str:
-        """Say that nothing is allowed."""
+        """Write that nothing is allowed."""
         return f"{none_of} is allowed"
 
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:

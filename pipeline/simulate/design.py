@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.sim.errors import GeometryError, InputError, did_you_mean
+from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
 from dogshape.sim.shift.flank import FLANKS
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
@@ -166,7 +166,7 @@ class Objective:
 
     ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
     where a simulation has to (``pipeline.simulate.estimates``). ``error`` is the standard error of
-    such a value where it is a sample's.
+    such a value where it is a sample's. No value lies beyond ``least`` and ``most``.
     """
 
     name: str
@@ -176,6 +176,8 @@ class Objective:
     maximise: bool = False
     by_checks: bool = False
     error: Callable[[float], float] | None = None
+    least: float = 0.0
+    most: float = math.inf
 
     @property
     def simulated(self) -> bool:
@@ -235,14 +237,23 @@ OBJECTIVES = {
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
         Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
-        Objective(REFERRED, "time lost on the reference at the worst operating point", "s"),
-        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True),
+        Objective(
+            REFERRED,
+            "time lost on the reference at the worst operating point",
+            "s",
+            least=-math.inf,
+        ),
+        Objective(
+            "first_try_share", "share engaged in time at the first try", "", maximise=True, most=1.0
+        ),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
         Objective("peak_axial_force_N", "mean peak axial force", "N"),
         Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
         Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
-        Objective("smallest_margin", "smallest margin", "", maximise=True),
+        Objective(
+            "smallest_margin", "smallest margin", "", maximise=True, least=-math.inf, most=1.0
+        ),
         Objective(
             WORST,
             "smallest margin, tolerances at their worst",
@@ -250,6 +261,8 @@ OBJECTIVES = {
             _margin_at_worst,
             maximise=True,
             by_checks=True,
+            least=-math.inf,
+            most=1.0,
         ),
         Objective(
             PROBABLE,
@@ -259,6 +272,7 @@ OBJECTIVES = {
             maximise=True,
             by_checks=True,
             error=standard_error,
+            most=1.0,
         ),
         Objective(
             "axial_length_mm",
@@ -266,7 +280,9 @@ OBJECTIVES = {
             "mm",
             lambda _study, _design, dog: dog.axial_length / MM,
         ),
-        Objective("separating_force_N", "axial separating force", "N", _separating_force),
+        Objective(
+            "separating_force_N", "axial separating force", "N", _separating_force, least=-math.inf
+        ),
         Objective(
             "utilisation",
             "utilisation of the most loaded check",
@@ -310,7 +326,8 @@ def objectives_of(study: Setup) -> list[Objective]:
 def limits_of(study: Setup) -> list[tuple[Objective, float]]:
     """Return the quantities that the study bounds with their bounds.
 
-    An upper bound where less is better, else a lower one. An unknown name raises InputError.
+    An upper bound where less is better, else a lower one. An unknown name raises InputError, and a
+    bound that no design can keep.
     """
     given = study.file.search.limits or {}
     for name in given:
@@ -319,7 +336,22 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
                 f"search.limits has '{name}', which is no quantity of a study; "
                 f"{did_you_mean(name, OBJECTIVES)}"
             )
+        _require_possible(OBJECTIVES[name], given[name])
     return [(OBJECTIVES[name], limit) for name, limit in given.items()]
+
+
+def _require_possible(quantity: Objective, limit: float) -> None:
+    """Raise InputError for a bound that no value of a quantity keeps."""
+    rule = ""
+    if not math.isfinite(limit):
+        rule = "it must be finite"
+    elif quantity.maximise and limit > quantity.most:
+        rule = f"no {quantity.label} is above {quantity.most:g}"
+    elif not quantity.maximise and limit <= quantity.least:
+        rule = f"every {quantity.label} is above {quantity.least:g}"
+    if rule:
+        name = f"search.limits.{quantity.name}"
+        raise InputError(refusal(name, limit, quantity.unit, rule, "give another or take it out"))
 
 
 def simulated_limits(study: Setup) -> list[str]:

@@ -29,6 +29,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import most_to_confirm
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, collect, run_study
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.statistics.blocks import Block
@@ -61,15 +62,16 @@ class MadeUp:
     """Simulates by a formula; ends the process after ``most`` shifts, if that is given.
 
     At the new angles designs whose chamfer is ``hard`` land too hard, and those whose chamfer is
-    ``lucky`` take longer.
+    ``lucky`` take longer. Of those whose chamfer is ``blocked`` one shift in three or four engages.
     """
 
     def __init__(
         self, hard: set[float] | None = None, lucky: set[float] | None = None,
-        most: int | None = None,
+        most: int | None = None, blocked: Callable[[float], bool] = lambda _: False,
     ) -> None:  # fmt: skip
         self.keys: list[str] = []
         self.hard, self.lucky, self.most = hard or set(), lucky or set(), most
+        self.blocked = blocked
 
     def __call__(self, block: Block) -> Iterator[Record]:
         new = (block.seed or 0) >= NEW_ANGLES
@@ -79,9 +81,11 @@ class MadeUp:
             self.keys.append(key)
             own = round(given["chamfer_deg"], 6)
             load = 1e7 if new and own in self.hard else 0.0
+            stuck = self.blocked(given["chamfer_deg"]) and block.keys.index(key) % 4 != 0
+            time = _time(given) + LATE * (new and own in self.lucky)
             yield {
-                "key": key, **given, "outcome": "engaged", "seed": block.seed,
-                "shift_time_s": _time(given) + LATE * (new and own in self.lucky),
+                "key": key, **given, "outcome": "blocked" if stuck else "engaged",
+                "seed": block.seed, "shift_time_s": None if stuck else time,
                 "peak_axial_force_N": 1e3, "peak_tangential_force_N": 1e3,
                 **landing_record(Landing((load,) * len(OVERLAPS))),
             }  # fmt: skip
@@ -314,3 +318,37 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     for row in fails["front"]:
         assert row["expected_shift_time_s"] == said[row["trial"]]["expected_shift_time_s"]
         assert row["standard_error_s"] == said[row["trial"]]["standard_error_s"]
+
+
+@pytest.mark.parametrize("all_of_them", [False, True])
+def test_designs_that_do_not_engage_have_no_time_and_no_gain(
+    all_of_them: bool, study: Setup, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The prototype, of 8 degrees, and others; none is ranked by the retries of a time-out."""
+    limit = 99.0 if all_of_them else 9.0
+    blocked = MadeUp(blocked=lambda chamfer: chamfer < limit)
+    monkeypatch.setattr("dogshape.pipeline.study.MIN_DESIGNS", 99)
+    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", blocked)
+    folder = StudyFolder(tmp_path / "out")
+    result = run_study(study, Run(folder, 1, report=True))
+    require_result(result, "the result")
+    page = folder.report.read_text("utf-8")
+    silent = [row for row in result["trials"] if "engagement" in row["failed"]]
+    assert 0 in [row["trial"] for row in silent]
+    assert all(row["expected_shift_time_s"] is None and not row["feasible"] for row in silent)
+    assert all(row["engaged"] < 0.5 for row in silent)
+    assert "faster" not in page
+    if all_of_them:
+        assert (result["best"], result["front"], result["confirmation"]) == (None, [], None)
+        assert "fail engagement, the nearest of them by 0 %" not in page
+        assert "fail engagement" in page
+        return
+    confirmation = result["confirmation"]
+    assert result["best"]["engaged"] == 1.0
+    assert all(row["engaged"] == 1.0 for row in result["front"])
+    assert confirmation["prototype"]["engages"] is False
+    assert confirmation["prototype"]["expected_shift_time_s"] is None
+    assert confirmation["gain_s"] is confirmation["gain_share"] is None
+    assert confirmation["gains"] == {}
+    count = confirmation["prototype"]["shifts"]
+    assert f"the prototype in {count // 3} of {count}: no gain in time is known" in page

@@ -16,7 +16,7 @@ from dogshape.pipeline.reports.study.prices import (
     prices_figure,
     step_price,
 )
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import WORST, design_of
 from dogshape.surrogate.covariance import Array
 
 
@@ -65,3 +65,26 @@ def test_the_price_of_a_natural_step() -> None:
     assert at_factor(row, 1.1) == 1.1
     assert step_price({**row, "price_s": None}) is None
     assert step_price({**row, "unit": "furlong"}) is None
+
+
+def test_tolerances_at_their_worst_have_a_price() -> None:
+    """Between the best of every design that keeps limits as it is, and with tolerances too."""
+    whole = load_study(
+        "mq200_paper", {"dog.height_mm": 2.5, "dog.chamfer_deg": 10.0,
+                        "search.limits.smallest_margin_worst": 0.0}
+    )  # fmt: skip
+    study = replace(whole, variables={"count": whole.variables["count"]})
+    rows = prices(study, Fewer())
+    (row,) = [row for row in rows if row["name"] == WORST]
+    nominal = replace(study, file=load_study("mq200_paper").file)
+    kept = [
+        max(n for n in range(6, 37) if design_of(one, {"count": n}).feasible)
+        for one in (study, nominal)
+    ]
+    assert kept[0] < kept[1]
+    assert (row["as_is_s"], row["without_s"]) == pytest.approx((1.0 / kept[0], 1.0 / kept[1]))
+    assert row["price_s"] == pytest.approx(1.0 / kept[0] - 1.0 / kept[1])
+    assert row in dear(rows)
+    assert (at_factor(row, 1.0), at_factor(row, 0.9)) == (row["as_is_s"], None)
+    assert step_price(row) is None
+    assert len(prices_figure([row]).data) == 0

@@ -19,6 +19,7 @@ from dogshape.pipeline.reports.study.alternatives import (
 from dogshape.pipeline.reports.study.designs import designs_shown, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.summary import (
+    apart_words,
     at_the_ends,
     both_levels,
     choice,
@@ -28,6 +29,7 @@ from dogshape.pipeline.reports.study.summary import (
     headline,
     passed_over,
 )
+from dogshape.pipeline.simulate.design import ENGAGEMENT
 from dogshape.sim.shift.outcome import depends_on_clock
 from dogshape.surrogate.store import Stored
 from dogshape.surrogate.validation_figures import LEAST_Q2
@@ -44,13 +46,19 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
     if result["confirmation"]:
         lines += ["", _pair(study, result), *failures_of(result)]
         lines += [*margin_doubts(result), *reasons(alternatives(study, result, None))]
-        lines += [words for words in (passed_over(result),) if words]
+        lines += [words for words in (passed_over(result), *apart_words(result)) if words]
+        if left := result["confirmation"]["left_out"]:
+            lines.append(
+                f"not confirmed, and so not on the front, are designs {', '.join(map(str, left))}: "
+                "raise search.confirm_designs"
+            )
         error = result["confirmation"]["best"]["numerical_error_s"]
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
-        lines += ["", choice(result), "", f"front by the search (95 % intervals){last}"]
+        where = "by the new angles" if result["confirmation"] else "by the search"
+        lines += ["", choice(result), "", f"front {where} (95 % intervals){last}"]
         lines += [_front(study, result), ""]
         lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
@@ -98,7 +106,7 @@ def _front(study: Setup, result: Row) -> Table:
 def _searched(goal: Goal, row: Row) -> str:
     """Return an objective of a row with its 95 % interval, if it has one."""
     if row.get(goal.name) is None:
-        return "not simulated"
+        return "does not engage" if ENGAGEMENT.name in row["failed"] else "not simulated"
     if not goal.error(row):
         return goal.number(goal.shown(row))
     return f"{goal.number(goal.shown(row))} ({_between(goal, *goal.interval(row))})"

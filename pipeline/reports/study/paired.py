@@ -70,6 +70,8 @@ def point_differences(
 ) -> dict[Place, Difference]:
     """Take the difference at each point that two confirmations share, paired where it can be.
 
+    Points where a design engages too seldom to have a time are left out.
+
     ``ours`` and ``theirs`` are records of points with ``mean_s`` and ``standard_error_s``.
     """
     beside = {place(p["mismatch_rpm"], p["force_N"]): p for p in theirs}
@@ -77,7 +79,7 @@ def point_differences(
     for point in ours:
         at = place(point["mismatch_rpm"], point["force_N"])
         other = beside.get(at)
-        if other is None:
+        if other is None or None in (point["mean_s"], other["mean_s"]):
             continue
         errors = [p["standard_error_s"] for p in (point, other)]
         error = math.hypot(*(math.nan if e is None else e for e in errors))

@@ -64,7 +64,8 @@ def gains(confirmation: Row) -> list[Gain]:
     best = {_place(p): p for p in confirmation["best"]["points"]}
     found = []
     for point in confirmation["prototype"]["points"]:
-        if other := best.get(_place(point)):
+        other = best.get(_place(point))
+        if other and None not in (point["mean_s"], other["mean_s"]):
             errors = [p["standard_error_s"] for p in (point, other)]
             error = math.hypot(*(math.nan if e is None else e for e in errors))
             found.append(Gain(*_place(point), point["mean_s"] - other["mean_s"], error))
@@ -159,7 +160,7 @@ def gain_figure(confirmation: Row) -> go.Figure:
     cells = {at: (1e3 * gain.gain_s, gain.words) for at, gain in places.items()}
     figure = make_subplots(1, 1)
     figure.add_trace(shaded_cells(_names(forces), _names(mismatches), cells, LOSS_TO_GAIN, HOVER))
-    most = max(abs(value) for value, _ in cells.values()) or 1.0
+    most = max((abs(value) for value, _ in cells.values()), default=0.0) or 1.0
     figure.update_traces(zmin=-most, zmax=most)
     for (i, j), gain in places.items():
         if gain.gain_s < 0.0:  # a frame tells a loss without colour
@@ -201,9 +202,10 @@ def listed_figure(confirmation: Row) -> go.Figure:
     for column, (name, key) in enumerate(PAIR):
         mine = sorted(confirmation[key]["points"], key=_place)
         error = [1.96e3 * (p["standard_error_s"] or 0.0) for p in mine]
-        low = [min(e, 1e3 * p["mean_s"]) for e, p in zip(error, mine, strict=True)]
+        means = [None if p["mean_s"] is None else 1e3 * p["mean_s"] for p in mine]
+        low = [min(e, mean or 0.0) for e, mean in zip(error, means, strict=True)]
         figure.add_scatter(
-            x=[1e3 * p["mean_s"] for p in mine], y=names, mode="markers", name=name,
+            x=means, y=names, mode="markers", name=name,
             error_x={"type": "data", "array": error, "thickness": 1, "arrayminus": low},
             marker={**MARKS[name], "size": 11},
             hovertemplate=f"{name}, %{{y}}: %{{x:.1f}} ms<extra></extra>", row=1, col=1,

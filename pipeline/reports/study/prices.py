@@ -4,13 +4,14 @@ Designs that fill the space, and more about the best of them under each limit, a
 closed forms and predicted by the surrogate. Where an upper bound L becomes f L a design passes with
 a margin of 1 - f, where a lower one does with f - 1: so one pool of designs gives all curves.
 Landing and other simulated limits are left out, as nothing predicts them here. Where a study bounds
-the smallest margin with tolerances at their worst, margins are taken there.
+the smallest margin with tolerances at their worst, margins are taken there, and the price of that
+limit itself is what the best time gains with tolerances left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Protocol
 
 import numpy as np
@@ -61,17 +62,34 @@ class Times(Protocol):
 
 @dataclass(frozen=True)
 class Pool:
-    """Designs (m, d) with predicted times in s, (m,), and the margin of each check, (m, c)."""
+    """Designs (m, d) with predicted times in s, (m,), and the margin of each check, (m, c).
+
+    ``nominal`` are the margins without tolerances.
+    """
 
     designs: Array
     times: Array
     margins: Array
+    nominal: Array
 
     def best(self, place: int, needed: float) -> int | None:
         """Find the fastest design that keeps all limits, with another margin of one check."""
         least = np.zeros(self.margins.shape[1])
         least[place] = needed
-        fit = np.flatnonzero((self.margins >= least).all(axis=1))
+        return self._fastest(self.margins, least)
+
+    @property
+    def best_nominal(self) -> int | None:
+        """The fastest design that keeps all limits at nominal size."""
+        return self._fastest(self.nominal, np.zeros(self.nominal.shape[1]))
+
+    def joined(self, other: Pool) -> Pool:
+        """Join the designs of two pools."""
+        pairs = zip(astuple(self), astuple(other), strict=True)
+        return Pool(*(np.concatenate(pair) for pair in pairs))
+
+    def _fastest(self, margins: Array, least: Array) -> int | None:
+        fit = np.flatnonzero((margins >= least).all(axis=1))
         return int(fit[np.argmin(self.times[fit])]) if fit.size else None
 
 
@@ -80,13 +98,15 @@ def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
 
     Each row has the check's ``name``, ``key``, ``unit`` and ``limit``, the ``price_s`` of a tenth
     of the limit (between 0.9 and 1.1 of it), and a ``curve`` of limits with the best time in s
-    under each, None where no design passes. Limits that are zero have no price.
+    under each, None where no design passes. Limits that are zero have no price, but for that on
+    tolerances at their worst: its ``price_s`` is what the best time, ``as_is_s``, loses on that
+    ``without_s`` it; it has no curve.
     """
     checks = _checks(study, study.prototype)
     if not checks or not study.variables:
         return []
     pool = _pool(study, times, checks, seed)
-    found = []
+    found = _price_of_tolerances(study, pool)
     for place, check in enumerate(checks):
         if check.limit <= 0.0:
             continue
@@ -111,6 +131,27 @@ def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
     return sorted(found, key=lambda row: -(row["price_s"] or 0.0))
 
 
+def _price_of_tolerances(study: Setup, pool: Pool) -> list[Row]:
+    """Compute what the limit on tolerances at their worst costs; none without it."""
+    if WORST not in (study.file.search.limits or {}):
+        return []
+    ends = (pool.best(0, 0.0), pool.best_nominal)
+    as_is, without = (None if end is None else float(pool.times[end]) for end in ends)
+    return [
+        {
+            "name": WORST,
+            "key": f"search.limits.{WORST}",
+            "unit": "",
+            "limit": (study.file.search.limits or {})[WORST],
+            "at_most": False,
+            "price_s": None if as_is is None or without is None else as_is - without,
+            "as_is_s": as_is,
+            "without_s": without,
+            "curve": [],
+        }
+    ]
+
+
 def dear(rows: Sequence[Row]) -> list[Row]:
     """Select the limits that have a price."""
     return [row for row in rows if row["price_s"] is None or row["price_s"] >= CLEAR]
@@ -119,13 +160,15 @@ def dear(rows: Sequence[Row]) -> list[Row]:
 def step_price(row: Row) -> tuple[float, float] | None:
     """Give the natural step of a limit in its unit, and the ms that the step costs."""
     step = STEPS.get(row["unit"])
-    if step is None or row["price_s"] is None:
+    if step is None or row["price_s"] is None or not row["curve"]:
         return None
     return step, 1e3 * row["price_s"] * step / (0.1 * row["limit"])
 
 
 def at_factor(row: Row, factor: float) -> float | None:
     """Read the best time in s where the limit is ``factor`` times as large."""
+    if not row["curve"]:
+        return row["as_is_s"] if factor == 1.0 else None
     time: float | None = dict(zip(FACTORS, (t for _, t in row["curve"]), strict=True))[factor]
     return time
 
@@ -133,7 +176,8 @@ def at_factor(row: Row, factor: float) -> float | None:
 def prices_figure(rows: Sequence[Row]) -> go.Figure:
     """Draw the best predicted time over each dear limit, as a share of what it is."""
     figure = go.Figure()
-    for (color, dash, symbol), row in zip(SERIES, rows, strict=False):
+    curved = [row for row in rows if row["curve"]]
+    for (color, dash, symbol), row in zip(SERIES, curved, strict=False):
         times = [None if t is None else 1e3 * t for _, t in row["curve"]]
         sign = "≤" if row["at_most"] else "≥"
         figure.add_scatter(
@@ -166,19 +210,19 @@ def _checks(study: Setup, params: dict[str, float]) -> tuple[Check, ...]:
     return tuple(check for check in checks if check.name != WORST)
 
 
-def _margins(study: Setup, designs: Array, count: int) -> Array:
-    """Compute the margins of the designs; what is no dog has none."""
-    rows = np.full((len(designs), count), -np.inf)
+def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
+    """Compute the margins of the designs that count and the nominal ones; no dog has none."""
+    rows, nominal = np.full((2, len(designs), count), -np.inf)
     worst = WORST in (study.file.search.limits or {})
     for place, row in enumerate(designs.tolist()):
         params = study.named(row)
         if not (checks := _checks(study, params)):
             continue
-        rows[place] = [check.margin for check in checks]
+        rows[place] = nominal[place] = [check.margin for check in checks]
         if worst and (rows[place] < 0.0).sum() <= 1:
             lost = margin_losses(study.dog_with(params), study.limits)
             rows[place] -= [lost[c.name].worst_case if c.name in lost else 0.0 for c in checks]
-    return rows
+    return rows, nominal
 
 
 def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Pool:
@@ -192,12 +236,12 @@ def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Poo
         return np.where(whole, np.rint(designs), designs)
 
     def looked_at(designs: Array) -> Pool:
-        margins = _margins(study, designs, len(checks))
+        margins, nominal = _margins(study, designs, len(checks))
         # What breaks two limits or one by far can be the best under none of the curves.
-        near = (margins < 0.0).sum(axis=1) <= 1
-        designs, margins = designs[near], margins[near]
+        near = ((margins < 0.0).sum(axis=1) <= 1) | (nominal >= 0.0).all(axis=1)
+        designs, margins, nominal = designs[near], margins[near], nominal[near]
         found = times.predict(designs)[0] if len(designs) else np.zeros(0)
-        return Pool(designs, found, margins)
+        return Pool(designs, found, margins, nominal)
 
     sampler = qmc.Sobol(len(bounds), seed=rng)
     pool = looked_at(real(sampler.random_base2(FILLING)))
@@ -206,16 +250,11 @@ def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Poo
             pool.best(place, _needed(check, factor))
             for place, check in enumerate(checks)
             for factor in FACTORS
-        }
+        } | {pool.best_nominal}
         elite = sorted(place for place in every if place is not None)
         if not elite:
             break
         span = bounds[:, 1] - bounds[:, 0]
         about = np.repeat((pool.designs[elite] - bounds[:, 0]) / span, ABOUT, axis=0)
-        more = looked_at(real(about + rng.normal(0.0, near, about.shape)))
-        pool = Pool(
-            np.vstack([pool.designs, more.designs]),
-            np.concatenate([pool.times, more.times]),
-            np.vstack([pool.margins, more.margins]),
-        )
+        pool = pool.joined(looked_at(real(about + rng.normal(0.0, near, about.shape))))
     return pool

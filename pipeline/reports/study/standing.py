@@ -84,7 +84,8 @@ def standing_of(study: Setup, result: Row, row: Row) -> Standing:
         time = float(row[SIMULATED]), float(row["standard_error_s"] or 0.0)
     if found is not None:
         margins |= {c["name"]: c["margin"] for c in found["checks"] if c["margin"] is not None}
-        time = float(found[SIMULATED]), float(found["standard_error_s"] or 0.0)
+        mean = found[SIMULATED]
+        time = None if mean is None else (float(mean), float(found["standard_error_s"] or 0.0))
     params = {name: row[name] for name in study.variables}
     dog = study.dog_with(params)
     friction, length = locking_friction(dog, study.limits.load), dog.axial_length / MM
@@ -128,10 +129,10 @@ def difference(
     """Take the second design's expected time less the first's; None where one has none."""
     if one.trial == other.trial:
         return Difference(0.0, 0.0, paired=True)
-    if points := against(one, other, shifts):
-        return overall(points, weights_by_place(study))
     if one.time is None or other.time is None:
         return None
+    if points := against(one, other, shifts):
+        return overall(points, weights_by_place(study))
     error = float((one.time[1] ** 2 + other.time[1] ** 2) ** 0.5)
     return Difference(other.time[0] - one.time[0], error, paired=False)
 

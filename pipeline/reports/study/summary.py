@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,6 +19,7 @@ from dogshape.pipeline.reports.study.front import confirmed_designs
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
 from dogshape.pipeline.reports.study.point_gains import Gain, gains
 from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.simulate.failing import failing_words
 
 Span = tuple[float, float]
 END = 0.01  #: share of a search range within which a value lies at its end
@@ -76,7 +76,8 @@ class Gained:
 def gained(result: Row) -> list[Gained]:
     """Compare all objectives of prototype and chosen design, the leading one first.
 
-    Simulated ones are those of the confirmation, others exact. Empty before the confirmation.
+    Simulated ones are those of the confirmation, others exact. A time is left out where either
+    engages too seldom to have one. Empty before the confirmation.
     """
     c, best = result["confirmation"], result["best"]
     prototype = next((row for row in result["trials"] if row["prototype"]), None)
@@ -85,8 +86,10 @@ def gained(result: Row) -> list[Gained]:
     found = []
     for goal in goals_of(result).told:
         if goal.objective.simulated:
-            gain, values = c["gains"][goal.name], (c["prototype"], c["best"])
-            one, other = (goal.estimate(value) for value in values)
+            if goal.name not in c["prototype"]["estimates"].keys() & c["best"]["estimates"].keys():
+                continue
+            one, other = (goal.estimate(value) for value in (c["prototype"], c["best"]))
+            gain = c["gains"].get(goal.name, {"value": 0.0, "standard_error": 0.0})
             change = (goal.factor * gain["value"], goal.factor * (gain["standard_error"] or 0.0))
         elif prototype is not None and prototype.get(goal.name) is not None:
             one, other = (goal.shown(prototype), 0.0), (goal.shown(best), 0.0)
@@ -139,25 +142,47 @@ def headline(result: Row) -> str:
             "It has not been confirmed at new angles yet."
         )
     if best["prototype"]:
+        if not any(row["feasible"] for row in result["trials"] if not row["prototype"]):
+            return none_passes(result)
         better = "faster" if lead.name == SIMULATED else f"better in the {lead.label}"
         return f"No design of this search is {better} than the prototype."
     failed = ", but fails a check at the new angles" if _chosen_fails(result) else ""
-    return f"Design {best['trial']} {_against_prototype(gained(result)[0])}{failed}."
+    found = gained(result)
+    if not found or not found[0].goal.leading:
+        return f"Design {best['trial']} {engaged_words(result)}{failed}."
+    return f"Design {best['trial']} {_against_prototype(found[0])}{failed}."
+
+
+def engaged_words(result: Row) -> str:
+    """Count the shifts in which the chosen design and the prototype engage."""
+    best, own = (result["confirmation"][key] for key in ("best", "prototype"))
+    counts = [f"{one['shifts'] - one['not_engaged']} of {one['shifts']}" for one in (best, own)]
+    return f"engages in {counts[0]} shifts, the prototype in {counts[1]}: no gain in time is known"
 
 
 def none_passes(result: Row) -> str:
-    """Write a sentence on a search of which no design passes, with the check that most fail."""
-    said = "No design of this search passes every check"
-    every = [row["margins"] for row in result["trials"]]
-    failing = Counter(name for row in every for name, margin in row.items() if margin < 0.0)
-    if not failing:
+    """Write a sentence on a search of which no design passes, with the checks that most fail."""
+    own = [row for row in result["trials"] if row["prototype"]]
+    others = [row for row in result["trials"] if not row["prototype"]]
+    passing = any(row["feasible"] for row in own)
+    rows = others if passing else result["trials"]
+    said = "No design of this search passes every check" + (" but the prototype" if passing else "")
+    if not (failing := failing_words([row["margins"] for row in rows])):
         return f"{said}."
-    (name, count), *_ = failing.most_common(1)
-    short = percent(-max(row[name] for row in every if row.get(name, 0.0) < 0.0))
-    how = f"{count} of {len(every)} fail {check_name(name)}, the nearest of them by {short}"
-    if any(row.get(name, -1.0) >= 0.0 for row in every):
-        how += ", and those that pass it fail another"
-    return f"{said}: {how}. Widen [variables], or change what this check rests on."
+    also = "" if passing else _prototype_fails(own)
+    return f"{said}: {failing}. {also}Widen [variables], or change what these checks rest on."
+
+
+def _prototype_fails(own: list[Row]) -> str:
+    """Write a sentence on the checks that the prototype itself fails, or none."""
+    if not own or not own[0]["failed"]:
+        return ""
+    margins = own[0]["margins"] or {}
+    words = ", ".join(
+        check_name(name) + (f" ({percent(margins[name])})" if name in margins else "")
+        for name in own[0]["failed"]
+    )
+    return f"The prototype itself fails: {words}. "
 
 
 def _against_prototype(first: Gained) -> str:
@@ -197,11 +222,11 @@ def choice(result: Row) -> str:
         lead = f"the {goals.leading.label}, which leads"
         first = f"There are {number} objectives: {lead}; {others}."
     chosen = (
-        "Chosen is the first design of the front, in the order of the leading objective, which "
-        "also passes every check at the new angles"
+        "Chosen is the design of the front that the search had put first; the front is by the "
+        "values of the new angles"
     )
     if result["confirmation"] and _chosen_fails(result):
-        chosen += "; none of those confirmed does, so it is the first of all"
+        chosen += "; no confirmed design passes every check, so it is the first of all"
     return (
         f"{first} {chosen}. Margins at nominal size decide what passes; the margin with every "
         "tolerance at its worst is shown, and may be negative."
@@ -222,14 +247,9 @@ def failures_of(result: Row) -> list[str]:
     best, said = result["best"], []
     if words := failed_words(confirmed_designs(result).get(best["trial"])):
         said.append(f"Design {best['trial']}, the chosen one, fails at the new angles: {words}.")
-    own = next((row for row in result["trials"] if row["prototype"]), None)
-    if own is not None and own["failed"] and not best["prototype"]:
-        margins = own["margins"] or {}
-        words = ", ".join(
-            check_name(name) + (f" ({percent(margins[name])})" if name in margins else "")
-            for name in own["failed"]
-        )
-        said.append(f"The prototype itself fails: {words}.")
+    own = [row for row in result["trials"] if row["prototype"]]
+    if not best["prototype"] and (words := _prototype_fails(own)):
+        said.append(words.strip())
     return said
 
 
@@ -289,7 +309,9 @@ def _chosen_fails(result: Row) -> bool:
 
 
 def _how_sure(result: Row) -> str:
-    first = gained(result)[0]
+    first = next(iter(gained(result)), None)
+    if first is None or not first.goal.leading:
+        return _simulated(result)
     gain, error = first.gain
     if not error:
         sure = f"The {first.goal.label} has no standard error: most margins are exact, and the " \
@@ -333,9 +355,13 @@ def _hung(result: Row) -> list[str]:
 def _better(result: Row) -> list[str]:
     """Write a sentence where another design of the front did clearly better when confirmed."""
     lead, chosen = goals_of(result).leading, result["best"]["trial"]
+    if lead.name not in result["confirmation"]["best"]["estimates"]:
+        return []
     own, own_error = lead.estimate(result["confirmation"]["best"])
     better = []
     for trial, one in confirmed_designs(result).items():
+        if lead.name not in one["estimates"]:
+            continue
         value, error = lead.estimate(one)
         clear = lead.objective.sign * (own - value) > 2.0 * math.hypot(error, own_error)
         if trial != chosen and clear and not failed_words(one):
@@ -360,6 +386,21 @@ def _limits(best: Row) -> str:
         said += f"; the smallest margin is {percent(worst)} with every tolerance at its worst"
         said += ", so such a part may break a limit" if worst < 0.0 else ""
     return f"{said}."
+
+
+def apart_words(result: Row) -> list[str]:
+    """Write a sentence on designs of which search and new angles differ beyond their errors."""
+    lead, said = goals_of(result).leading, []
+    for one in (result["confirmation"] or {"designs": []})["designs"]:
+        if one.get("agrees", True):
+            continue
+        before = [lead.factor * one["searched"][key] for key in ("value", "standard_error")]
+        new = lead.words(*lead.estimate(one))
+        said.append(
+            f"Design {one['trial']}: the search had {lead.words(*before)}, the new angles {new}, "
+            f"{abs(one['errors_apart']):.1f} standard errors apart; its error is larger than said."
+        )
+    return said
 
 
 def _slower(found: list[Gain]) -> list[str]:
