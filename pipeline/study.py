@@ -40,6 +40,7 @@ from dogshape.pipeline.simulate.design import (
     exact_values,
     is_time,
     leading,
+    limits_of,
     objectives_of,
 )
 from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
@@ -77,6 +78,7 @@ class Run:
 def run_study(study: Setup, how: Run) -> dict[str, Any]:
     """Run or resume a study; give its result, which is also in ``result.json``."""
     objectives_of(study)
+    limits_of(study)
     require_variables(study)
     require_levels(study)
     guide = DogGuide(study)

@@ -14,7 +14,6 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import WORST, Design, design_of, margins_kept
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.units import suffix_of
 
 FILLING, ABOUT = 9, 64  #: power of two of designs that fill the ranges, and designs of a round
@@ -109,12 +108,9 @@ def _params(study: Setup, bounds: np.ndarray, shares: np.ndarray) -> dict[str, f
 
 
 def _margins(study: Setup, params: dict[str, float]) -> tuple[Design, Margins]:
-    """Work out the margins of a design; none of what is no dog."""
-    try:
-        design = design_of(study, params)
-        return design, margins_kept(study, design)
-    except DogshapeError as error:
-        return Design(params, None, (), str(error)), {}
+    """Work out a design and its margins; none of what is no dog."""
+    design = design_of(study, params)
+    return design, margins_kept(study, design)
 
 
 def _words(name: str) -> str:
