@@ -24,6 +24,7 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.state import CONFIRMED, SearchState, checked_design, confirmed
 from dogshape.pipeline.search.trials import attributes_of
+from dogshape.pipeline.simulate.contact_range import gains_by_contact
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
     design_of,
@@ -137,7 +138,7 @@ def _record(
     params = dict(trials[chosen].params)
     both = _evaluated(study, [study.prototype, params], executor, checked=True)
     _require_known({"the prototype": both[0]})
-    named = study.file.search.confirm_engine
+    named, own = study.file.search.confirm_engine, bool(trials[chosen].user_attrs.get("prototype"))
     return {
         **({} if named is None else {"engine": named}),
         "angles": study.file.search.confirm_angles,
@@ -153,7 +154,8 @@ def _record(
             for number, one in found.items()
         ],
         "left_out": [trial.number for trial in state.front if not confirmed(trial)],
-        **_gain(study, None if trials[chosen].user_attrs.get("prototype") else both[0], both[1]),
+        **_gain(study, None if own else both[0], both[1]),
+        "gains_by_contact": [] if own else gains_by_contact(study, params, executor),
     }
 
 

@@ -224,6 +224,15 @@ class ConfirmedDesign(Section):
     )
 
 
+class ContactGain(Section):
+    """The gain under another contact, by the compiled engine."""
+
+    contact: str = key("what differs from the study's contact")
+    gain_s: float | None = key("gain in expected shift time; null where one has none", "s")
+    gain_standard_error_s: float | None = key("its standard error", "s")
+    gain_share: float | None = key("gain over the time of the prototype", SHARE)
+
+
 class Confirmation(Section):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
@@ -247,6 +256,10 @@ class Confirmation(Section):
     gain_standard_error_s: float | None = key("standard error of `gain_s`", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
+    gains_by_contact: list[ContactGain] = key(
+        "gain with friction and dissipation at the ends of what they may be; empty where the "
+        "prototype is chosen"
+    )
 
 
 class LifeStage(Section):
