@@ -18,7 +18,7 @@ from dogshape.pipeline.reports.kit.text import (
 from dogshape.pipeline.reports.study.front import confirmed_designs
 from dogshape.pipeline.reports.study.goals import Goal, Goals, goals_of
 from dogshape.pipeline.reports.study.point_gains import Gain, gains
-from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.simulate.design import ENGAGEMENT, SIMULATED
 from dogshape.pipeline.simulate.failing import failing_words
 
 Span = tuple[float, float]
@@ -169,7 +169,12 @@ def none_passes(result: Row) -> str:
     said = "No design of this search passes every check" + (" but the prototype" if passing else "")
     if not (failing := failing_words([row["margins"] for row in rows])):
         return f"{said}."
-    also = "" if passing else _prototype_fails(own)
+    silent = [row["engaged"] for row in rows if ENGAGEMENT.name in row["failed"]]
+    also = ""
+    if silent:
+        also = f"{len(silent)} have no time: at their worst operating point at most " \
+               f"{max(silent):.0%} of the shifts engage. "  # fmt: skip
+    also += "" if passing else _prototype_fails(own)
     return f"{said}: {failing}. {also}Widen [variables], or change what these checks rest on."
 
 
