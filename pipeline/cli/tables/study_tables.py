@@ -57,8 +57,8 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
-        where = "by the new angles" if result["confirmation"] else "by the search"
-        lines += ["", choice(result), "", f"front {where} (95 % intervals){last}"]
+        source = "by the new angles" if result["confirmation"] else "by the search"
+        lines += ["", choice(result), "", f"front {source} (95 % intervals){last}"]
         lines += [_front(study, result), ""]
         lines += [words] if (words := at_the_ends(result, study.variables)) else []
     for reason, count in result["failed_shifts"].items():
