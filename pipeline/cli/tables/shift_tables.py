@@ -55,7 +55,7 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
             *([str(p.n_planar)] if both else []),
         )
     if not result.engages:
-        return Group(result.engaged_words, table, simulated_by(engine))
+        return Group(result.engaged_words, table, _lost(result), simulated_by(engine))
     mean, error = _mean_and_error(result.mean, result.standard_error)
     total = f"expected shift time {mean} +- {error} ms (one standard error)"
     if math.isnan(result.standard_error):
