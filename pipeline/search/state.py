@@ -220,7 +220,7 @@ def measured_of(study: Setup, trial: FrozenTrial) -> Measured | None:
     """Read what was measured of a trial's design; None where it was not simulated."""
     record = trial.user_attrs.get(MEASURED)
     if record is not None:
-        return Measured(Demand(*record["demand_Pa"]), record["limited"], record["engaged"])
+        return Measured(Demand(*record["demand_Pa"]), record["limited"], record.get("engaged", 1.0))
     if not simulated(trial):
         return None
     # Storages of earlier versions have the hardest landing itself.
