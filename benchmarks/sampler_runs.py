@@ -12,7 +12,6 @@ its shifts. Its constraint is the landing, the one that a simulation has to tell
 
 In two levels a search is that of a study with ``search.levels = 2`` and a pair of shifts at each
 operating point, with this project's sampler or with TPE: all but the proposals is the same then.
-Neither replicates, as the others cannot.
 """
 
 from __future__ import annotations

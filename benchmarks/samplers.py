@@ -40,7 +40,7 @@ import numpy as np
 from benchmarks.sampler_runs import LEVELS, ONE_LEVEL, SAMPLERS, Values, problem, search
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import search_space
-from dogshape.pipeline.search.level_replication import simulated_levels
+from dogshape.pipeline.search.repair import simulated_levels
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
@@ -202,7 +202,7 @@ class Truth:
         study = self._study
         fresh = {self._key(d): d for d in designs if self._key(d) not in self._values}
         for key, params in fresh.items():
-            found, _ = simulated_levels(study, params, self._executor, PAIRS, DENSE)
+            found = simulated_levels(study, params, self._executor, PAIRS, DENSE)
             design = design_of(study, params, found.measured)
             levels = found.levels
             assert levels is not None

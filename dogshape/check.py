@@ -18,12 +18,13 @@ from dogshape.pipeline.train.found_surrogates import own_surrogate
 from dogshape.pipeline.train.training_rows import mix_over
 from dogshape.result import ms
 from dogshape.sim.errors import GeometryError
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Expected, interval
-from dogshape.surrogate.query import LEAST_ENGAGED, Answer, ask, time_record
+from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.validation_figures import Validation
 
 LEAST_ANGLES = 16  #: at an operating point

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +14,11 @@ from scipy.stats import norm
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.store.result_records import number_or_none
 from dogshape.result import Result, ms
 from dogshape.running import Where
 from dogshape.sim.errors import DataError, DogshapeError, InputError
+from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.texts import TextTable, read_table
 
 if TYPE_CHECKING:
@@ -34,14 +37,19 @@ class DrawnExpectation(Result):
     Parameters
     ----------
     studies : of each draw.
-    times, errors : expected shift time and its standard error, s, (draws,). All draws have the same
-        relative angles, so they err alike, and differences between two designs at the same draws
-        are surer than each.
+    times, errors : expected shift time and its standard error, s, (draws,); NaN of a draw in which
+        too few shifts engage to have one. All draws have the same relative angles, so they err
+        alike, and differences between two designs at the same draws are surer than each.
     """
 
     studies: tuple[Setup, ...]
     times: np.ndarray
     errors: np.ndarray
+
+    @property
+    def engages(self) -> bool:
+        """Whether in every draw enough shifts engage for an expected time."""
+        return bool(np.isfinite(self.times).all())
 
     @property
     def interval_s(self) -> tuple[float, float]:
@@ -57,6 +65,9 @@ class DrawnExpectation(Result):
     @property
     def facts(self) -> dict[str, str]:
         """Mean over the draws, and the interval that holds 90 % of them with their common error."""
+        if not self.engages:
+            fit = f"in {np.isfinite(self.times).sum()} of {len(self.times)} draws"
+            return {"engagement": f"enough shifts engage {fit}: {NO_TIME} of the others"}
         mean, (low, high) = float(self.times.mean()), self.interval_s
         return {
             "expected shift time": f"{ms(mean)} (90 %: {ms(low)} to {ms(high)})",
@@ -67,15 +78,16 @@ class DrawnExpectation(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give mean, interval, and the time of each draw."""
         low, high = self.interval_s
+        sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
         return {
             "engine": self.studies[0].clutch.solver.engine,
             "draws": len(self.times),
-            "expected_shift_time_s": float(self.times.mean()),
-            "low_s": low,
-            "high_s": high,
-            "sd_s": float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0,
-            "standard_error_of_one_s": self.error_s,
-            "times_s": self.times.tolist(),
+            "expected_shift_time_s": number_or_none(float(self.times.mean())),
+            "low_s": number_or_none(low),
+            "high_s": number_or_none(high),
+            "sd_s": number_or_none(sd),
+            "standard_error_of_one_s": number_or_none(self.error_s),
+            "times_s": [number_or_none(time) for time in self.times.tolist()],
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -126,8 +138,9 @@ def expect_draws(
         for one in studies:
             means.append(simulate_mean(one, Where(jobs), angles=angles))
             counter.advance(1)
-    times, errors = ([getattr(m, key) for m in means] for key in ("time_s", "standard_error_s"))
-    return DrawnExpectation(tuple(studies), np.array(times), np.array(errors))
+    times = [math.nan if mean.time_s is None else mean.time_s for mean in means]
+    errors = np.array([mean.standard_error_s for mean in means])
+    return DrawnExpectation(tuple(studies), np.array(times), errors)
 
 
 def _table(path: Path) -> TextTable:

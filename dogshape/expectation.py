@@ -38,9 +38,12 @@ class Expectation(Result):
     mean: Mean
 
     @property
-    def time_s(self) -> float:
-        """Expected shift time, s, over all operating points; retries included."""
-        return self.mean.mean
+    def time_s(self) -> float | None:
+        """Expected shift time, s, over all operating points; retries included.
+
+        None where fewer than half of the shifts engage at some operating point.
+        """
+        return self.mean.time
 
     @property
     def standard_error_s(self) -> float:
@@ -49,12 +52,18 @@ class Expectation(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Time with its standard error, share engaged, and what it was simulated from."""
+        """Time with its standard error, share engaged, and what it was simulated from.
+
+        Without a time the shifts that engage lead.
+        """
         mean, planar = self.mean, self.mean.planar_shifts
         beside = f", and {planar} of the compiled engine" if planar else ""
-        return {
+        timed = {
             "expected shift time": ms(mean.mean, mean.standard_error),
             "engaged": f"{mean.engaged:.1%}",
+        }
+        return {
+            **(timed if mean.engages else {"engagement": mean.engaged_words}),
             "operating points": str(len(mean.points)),
             "shifts": f"{mean.shifts}{beside}",
         }

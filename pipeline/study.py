@@ -1,4 +1,4 @@
-"""A whole study: search, replication, confirmation at new angles, surrogate, report."""
+"""A whole study: search, confirmation at new angles, surrogate, report."""
 
 from __future__ import annotations
 
@@ -18,11 +18,8 @@ from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
 from dogshape.pipeline.search.foreseen import RoundAhead, costs, to_confirm, to_live, to_search
-from dogshape.pipeline.search.foreseen import screened as to_screen
 from dogshape.pipeline.search.front_uncertainty import standings
-from dogshape.pipeline.search.level_replication import replicate_levels
 from dogshape.pipeline.search.repair import repair
-from dogshape.pipeline.search.replication import replicate, replication_record
 from dogshape.pipeline.search.rounds import SamplerOf, run
 from dogshape.pipeline.search.samplers import sampler_factory
 from dogshape.pipeline.search.search import Search, open_search
@@ -30,28 +27,26 @@ from dogshape.pipeline.search.state import (
     SearchState,
     compiled_of,
     compiled_shifts,
-    spent_on,
+    confirmed,
+    measured_of,
 )
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
 from dogshape.pipeline.search.trials import UNKNOWN
 from dogshape.pipeline.simulate.design import (
+    ENGAGEMENT,
     SIMULATED,
     Design,
     exact_errors,
     exact_values,
+    is_time,
     leading,
+    limits_of,
     objectives_of,
 )
 from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
 from dogshape.pipeline.simulate.level_times import require_levels
 from dogshape.pipeline.simulate.life import STAGES, life_of
-from dogshape.pipeline.simulate.point_plans import (
-    most_confirmed,
-    most_to_confirm,
-    most_to_replicate,
-    most_to_search,
-)
-from dogshape.pipeline.simulate.two_levels import COST as LEVEL_COST
+from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
 from dogshape.pipeline.store.folder import StudyFolder, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.trial_storage import kept
@@ -83,6 +78,7 @@ class Run:
 def run_study(study: Setup, how: Run) -> dict[str, Any]:
     """Run or resume a study; give its result, which is also in ``result.json``."""
     objectives_of(study)
+    limits_of(study)
     require_variables(study)
     require_levels(study)
     guide = DogGuide(study)
@@ -105,7 +101,7 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
 
 
 def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
-    """Run a search to its end, replicate what is unclear of it and confirm its best.
+    """Run a search to its end and confirm its front.
 
     Give the result and how to say more.
     """
@@ -120,6 +116,8 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
                 f"before Drake each design is screened by the compiled engine, {angles} angles at "
                 "every operating point"
             )
+        if outside := _outside(search.study):
+            progress.say(f"the study's own dog is not among the designs searched: {outside}")
         lasts = about(foreseen.seconds)
         progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
@@ -135,20 +133,34 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
         )  # fmt: skip
         with progress.kept_in(folder.root, "--resume goes on"):
             findings = repair(search, executor, progress.say)
-            state = run(search, sampler_of, executor, after_round, findings, asked=ahead.asked)
-            replication, state = _replicate(state, executor, progress)
-            confirmation, state = _confirm(state, executor, progress)
+            searched = run(search, sampler_of, executor, after_round, findings, asked=ahead.asked)
+            confirmation, state = _confirm(searched, executor, progress)
             life = _life(confirmation, state, executor, progress)
     if state.shared:
-        state = search.read(state.findings)  # with what the others told meanwhile
+        searched = search.read(searched.findings)  # with what the others told meanwhile
     study = search.study
     if state.shared or study.searches_operation or study.two_levels:  # its shifts do not say it
-        write_json(folder.others, {"rows": state.rows})
-    result = collect(state, journal, replication)
+        write_json(folder.others, {"rows": searched.rows})
+    result = collect(searched, journal)
     if confirmation is not None:
-        chosen = confirmation["chosen"]
-        result["best"] = next(row for row in result["trials"] if row["trial"] == chosen)
+        result |= _of_new_angles(state, confirmation["chosen"])
     return {**result, "confirmation": confirmation, "life": life}, progress.say
+
+
+def _outside(study: Setup) -> str:
+    """List the keys of the study's own dog that lie outside its search ranges."""
+    return ", ".join(
+        f"{name} is {study.prototype[name]:g}, the range {low:g} to {high:g}"
+        for name, (low, high) in study.variables.items()
+        if not low <= study.prototype[name] <= high
+    )
+
+
+def _of_new_angles(state: SearchState, chosen: int) -> dict[str, Any]:
+    """Record the chosen design and the front by the values of their confirmation."""
+    rows = rows_of(state)
+    front = [rows[trial.number] for trial in state.front if confirmed(trial)]
+    return {"best": rows[chosen], "front": front}
 
 
 def _life(
@@ -185,7 +197,8 @@ def _learn(
         say(f"no surrogate: {error}")
         return
     result["surrogate"] = stored.validation.as_dict()
-    for row in result["trials"]:  # best and front are among them
+    of_new_angles = [*result["front"], *([result["best"]] if result["best"] else [])]
+    for row in [*result["trials"], *of_new_angles]:
         spread = time_spread(study, stored.surrogate, row, study_mix(study))
         row["time_within_tolerances"] = spread_record(spread)
 
@@ -195,36 +208,22 @@ def _most(search: Search) -> tuple[int, str]:
     study, settings = search.study, search.study.file.search
     trials = search.trials()
     left = max(0, settings.trials - len(trials))
-    spent = spent_on(study, [trial for trial in trials if simulated(trial)])
     partial = search.guide is not None and search.guide.partial
     new = not any(trial.user_attrs.get("prototype") for trial in trials)
-    confirm = most_confirmed(study)
-    most = most_to_search(study, left, partial, left > 0 and new)
-    both = compiled_shifts(study, trials) + int(to_screen(study, left)) if study.two_levels else 0
-    again = most_to_replicate(study, spent + most + int(LEVEL_COST * both))
-    most += again + most_to_confirm(study, confirm)
+    confirm = settings.confirm_designs
+    most = most_to_search(study, left, partial, left > 0 and new) + most_to_confirm(study, confirm)
     points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
     if study.two_levels:
         points += f" (Drake at {settings.pair_angles} of {settings.screen_angles} angles of each)"
     return most, (
-        f"at most {most} shifts: {left} designs at {points} operating points, then {again} where "
-        f"the front is unclear, then prototype and up to {confirm} of the front at all of them to "
-        "confirm"
+        f"at most {most} shifts: {left} designs at {points} operating points, then prototype and "
+        f"up to {confirm} of the front at all of them to confirm"
     )
 
 
-def collect(
-    state: SearchState, journal: ShiftJournal, replication: dict[str, Any] | None = None
-) -> dict[str, Any]:
-    """Record the state of a search, with the record of its replication after that."""
-    study, best = state.study, state.best
-    rows = {trial.number: row_of(state, trial) for trial in state.trials}
-    for number, standing in standings(state).items():
-        rows[number] |= {
-            "low": standing.low,
-            "high": standing.high,
-            "probability_on_front": standing.probability,
-        }
+def collect(state: SearchState, journal: ShiftJournal) -> dict[str, Any]:
+    """Record the state of a search."""
+    study, best, rows = state.study, state.best, rows_of(state)
     return {
         "study": study.name,
         "engine": study.clutch.solver.engine,
@@ -239,7 +238,6 @@ def collect(
         "n_simulated_shifts": state.shifts(journal.finished),
         **_compiled(study, {"n_compiled_shifts": compiled_shifts(study, state.trials)}),
         "failed_shifts": failed_shifts(journal),
-        "replication": replication,
         "confirmation": None,
         "life": None,
         "surrogate": None,
@@ -256,13 +254,32 @@ def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
+def rows_of(state: SearchState) -> dict[int, dict[str, Any]]:
+    """Record every design of a state as a row, by trial, feasible ones with their standing."""
+    rows = {trial.number: row_of(state, trial) for trial in state.trials}
+    for number, standing in standings(state).items():
+        rows[number] |= {
+            "low": standing.low,
+            "high": standing.high,
+            "probability_on_front": standing.probability,
+        }
+    return rows
+
+
 def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
-    """Record a design as a flat row; times are None where it was not simulated."""
+    """Record a design as a flat row.
+
+    Times are None where it was not simulated, or engages too seldom to have one.
+    """
     study = state.study
     design = state.design(trial)
-    told = simulated(trial)
+    told, measured = simulated(trial), measured_of(study, trial)
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
-    found = {name: state.value(trial, name) if told else (None, None) for name in names}
+    silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}
+    found = {
+        name: state.value(trial, name) if told and name not in silent else (None, None)
+        for name in names
+    }
     exact = exact_values(study, design)
     return {
         "trial": trial.number,
@@ -279,7 +296,7 @@ def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
         "points": len(trial.user_attrs["rows"]) if told else 0,
         "shifts": sum(state.plan(trial)) if told else 0,
         **_compiled(study, {"compiled_shifts": compiled_of(study, trial)}),
-        "engaged": trial.user_attrs.get("engaged"),
+        "engaged": None if measured is None else measured.engaged,
         "feasible": design.feasible and told,
         "failed": design.failed or ([] if told else [UNKNOWN]),
         **smallest_within(study, design),
@@ -301,31 +318,6 @@ def _margins(design: Design) -> dict[str, Any]:
         "weakest_check": weakest.name,
         "margins": {c.name: c.margin for c in design.checks},
     }
-
-
-def _replicate(
-    state: SearchState, executor: Executor, progress: WorkCounter
-) -> tuple[dict[str, Any] | None, SearchState]:
-    """Give designs more angles of which it is unclear whether they are on the front.
-
-    Give the record of that, before anything is confirmed, and the state that follows.
-    """
-    study = state.study
-    if state.best is None or not study.file.search.replicate:
-        return None, state
-    confirm = most_to_confirm(study, most_confirmed(study))
-
-    likely = to_confirm(study, min(study.file.search.confirm_designs, max(1, len(state.front))))
-
-    def told(left: int, line: str) -> None:
-        progress.rest(left + confirm)
-        shifts = left + likely.get("shift", 0.0) + to_live(study)
-        progress.told({**likely, "shift": shifts})
-        progress.say(line)
-
-    in_turn = replicate_levels if study.two_levels else replicate
-    done, state = in_turn(state, executor, told)
-    return replication_record(state, done), state
 
 
 def _confirm(

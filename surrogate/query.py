@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Dataset, differences
@@ -21,7 +22,6 @@ from dogshape.surrogate.model import Expected, Surrogate
 CHAMFER = "chamfer_deg"
 HOLDS = "faces hold: no estimate"  #: reason of a missing time
 SOLVER = ("engine", "accuracy")  #: keys in which the engines differ
-LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
 
 

@@ -45,7 +45,6 @@ SMALL = [
     "search.startup=10",
     "search.confirm_angles=3",
     "search.confirm_designs=1",
-    "search.replicate=0",
     # Of the default ranges one design in sixty passes every check, of these one in ten.
     "variables.chamfer_deg=[6, 14]",
     "variables.height_mm=[2.8, 4.2]",

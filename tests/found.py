@@ -38,7 +38,7 @@ def point(mismatch: float, force: float, mean: float, error: float, engaged: flo
 def confirmed(points: list[Row], mean: float) -> Row:
     return {TIME: mean, "standard_error_s": 0.0006, "points": points, "checks": [],
             "estimates": {TIME: {"value": mean, "standard_error": 0.0006}},
-            "numerical_error_s": 1e-6, "lower_bound": False}  # fmt: skip
+            "numerical_error_s": 1e-6, "engages": True}  # fmt: skip
 
 
 def shift(study: Setup, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
@@ -72,7 +72,7 @@ def found() -> Row:
         "surrogate": None, "versions": {},
         "confirmation": {
             "angles": 16, "prototype": confirmed(ours, 0.100), "best": confirmed(theirs, 0.080),
-            "designs": [{"trial": 2, **confirmed(theirs, 0.080)}],
+            "designs": [{"trial": 2, **confirmed(theirs, 0.080)}], "left_out": [],
             "gain_s": 0.020, "gain_standard_error_s": 0.001, "gain_share": 0.2,
             "gains": {TIME: {"value": 0.020, "standard_error": 0.001}},
         },

@@ -17,7 +17,6 @@ from benchmarks.published.sources import (
     gain,
     gearbox,
     prototype,
-    replication,
     searched,
     slower,
 )
@@ -82,16 +81,14 @@ def _later(found: Any) -> list[float]:
 
 
 def _spent() -> list[float]:
-    """Give the shifts of both engines and the designs of the paper's study, and of replication."""
+    """Give the shifts of both engines and the designs of the paper's study."""
     found = result("mq200_paper")
-    again, trials = found["replication"], len(found["trials"])
+    trials = len(found["trials"])
     return [
         found["n_simulated_shifts"],
         found["n_compiled_shifts"],
         trials,
         trials - found["n_simulated_designs"],
-        again["shifts"],
-        again["compiled_shifts"],
     ]
 
 
@@ -222,25 +219,8 @@ ENTRIES: list[Entry] = [
     Entry(
         PAGE,
         "All took {:d} shifts of Drake and {:d} of the compiled engine: {:d} designs, of which "
-        "{:d} failed their screen. Replication was {:d} of Drake and {:d} compiled ones.",
+        "{:d} failed their screen.",
         _spent,
-    ),
-    Entry(
-        PAGE,
-        "Today's front has {:.1f} on the wrong side.",
-        lambda: replication("mq200_paper")[5:],
-    ),
-    Entry(
-        PAGE,
-        "it was unclear of {:d} designs whether they are on the front, and {:.1f} were expected on "
-        "its wrong side. After it {:d} are unclear.",
-        lambda: [replication("mq200_paper")[k] for k in (2, 4, 3)],
-    ),
-    Entry(PAGE, "In `mq200_robust` {:d} shifts leave", lambda: [replication("mq200_robust")[1]]),
-    Entry(
-        PAGE,
-        "unclear, with {:.1f} on the wrong side instead of {:.1f}.",
-        lambda: replication("mq200_robust")[:3:-1],
     ),
     Entry(
         PAGE,

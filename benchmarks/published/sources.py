@@ -72,18 +72,11 @@ def slower() -> list[float]:
     return sorted(MS * (b["mean_s"] - a["mean_s"]) for a, b in pairs if b["mean_s"] > a["mean_s"])
 
 
-def search_shifts(name: str) -> float:
-    """Give the shifts of a search without those of its replication."""
-    kept = result(name)
-    return sum(row["shifts"] for row in kept["trials"]) - kept["replication"]["shifts"]
-
-
-def replication(name: str) -> list[float]:
-    """Give shifts of search and replication, unclear designs, and those on the wrong side."""
-    told = result(name)["replication"]
-    unclear = [len(told["unclear_before"]), len(told["unclear"])]
-    sides = [told["misplaced_before"], told["misplaced"]]
-    return [search_shifts(name), told["shifts"], *unclear, *sides]
+def confirmation(name: str) -> list[float]:
+    """Count the designs that were confirmed, those that failed, and those of the front."""
+    designs = confirmed(name)["designs"]
+    failed = sum(not all(check["passed"] for check in one["checks"]) for one in designs)
+    return [len(designs), failed, len(result(name)["front"])]
 
 
 def gain(name: str) -> list[float]:

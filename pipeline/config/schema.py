@@ -30,7 +30,6 @@ FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
 
 MOST_TRIALS = 10_000  #: designs of a search; at 28 points of 8 angles 15 GB of memory
-REPLICATE = 0.2  #: shifts of replication over those of the search, at most
 MIX_SHIFTS = 135_000  #: of a fit in two levels, at all operating points of designs
 PAIR_ANGLES = 2  #: shifts of Drake at each operating point of a design in two levels
 
@@ -274,12 +273,12 @@ class SearchSection(Section):
 
     ``points``: operating points that a new design is simulated at, the others are predicted; all
     if absent.
-    ``replicate``: shifts that replication may take, as a share of the search's; 0 for none.
     ``limits``: bounds on any quantity of ``pipeline.simulate.quantities``. ``within_s``: time of
     the share that engages at the first try. ``reference``: keys of the dog that no operating point
     may be slower than; those absent are the study's own. ``screen_angles``: relative angles at each
     operating point at which the compiled engine judges landing and limits before Drake simulates a
-    design. ``confirm_engine``: engine that confirms the front, the search's own if absent.
+    design. ``confirm_designs``: designs of the front that are confirmed, at most; others are not
+    on the front of the result. ``confirm_engine``: engine of that, the search's own if absent.
     ``levels``: with 2 the shifts of the screen stay, and ``pair_angles`` of Drake at each operating
     point correct them (``pipeline.simulate.level_times``); ``points`` then says nothing.
     """
@@ -293,11 +292,8 @@ class SearchSection(Section):
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
     points: Annotated[int, Field(ge=3)] | None = None
-    confirm_designs: Annotated[int, Field(ge=1)] = 4
+    confirm_designs: Annotated[int, Field(ge=1)] = 24
     confirm_angles: Annotated[int, Field(ge=3)] = 16
-    replicate: Annotated[float, Field(ge=0.0, le=10.0)] = Field(
-        default=REPLICATE, exclude_if=lambda value: value == REPLICATE
-    )
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=QUANTILE, exclude_if=lambda value: value == QUANTILE
     )

@@ -3,8 +3,8 @@
 Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
 come from the surrogate over designs and operating points, fitted to every row so far; each other
 objective that needs a simulation has a process over designs, fitted to its values with their
-standard errors. How hard dogs land on each other is known after the simulation only; another
-process over designs predicts that.
+standard errors. How hard dogs land on each other, and how many shifts engage, is known after the
+simulation only; another process over designs predicts that.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dogshape.pipeline.search.guide import Params, Prediction, Response, drawn
 from dogshape.pipeline.search.point_choice import first_plan, telling_plan
 from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import (
+    ENGAGEMENT,
     MEASURED,
     SIMULATED,
     exact_losses,
@@ -30,6 +31,7 @@ from dogshape.pipeline.simulate.design import (
     simulated_limits,
     worth_simulating,
 )
+from dogshape.pipeline.simulate.failing import none_passes
 from dogshape.pipeline.simulate.point_plans import Plan
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import InputError
@@ -46,7 +48,8 @@ OWN = ("surrogate", "space_filling")  #: samplers that say what to simulate of a
 #: designs, at least: 0.19 in each of three sets of 12 to 16 designs that fill the default space
 LANDING_SPREAD = 0.2
 SCREENED = "screened"  #: attribute of a trial: rows of the compiled engine, where Drake has none
-LANDING = {rule.name for rule in LANDING_RULES}
+#: Checks that a process over designs predicts: of the worst of them.
+LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 
 
 def search_space(study: Setup) -> dict[str, BaseDistribution]:
@@ -90,6 +93,10 @@ class DogGuide:
     def allows(self, params: Params) -> bool:
         """Check whether a design passes every check that needs no simulation."""
         return worth_simulating(self.study, dict(params))
+
+    def refusal(self, none_of: str) -> str:
+        """Explain which checks the designs of the space fail, and what would help."""
+        return none_passes(self.study, none_of)
 
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit the surrogate to the rows of all trials, and a process to their landings."""

@@ -19,7 +19,6 @@ from dogshape.pipeline.simulate.block_cost import FINE
 from dogshape.pipeline.simulate.level_times import compiled_angles
 from dogshape.pipeline.simulate.life import STAGES
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
-from dogshape.pipeline.simulate.two_levels import COST as LEVEL_COST
 from dogshape.sim.statistics.numerical_error import repeated
 
 Work = dict[Kind, float]
@@ -53,7 +52,7 @@ def costs(study: Setup) -> Mapping[Kind, float]:
 
 
 def to_search(search: Search, state: SearchState | None = None, running: Running = NONE) -> Work:
-    """Expect the work of the search that is left, of replication and of confirmation.
+    """Expect the work of the search that is left, and of confirmation.
 
     Designs so far say how many shifts a design takes and how many the front has. Of a round that
     is ``running`` the proposals and screens are done, and the shifts are known.
@@ -77,12 +76,6 @@ def to_search(search: Search, state: SearchState | None = None, running: Running
     searching = running.shifts + first * fills + (left - first) * proposes + own
     spent = spent_on(study, [trial for trial in trials if simulated(trial)])
     best = _front((spent + searching) / whole)
-    # Of one design alone on the front it is clear that it is there.
-    again = settings.replicate * (spent + searching) * min(1.0, best - 1.0)
-    cheap = 0.0
-    if study.two_levels:  # replication is of the compiled engine, as long as that tells most
-        cheap = settings.replicate * screened(study, told + left) + again / LEVEL_COST
-        again = 0.0
     # A reference is screened with each round beside its designs.
     rounds = (left - first) / max(1, settings.batch) + (first > 0)
     front = min(settings.confirm_designs, round(best))
@@ -92,8 +85,8 @@ def to_search(search: Search, state: SearchState | None = None, running: Running
     mine: Work = {
         "first": first,
         "design": left - first,
-        "quick": screened(study, left + rounds) + cheap,
-        "shift": searching + again,
+        "quick": screened(study, left + rounds),
+        "shift": searching,
     }
     kinds: tuple[Kind, ...] = ("first", "design", "quick", "shift", "confirm")
     confirming["shift"] = confirming.get("shift", 0.0) + to_live(study)

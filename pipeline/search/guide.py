@@ -50,6 +50,9 @@ class Guide(Protocol):
     def allows(self, params: Params) -> bool:
         """Check whether a design keeps the constraints that are known beforehand."""
 
+    def refusal(self, none_of: str) -> str:
+        """Explain why nothing is allowed, after words such as *none of 80000 designs*."""
+
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit a prediction to finished trials; ``signs`` (k,) is -1 for maximised objectives.
 
@@ -68,6 +71,10 @@ class FreeGuide:
     def allows(self, params: Params) -> bool:
         """Allow everything."""
         return True
+
+    def refusal(self, none_of: str) -> str:
+        """Write that nothing is allowed."""
+        return f"{none_of} is allowed"
 
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Prediction:
         """Fit a process to each objective and to each constraint."""

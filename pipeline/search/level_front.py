@@ -16,8 +16,7 @@ common to neighbours on the front. Of two designs it leaves
 
 .. math:: Cov_{ij} = (V(z_i) + V(z_j) - V(z_i - z_j))/2
 
-with *V* the variance of a mean over even angles (``sim.statistics.expectation``), at the angles
-that both have; of a design with more angles these are part, and the covariance less in proportion.
+with *V* the variance of a mean over even angles (``sim.statistics.expectation``).
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.level_times import LevelTimes, common_squares
-from dogshape.sim.statistics.expectation import nested
 from dogshape.surrogate.covariance import Array
 
 LEVELS = "levels"  #: attribute of a trial: its shifts in two levels
@@ -115,47 +113,19 @@ def joint_level_times(
     levels = [every[place] for place in chosen]
     compiled = np.array([one.compiled for one in levels])
     corrected = found.covariance[np.ix_(chosen, chosen)] * np.outer(compiled, compiled)
-    return compiled * (1.0 + found.values[chosen]), corrected + compiled_covariance(study, levels)
+    return compiled * (1.0 + found.values[chosen]), corrected + compiled_covariance(levels)
 
 
-def compiled_covariance(study: Setup, levels: Sequence[LevelTimes]) -> Array:
-    """Compute the covariance of the compiled engine's times of designs, (m, m), s2."""
+def compiled_covariance(levels: Sequence[LevelTimes]) -> Array:
+    """Compute the covariance of the compiled engine's times at the same angles, (m, m), s2."""
     covariance = np.diag([one.compiled_variance for one in levels])
-    counts = sorted({one.many for one in levels})
-    parts = {}  # of each design at the angles of each coarser draw
-    for k, one in enumerate(levels):
-        for count in counts:
-            if count <= one.many:
-                parts[k, count] = _part(study, one, count)
-    variances = {
-        (k, count): float(levels[k].weights ** 2 @ _variances(part[None], _even(levels, k, k))[0])
-        for (k, count), part in parts.items()
-    }
-    for i in range(len(levels)):
-        for j in range(i):
-            few, many = sorted((levels[i].many, levels[j].many))
-            apart = parts[i, few] - parts[j, few]
-            left = levels[i].weights ** 2 @ _variances(apart[None], _even(levels, i, j))[0]
-            shared = 0.5 * (variances[i, few] + variances[j, few] - float(left))
-            covariance[i, j] = covariance[j, i] = shared * few / many
+    for i, one in enumerate(levels):
+        for j, other in enumerate(levels[:i]):
+            even = np.array(one.even) & np.array(other.even)
+            left = one.weights**2 @ _variances((one.cheap - other.cheap)[None], even)[0]
+            shared = 0.5 * (covariance[i, i] + covariance[j, j] - float(left))
+            covariance[i, j] = covariance[j, i] = shared
     return covariance
-
-
-def _even(levels: Sequence[LevelTimes], one: int, other: int) -> Array:
-    return np.array(levels[one].even) & np.array(levels[other].even)
-
-
-def _part(study: Setup, levels: LevelTimes, count: int) -> Array:
-    """Take the shifts at a coarser draw of the angles, (q, count)."""
-    if count == levels.many:
-        return levels.cheap
-    seed, base = study.file.expectation.seed, study.own_angles
-    return np.array(
-        [
-            times[nested(count, levels.many, seed, index, base)]
-            for index, times in enumerate(levels.cheap)
-        ]
-    )
 
 
 def _variances(times: Array, even: Array) -> Array:

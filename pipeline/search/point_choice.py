@@ -16,7 +16,6 @@ from dogshape.surrogate.acquisition import Question, choose
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.expected_time import Over
 
-HALF = 0.5  #: of a variance, which replication of a design is to leave
 HARD = 2  #: points that every design is simulated at for the landing's sake
 
 
@@ -53,19 +52,6 @@ def telling_plan(study: Setup, points: int, over: Over, design: Array) -> Plan:
     angles = study.file.expectation.angles
     chosen = choose(over, question, angles, count, given=hard, again=False)
     return _plan(study, [*hard, *(int(place) for place in chosen.points)])
-
-
-def telling_points(study: Setup, over: Over, design: Array) -> list[int]:
-    """Select the points whose shifts most reduce the error of a design's expected time, best first.
-
-    Those that it has count too, for more angles. They are so many that half of the variance goes,
-    all if that is not enough; ``design`` (d,) in edge units.
-    """
-    question = Question(design[None, :], np.ones(1))
-    angles = study.file.expectation.angles
-    chosen = choose(over, question, angles, len(study.points), again=False)
-    enough = 1 + int(np.searchsorted(-chosen.left, -HALF))
-    return [int(place) for place in chosen.points[:enough]]
 
 
 def _plan(study: Setup, places: Sequence[int]) -> Plan:

@@ -66,7 +66,7 @@ class Pool:
                 found.append(params)
                 if len(found) == size:
                     break
-        return _some(found, f"none of {TRIES * size} designs drawn from the search ranges")
+        return self._some(found, f"none of {TRIES * size} designs drawn from the search ranges")
 
     def _turn_to(self, space: Space) -> None:
         """Forget the designs of another space; list those of a small one."""
@@ -79,19 +79,16 @@ class Pool:
         else:
             order = [every[place] for place in rng.permutation(len(every))]
             allowed = [params for params in order if self._guide.allows(params)]
-            self._listed = _some(allowed, f"none of the {len(every)} designs of the search ranges")
+            none_of = f"none of the {len(every)} designs of the search ranges"
+            self._listed = self._some(allowed, none_of)
         self._space = name
+
+    def _some(self, found: list[dict[str, Any]], none_of: str) -> list[dict[str, Any]]:
+        """Require a design; raise InputError where there is none."""
+        if not found:
+            raise InputError(self._guide.refusal(none_of))
+        return found
 
 
 def _not_of(gone: set[Any], space: Space, pool: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [params for params in pool if space.key(params) not in gone]
-
-
-def _some(found: list[dict[str, Any]], none_of: str) -> list[dict[str, Any]]:
-    """Require a design; raise InputError where there is none."""
-    if not found:
-        raise InputError(
-            f"{none_of} passes every check; "
-            "widen [variables] or relax [load], [material] or [manufacturing]"
-        )
-    return found

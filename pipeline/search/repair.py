@@ -7,20 +7,21 @@ their designs are judged anew.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import distinct, simulated
 from dogshape.pipeline.search.level_front import levels_of
-from dogshape.pipeline.search.level_replication import simulated_levels
-from dogshape.pipeline.search.replication import renewed
 from dogshape.pipeline.search.search import Search
-from dogshape.pipeline.search.state import NOTHING, Findings, plan_of
-from dogshape.pipeline.simulate.evaluation import Simulated, evaluate
+from dogshape.pipeline.search.state import NOTHING, Findings, checked_design, plan_of
+from dogshape.pipeline.search.trials import attributes_of
+from dogshape.pipeline.simulate.design import MEASURED, SIMULATED, values_of
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, in_two_levels, screen
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import Plan, blocks_of
+from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, is_whole, whole_plan
 
 Say = Callable[[str], None]  #: prints a line for people
 
@@ -54,7 +55,20 @@ def repair(search: Search, executor: Executor, say: Say) -> Findings:
 def _in_two_levels(study: Setup, trial: FrozenTrial, executor: Executor) -> Simulated:
     """Simulate a finished design again; its compiled shifts are repeated."""
     levels = levels_of(study, trial)
-    return simulated_levels(study, trial.params, executor, levels.few, levels.many)[0]
+    return simulated_levels(study, trial.params, executor, levels.few, levels.many)
+
+
+def simulated_levels(
+    study: Setup, params: Mapping[str, float], executor: Executor, few: int, many: int
+) -> Simulated:
+    """Simulate a design at so many angles of Drake and of the compiled engine."""
+    dog, own = study.dog_with(dict(params)), study.operated(dict(params))
+    seed, base, plan = study.file.expectation.seed, study.own_angles, whole_plan(study, few)
+    (quick,) = screen(study, [dog], executor, seed, [own], angles=many, base=base)
+    (one,) = evaluate(study, [dog], executor, [plan], seed, base=base, operated=[own])
+    assert quick is not None
+    (both,) = in_two_levels(study, [quick], [one], seed, base)
+    return both
 
 
 def _mended(
@@ -66,11 +80,27 @@ def _mended(
 ) -> list[FrozenTrial]:
     """Copy each finished trial of the designs with what was found of them."""
     return [
-        renewed(study, each, plan, one)
+        _renewed(study, each, plan, one)
         for trial, plan, one in zip(trials, plans, found, strict=True)
         for each in finished
         if one.known and each.params == trial.params
     ]
+
+
+def _renewed(study: Setup, trial: FrozenTrial, plan: Plan, found: Simulated) -> FrozenTrial:
+    """Copy a trial with what all shifts of its design say; predicted times stay as told."""
+    known = {**trial.user_attrs, **attributes_of(found)}
+    # Few shifts do not overrule a screen of many; in two levels both are of the screen.
+    if study.file.search.screen_angles is not None and found.levels is None:
+        known[MEASURED] = trial.user_attrs[MEASURED]
+    if not is_whole(plan):
+        known["standard_error_s"] = trial.user_attrs["standard_error_s"]
+        for name in ("simulated", "standard_errors"):
+            known[name] = {**known[name], SIMULATED: trial.user_attrs[name][SIMULATED]}
+    copied = copy(trial)
+    copied.user_attrs = known
+    copied.values = values_of(study, checked_design(study, copied), known["simulated"])
+    return copied
 
 
 def _lacking(

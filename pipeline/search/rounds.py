@@ -7,6 +7,7 @@ with the trials it has. So the rounds after it are those of a search that was ne
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 
 import optuna
@@ -116,7 +117,10 @@ def _ask(search: Search, space: dict[str, BaseDistribution]) -> int:
         drawn = name in cut.params and name not in fixed and not distribution.single()
         if drawn and name not in trial.relative_params:
             sampler.sample_independent(search.optuna, cut, name, distribution)
-        trial._suggest(name, distribution)
+        with warnings.catch_warnings():
+            # The study's own dog may lie outside the ranges, which the run has said.
+            warnings.filterwarnings("ignore", "Fixed parameter", UserWarning)
+            trial._suggest(name, distribution)
     return trial._trial_id
 
 

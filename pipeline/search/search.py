@@ -90,6 +90,8 @@ def open_search(
                 f"the storage holds a study '{study.name}' with other objectives; "
                 "give the study another name or use another storage"
             ) from error
+        if opened.metric_names is None:
+            opened.set_metric_names([objective.name for objective in objectives_of(study)])
         _require_same(study, opened, resume)
         _require_own_rows(study, opened)
         if claims.worker is not None:

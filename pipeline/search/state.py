@@ -36,6 +36,7 @@ from dogshape.surrogate.dataset import COLUMNS
 from dogshape.surrogate.hypervolume import not_dominated
 
 Times = Mapping[int, tuple[float, float]]  #: expected times and standard errors, s, by trial
+CONFIRMED = "confirmed"  #: attribute of a trial whose values are those at new angles
 
 
 @dataclass(frozen=True)
@@ -44,23 +45,17 @@ class Findings:
 
     Parameters
     ----------
-    renewed : trials with what more shifts say of them; the storage keeps what they were told.
-    unfit : trials that failed a check at new angles, and so are no longer feasible.
+    renewed : trials with what other shifts say of them; the storage keeps what they were told.
     left_open : trials of which the clock ended a shift, with what this run found. In the storage
         they go on running, so that another run takes them up.
     """
 
     renewed: Mapping[int, FrozenTrial] = field(default_factory=dict)
-    unfit: frozenset[int] = frozenset()
     left_open: Mapping[int, FrozenTrial] = field(default_factory=dict)
 
     def with_renewed(self, trials: Iterable[FrozenTrial]) -> Findings:
-        """Add what more shifts say of finished trials."""
+        """Add what other shifts say of finished trials."""
         return replace(self, renewed={**self.renewed, **{t.number: t for t in trials}})
-
-    def with_unfit(self, numbers: Iterable[int]) -> Findings:
-        """Add trials that failed a check at new angles."""
-        return replace(self, unfit=self.unfit | frozenset(numbers))
 
     def with_left_open(self, trial: FrozenTrial) -> Findings:
         """Add what this run found of a trial that the next run takes up."""
@@ -151,12 +146,10 @@ class SearchState:
         return _leading(self.study, self.losses[trial.number])
 
     def renew(self, trials: Iterable[FrozenTrial]) -> SearchState:
-        """Make the state with what more shifts say of finished trials."""
-        return self._with(self.findings.with_renewed(trials))
-
-    def reject(self, numbers: Iterable[int]) -> SearchState:
-        """Make the state without trials that failed a check at new angles."""
-        return self._with(self.findings.with_unfit(numbers))
+        """Make the state with what other shifts say of finished trials."""
+        findings = self.findings.with_renewed(trials)
+        known = [findings.renewed.get(t.number, t) for t in self.trials]
+        return state_of(self.study, self.guide, self.shared, findings, known)
 
     def shifts(self, known: Iterable[str]) -> int:
         """Count the shifts: those known by their keys and, of a shared search, other machines'."""
@@ -171,10 +164,6 @@ class SearchState:
                 keys.update(key for block in blocks for key in block.keys)
         return len(keys)
 
-    def _with(self, findings: Findings) -> SearchState:
-        trials = [findings.renewed.get(t.number, t) for t in self.trials]
-        return state_of(self.study, self.guide, self.shared, findings, trials)
-
 
 def state_of(
     study: Setup,
@@ -187,8 +176,7 @@ def state_of(
     known = [trial for trial in trials if simulated(trial)]
     predicted = _predicted(study, guide, known)
     losses = {trial.number: _losses(study, trial, predicted) for trial in known}
-    fit = [t for t in distinct(known) if t.number not in findings.unfit]
-    feasible = [t for t in fit if checked_design(study, t).feasible]
+    feasible = [t for t in distinct(known) if checked_design(study, t).feasible]
     front: list[FrozenTrial] = []
     if feasible:
         kept = not_dominated(np.array([losses[t.number] for t in feasible]))
@@ -221,14 +209,18 @@ def checked_design(study: Setup, trial: FrozenTrial) -> Design:
 
 def measured_record(measured: Measured) -> dict[str, Any]:
     """Record what checks are judged by as an attribute of a trial."""
-    return {"demand_Pa": list(astuple(measured.demand)), "limited": dict(measured.limited)}
+    return {
+        "demand_Pa": list(astuple(measured.demand)),
+        "limited": dict(measured.limited),
+        "engaged": measured.engaged,
+    }
 
 
 def measured_of(study: Setup, trial: FrozenTrial) -> Measured | None:
     """Read what was measured of a trial's design; None where it was not simulated."""
     record = trial.user_attrs.get(MEASURED)
     if record is not None:
-        return Measured(Demand(*record["demand_Pa"]), record["limited"])
+        return Measured(Demand(*record["demand_Pa"]), record["limited"], record.get("engaged", 1.0))
     if not simulated(trial):
         return None
     # Storages of earlier versions have the hardest landing itself.
@@ -254,11 +246,22 @@ def compiled_of(study: Setup, trial: FrozenTrial) -> int:
     return len(study.points) * screen if SCREENED in trial.user_attrs else 0
 
 
+def confirmed(trial: FrozenTrial) -> bool:
+    """Check whether the values of a trial are those at the new angles of the confirmation."""
+    return CONFIRMED in trial.user_attrs
+
+
 def _predicted(study: Setup, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
     """Work out expected times that the shifts of other designs tell of too.
 
-    That is so where some operating points were left out, or times rest on two levels.
+    That is so where some operating points were left out, or times rest on two levels. A confirmed
+    design has its own.
     """
+    found = _jointly(study, guide, trials)
+    return {t.number: found[t.number] for t in trials if t.number in found and not confirmed(t)}
+
+
+def _jointly(study: Setup, guide: DogGuide | None, trials: Sequence[FrozenTrial]) -> Times:
     if study.two_levels:
         if not trials:
             return {}

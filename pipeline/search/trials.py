@@ -149,7 +149,6 @@ def attributes_of(found: Simulated) -> dict[str, Any]:
     both = {} if found.levels is None else {LEVELS: found.levels.record}
     return {
         **both,
-        "engaged": found.expectation.engaged,
         "standard_error_s": found.expectation.standard_error,
         "simulated": {name: e.value for name, e in estimates},
         "standard_errors": {name: e.standard_error for name, e in estimates},

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.sim.errors import GeometryError, InputError, did_you_mean
+from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
 from dogshape.sim.shift.flank import FLANKS
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
@@ -36,6 +37,16 @@ SUMMARIES = (WORST, PROBABLE, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
+ENGAGEMENT = Rule(
+    "engagement",
+    "lock",
+    "least share of the shifts that engage, of any operating point",
+    "engaged over simulated shifts",
+    "judged: below it the time-out makes the expected time, and not the dogs",
+    "",
+    "[shift] and the shape",
+    False,
+)
 
 
 @dataclass(frozen=True)
@@ -84,10 +95,12 @@ class Measured:
     ----------
     demand : what landings make faces and edges bear.
     limited : simulated quantities that ``search.limits`` bounds, by name.
+    engaged : least share of the shifts that engage, of any operating point.
     """
 
     demand: Demand
     limited: Mapping[str, float] = field(default_factory=dict)
+    engaged: float = 1.0
 
 
 def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
@@ -104,6 +117,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     checks = bare.checks + _limit_checks(study, bare, dog, measured)
     if measured is not None:
         checks += demand_checks(measured.demand, study.limits)
+        checks += (Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED),)
     return replace(bare, checks=checks)
 
 
@@ -157,7 +171,7 @@ class Objective:
 
     ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
     where a simulation has to (``pipeline.simulate.estimates``). ``error`` is the standard error of
-    such a value where it is a sample's.
+    such a value where it is a sample's. No value lies beyond ``least`` and ``most``.
     """
 
     name: str
@@ -167,6 +181,8 @@ class Objective:
     maximise: bool = False
     by_checks: bool = False
     error: Callable[[float], float] | None = None
+    least: float = 0.0
+    most: float = math.inf
 
     @property
     def simulated(self) -> bool:
@@ -221,6 +237,19 @@ def margins_within(study: Setup, design: Design) -> Within:
     return found
 
 
+def margins_kept(study: Setup, design: Design) -> dict[str, float]:
+    """Compute the margins of a design's checks that the study asks for, by name.
+
+    Where it bounds the smallest margin at worst-case tolerances, those are at worst-case
+    tolerances, and stand for that limit.
+    """
+    every = {check.name: check.margin for check in design.checks}
+    if every.pop(WORST, None) is None:
+        return every
+    within = margins_within(study.operated(design.params), design)
+    return every | {name: left["worst_case"] for name, left in within.items()}
+
+
 def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tuple[str, float]:
     """Return the check with the smallest margin within the tolerances, and that margin."""
     left = {name: margins[kind] for name, margins in margins_within(study, design).items()}
@@ -235,14 +264,23 @@ OBJECTIVES = {
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
         Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
-        Objective(REFERRED, "time lost on the reference at the worst operating point", "s"),
-        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True),
+        Objective(
+            REFERRED,
+            "time lost on the reference at the worst operating point",
+            "s",
+            least=-math.inf,
+        ),
+        Objective(
+            "first_try_share", "share engaged in time at the first try", "", maximise=True, most=1.0
+        ),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
         Objective("peak_axial_force_N", "mean peak axial force", "N"),
         Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
         Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
-        Objective("smallest_margin", "smallest margin", "", maximise=True),
+        Objective(
+            "smallest_margin", "smallest margin", "", maximise=True, least=-math.inf, most=1.0
+        ),
         Objective(
             WORST,
             "smallest margin at worst-case tolerances",
@@ -250,6 +288,8 @@ OBJECTIVES = {
             lambda study, design, _dog: weakest_within(study, design)[1],
             maximise=True,
             by_checks=True,
+            least=-math.inf,
+            most=1.0,
         ),
         Objective(
             PROBABLE,
@@ -259,6 +299,7 @@ OBJECTIVES = {
             maximise=True,
             by_checks=True,
             error=standard_error,
+            most=1.0,
         ),
         Objective(
             "axial_length_mm",
@@ -266,7 +307,9 @@ OBJECTIVES = {
             "mm",
             lambda _study, _design, dog: dog.axial_length / MM,
         ),
-        Objective("separating_force_N", "axial separating force", "N", _separating_force),
+        Objective(
+            "separating_force_N", "axial separating force", "N", _separating_force, least=-math.inf
+        ),
         Objective(
             "utilisation",
             "utilisation of the most loaded check",
@@ -276,6 +319,11 @@ OBJECTIVES = {
         ),
     )
 }
+
+
+def is_time(name: str) -> bool:
+    """Check whether an objective is a time of shifts, retries included."""
+    return OBJECTIVES[name].unit == "s"
 
 
 def objectives_of(study: Setup) -> list[Objective]:
@@ -305,7 +353,8 @@ def objectives_of(study: Setup) -> list[Objective]:
 def limits_of(study: Setup) -> list[tuple[Objective, float]]:
     """Return the quantities that the study bounds with their bounds.
 
-    An upper bound where less is better, else a lower one. An unknown name raises InputError.
+    An upper bound where less is better, else a lower one. An unknown name raises InputError, and a
+    bound that no design can keep.
     """
     given = study.file.search.limits or {}
     for name in given:
@@ -314,7 +363,22 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
                 f"search.limits has '{name}', which is no quantity of a study; "
                 f"{did_you_mean(name, OBJECTIVES)}"
             )
+        _require_possible(OBJECTIVES[name], given[name])
     return [(OBJECTIVES[name], limit) for name, limit in given.items()]
+
+
+def _require_possible(quantity: Objective, limit: float) -> None:
+    """Raise InputError for a bound that no value of a quantity keeps."""
+    rule = ""
+    if not math.isfinite(limit):
+        rule = "it must be finite"
+    elif quantity.maximise and limit > quantity.most:
+        rule = f"no {quantity.label} is above {quantity.most:g}"
+    elif not quantity.maximise and limit <= quantity.least:
+        rule = f"every {quantity.label} is above {quantity.least:g}"
+    if rule:
+        name = f"search.limits.{quantity.name}"
+        raise InputError(refusal(name, limit, quantity.unit, rule, "give another or take it out"))
 
 
 def simulated_limits(study: Setup) -> list[str]:

@@ -221,7 +221,10 @@ def _simulated(
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     found = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
     estimates = estimates_of(found)
-    measured = Measured(demand, {n: estimates[n].value for n in simulated_limits(study)})
+    limited = {n: estimates[n].value for n in simulated_limits(study)}
+    # Shifts whose integration failed say nothing of engagement.
+    share = min((p.engaged for p in expectation.points if p.n), default=1.0)
+    measured = Measured(demand, limited, share)
     ended = sum(map(unfinished, shifts))
     lost = study.clutch.timeout + study.retraction
     parts = tuple(parts_of([result_of(row) for row in mine], lost) for mine in rows)

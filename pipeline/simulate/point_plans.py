@@ -9,8 +9,6 @@ from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.numerical_error import repeated
 
-MOST_CONFIRMED = 2  #: times ``search.confirm_designs`` that are simulated to confirm at most
-
 Plan = list[int]  #: angles at each operating point of the study, 0 where nothing is simulated
 
 
@@ -48,16 +46,6 @@ def most_to_search(study: Setup, designs: int, partial: bool, prototype: bool) -
     own = study.file.search.points if partial else None
     points = designs * (own or every) + (every - (own or every) if prototype else 0)
     return points * study.own_angles
-
-
-def most_to_replicate(study: Setup, shifts: int) -> int:
-    """Count the shifts that replication may take after a search of so many."""
-    return int(study.file.search.replicate * shifts)
-
-
-def most_confirmed(study: Setup) -> int:
-    """Count the designs that are simulated at new angles, at most, the prototype apart."""
-    return MOST_CONFIRMED * study.file.search.confirm_designs
 
 
 def most_to_confirm(study: Setup, designs: int) -> int:

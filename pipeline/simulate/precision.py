@@ -52,7 +52,7 @@ def expect_to(
         found = expectation_of(study, points, rows)
         share = found.standard_error / found.mean
         shifts = len(points) * count
-        if found.is_lower_bound:
+        if any(p.mean_engaged is None for p in found.points):
             progress.say("nothing engages at some operating point: no precision can be reached")
         elif share > precision and count >= MOST:
             progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")

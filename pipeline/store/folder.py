@@ -131,12 +131,10 @@ class StudyFolder:
 def comparable(file: StudyFile) -> dict[str, Any]:
     """Select the settings that must not change between runs in one folder.
 
-    Numbers of designs may, and what replication may take; so may the limit of time, on which no
-    finished shift depends.
+    Numbers of designs may; so may the limit of time, on which no finished shift depends.
     """
     content = hashed(file)
-    del content["search"]["trials"]
-    content["search"].pop("replicate", None)
+    del content["search"]["trials"], content["search"]["confirm_designs"]
     del content["surrogate"]["designs"]
     content["solver"].pop("time_limit_s", None)
     return content

@@ -14,25 +14,29 @@ if TYPE_CHECKING:
 
 
 def expectation_record(expectation: Expectation) -> dict[str, Any]:
-    """Record an expectation by the names of the command line's contract."""
+    """Record an expectation by the names of the command line's contract.
+
+    Where too few shifts engage there is no time, and no error of one.
+    """
+    none = not expectation.engages
     return {
-        "expected_shift_time_s": expectation.mean,
-        "standard_error_s": number_or_none(expectation.standard_error),
-        "numerical_error_s": number_or_none(expectation.numerical_error),
+        "expected_shift_time_s": expectation.time,
+        "standard_error_s": None if none else number_or_none(expectation.standard_error),
+        "numerical_error_s": None if none else number_or_none(expectation.numerical_error),
+        "engages": expectation.engages,
         "engaged": expectation.engaged,
         "mean_engaged_s": expectation.mean_engaged,
         "shifts": expectation.shifts,
         "not_engaged": expectation.lost,
         "held_dog_on_dog": expectation.blocked,
         **({"compiled_shifts": planar} if (planar := expectation.planar_shifts) else {}),
-        "lower_bound": expectation.is_lower_bound,
         "points": [
             {
                 "mismatch_rpm": p.point.mismatch / RPM,
                 "force_N": p.point.profile.force,
-                "mean_s": p.mean,
+                "mean_s": p.time,
                 "mean_engaged_s": p.mean_engaged,
-                "standard_error_s": number_or_none(p.standard_error),
+                "standard_error_s": number_or_none(p.standard_error if p.engages else None),
                 "sd_s": p.sd,
                 "engaged": p.engaged,
                 "n": p.n,

@@ -32,7 +32,9 @@ class ToleranceTime(Section):
 class DesignRow(Section):
     """A design of the search; its searched keys have the units that their names end in.
 
-    Of a design that was not simulated simulated values are null.
+    In `trials` values and margins are those of the search, in `best` and `front` those of the new
+    angles, once there is a confirmation. Of a design that was not simulated simulated values are
+    null, of one that engages too seldom its times.
     """
 
     trial: int = key("number of the trial")
@@ -116,7 +118,7 @@ class DesignRow(Section):
     compiled_shifts: int | None = key(
         "shifts of the compiled engine beside them, in two levels", "", None
     )
-    engaged: float | None = key("share of the shifts that engaged", SHARE)
+    engaged: float | None = key("least share of the shifts that engaged at a point", SHARE)
     feasible: bool = key("whether the design was simulated and passes every check")
     failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
@@ -145,7 +147,9 @@ class PointRow(Section):
 
     mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
     force_N: float = key("final shift force", "N")
-    mean_s: float = key("mean shift time, retries included", "s")
+    mean_s: float | None = key(
+        "mean shift time, retries included; null where fewer than half of the shifts engage", "s"
+    )
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key("standard error of `mean_s`", "s")
     sd_s: float = key("standard deviation of the time of a shift", "s")
@@ -187,12 +191,15 @@ class ConfirmedDesign(Section):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
     trial: int | None = key("number of the trial; in `designs` alone", "", None)
-    expected_shift_time_s: float = key("mean shift time over the operating points", "s")
+    expected_shift_time_s: float | None = key(
+        "mean shift time over the operating points; null where too few shifts engage", "s"
+    )
     standard_error_s: float | None = key("its standard error", "s")
     numerical_error_s: float | None = key(
         "its numerical error by a finer integration; null where it was not computed", "s"
     )
-    engaged: float = key("share of the shifts that engaged", SHARE)
+    engages: bool = key("whether at least half of the shifts engage at each operating point")
+    engaged: float = key("least share of the shifts that engaged at a point", SHARE)
     mean_engaged_s: float | None = key(
         "mean time of the shifts that engaged; absent in earlier versions", "s", None
     )
@@ -206,10 +213,27 @@ class ConfirmedDesign(Section):
     held_dog_on_dog: int | None = key(
         "shifts that friction held dog on dog; absent in earlier versions", "", None
     )
-    lower_bound: bool = key("whether the mean is a lower bound, as no shift engaged somewhere")
     points: list[PointRow] = key("the operating points")
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
+    searched: Estimate | None = key(
+        "leading objective by the search, in its unit; in `designs` alone", "", None
+    )
+    errors_apart: float | None = key(
+        "new angles less search, over their combined standard error; in `designs` alone", "", None
+    )
+    agrees: bool | None = key(
+        "whether these are at most 3 standard errors apart; in `designs` alone", "", None
+    )
+
+
+class ContactGain(Section):
+    """The gain under another contact, by the compiled engine."""
+
+    contact: str = key("what differs from the study's contact")
+    gain_s: float | None = key("gain in expected shift time; null where one has none", "s")
+    gain_standard_error_s: float | None = key("its standard error", "s")
+    gain_share: float | None = key("gain over the time of the prototype", SHARE)
 
 
 class Confirmation(Section):
@@ -218,13 +242,27 @@ class Confirmation(Section):
     engine: str | None = key("engine of the confirmation, where the study names one", "", None)
     angles: int = key("relative angles at each operating point")
     prototype: ConfirmedDesign = key("the study's own design")
-    chosen: int = key("trial of the chosen design: the first that passes every check here too")
+    chosen: int = key(
+        "trial of the chosen design: first of the front by the search; where none passes, of all"
+    )
     best: ConfirmedDesign = key("the chosen design")
     designs: list[ConfirmedDesign] = key("all designs, in the order of the search")
-    gain_s: float = key("expected shift time of the prototype less that of the chosen design", "s")
-    gain_standard_error_s: float = key("standard error of `gain_s`", "s")
-    gain_share: float = key("gain over the time of the prototype", SHARE)
+    left_out: list[int] = key(
+        "trials that no other beats, beyond `search.confirm_designs`: not confirmed, not on the "
+        "front"
+    )
+    gain_s: float | None = key(
+        "expected shift time of the prototype less that of the chosen design; null where one has "
+        "none, or both are the same design",
+        "s",
+    )
+    gain_standard_error_s: float | None = key("standard error of `gain_s`", "s")
+    gain_share: float | None = key("gain over the time of the prototype", SHARE)
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
+    gains_by_contact: list[ContactGain] = key(
+        "gain with friction and dissipation at the ends of what they may be; empty where the "
+        "prototype is chosen"
+    )
 
 
 class LifeStage(Section):
@@ -241,48 +279,6 @@ class LifeStage(Section):
     smallest_margin: float = key("smallest margin, manufacture left out", "1")
     weakest_check: str = key("check with the smallest margin")
     margins: dict[str, float] = key("margin of each check", "1")
-
-
-class ReplicatedDesign(Section):
-    """A design before and after replication; null where it was not feasible."""
-
-    trial: int = key("number of the trial")
-    shifts_before: int = key("shifts of the search")
-    shifts: int = key("shifts after replication")
-    compiled_shifts_before: int | None = key(
-        "shifts of the compiled engine before, in two levels", "", None
-    )
-    compiled_shifts: int | None = key("shifts of the compiled engine after", "", None)
-    low_before: float | None = key("lower end of the 95 % interval of the leading objective before")
-    high_before: float | None = key("upper end of the interval before")
-    probability_on_front_before: float | None = key("probability of the front before", SHARE)
-    low: float | None = key("lower end of the interval after")
-    high: float | None = key("upper end of the interval after")
-    probability_on_front: float | None = key("probability of the front after", SHARE)
-    on_front_before: bool = key("whether the design was on the front before")
-    on_front: bool = key("whether it is on the front after")
-
-
-class Replication(Section):
-    """More relative angles for designs whose place on the front is unclear."""
-
-    budget_shifts: int = key(
-        "shifts that replication might take; in two levels a compiled one counts 1/25"
-    )
-    shifts: int = key("shifts that it took; in two levels those of Drake")
-    compiled_shifts: int | None = key(
-        "shifts of the compiled engine that it took, in two levels", "", None
-    )
-    rounds: int = key("rounds")
-    misplaced_before: float = key(
-        "expected number of designs on the wrong side of the front before"
-    )
-    misplaced: float = key("the same after")
-    unclear_before: list[int] = key("trials whose place on the front was unclear before")
-    unclear: list[int] = key("trials whose place is unclear after")
-    designs: list[ReplicatedDesign] = key(
-        "designs of the front before or after, and of more shifts"
-    )
 
 
 class SurrogateFigures(Section):
@@ -316,7 +312,9 @@ class StudyRecord(Section):
     leading: str = key("objective that decides which design is best")
     quantile: float = key("level of the quantile of the shift time", SHARE)
     best: DesignRow | None = key("the chosen design; null where none passes every check")
-    front: list[DesignRow] = key("designs that no other dominates, best first")
+    front: list[DesignRow] = key(
+        "designs that no other dominates, best first; once there is a confirmation, by its values"
+    )
     trials: list[DesignRow] = key("all designs, by trial")
     n_simulated_designs: int = key("different designs that were simulated")
     n_simulated_shifts: int = key("shifts that were simulated; in two levels those of Drake")
@@ -324,7 +322,6 @@ class StudyRecord(Section):
         "shifts of the compiled engine behind the designs of the search, in two levels", "", None
     )
     failed_shifts: dict[str, int] = key("shifts that failed in the solver, by reason")
-    replication: Replication | None = key("replication; null without one")
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
     life: list[LifeStage] | None = key(
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None

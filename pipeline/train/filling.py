@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import worth_simulating
+from dogshape.pipeline.simulate.failing import none_passes
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, even_block
@@ -120,10 +121,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[di
                 seen.add(tuple(design.values()))
                 yield design
     if not seen and not beyond:
-        raise InputError(
-            f"none of {MOST} designs drawn from the search ranges passes every check; "
-            "widen [variables] or relax [load], [material] or [manufacturing]"
-        )
+        raise InputError(none_passes(study, f"none of {MOST} designs drawn from the search ranges"))
 
 
 def _design(names: list[str], bounds: np.ndarray, unit: np.ndarray) -> dict[str, float]:

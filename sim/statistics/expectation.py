@@ -21,6 +21,11 @@ differences, of which it makes the mean :math:`-\sigma^2`:
 
 Both cases come out right; on the prototype's times it is 1.0 to 1.8 times the
 scatter at 6 to 24 angles (Wolter 2007, ch. 8, for such estimators).
+
+Where fewer than ``LEAST_ENGAGED`` of the shifts of an operating point engage, :math:`(1-p)/p` is
+above one: the time-out and the number of angles make the mean, not the dogs. Such a clutch has no
+expected shift time (``time``); its share engaged says what there is to say. ``mean`` stays what the
+formula gives, for what learns from it.
 """
 
 from __future__ import annotations
@@ -36,6 +41,9 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.outcome import Outcome
 
 Phases = NDArray[np.float64]
+
+LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
+NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,16 @@ class PointExpectation:
         """Number of the shifts that did not engage."""
         return self.n - round(self.engaged * self.n)
 
+    @property
+    def engages(self) -> bool:
+        """Whether enough of the shifts engage for an expected time."""
+        return self.engaged >= LEAST_ENGAGED
+
+    @property
+    def time(self) -> float | None:
+        """Expected shift time, s; None where too few shifts engage."""
+        return self.mean if self.engages else None
+
 
 @dataclass(frozen=True)
 class Expectation:
@@ -88,9 +106,21 @@ class Expectation:
     numerical_error: float | None = None
 
     @property
-    def is_lower_bound(self) -> bool:
-        """Test that at some operating point no shift engaged at all."""
-        return any(p.mean_engaged is None for p in self.points)
+    def engages(self) -> bool:
+        """Whether at every operating point enough of the shifts engage for an expected time."""
+        return all(p.engages for p in self.points)
+
+    @property
+    def time(self) -> float | None:
+        """Expected shift time, s; None where too few shifts engage somewhere."""
+        return self.mean if self.engages else None
+
+    @property
+    def engaged_words(self) -> str:
+        """Count of the shifts that engage, and what that leaves of the time, as words."""
+        return f"engages in {self.shifts - self.lost} of {self.shifts} shifts" + (
+            "" if self.engages else f": {NO_TIME}"
+        )
 
     @property
     def mean_engaged(self) -> float | None:

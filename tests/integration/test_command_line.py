@@ -356,11 +356,13 @@ def test_nothing_engaged_is_said(dogshape: Call) -> None:
     hasty = ("--set", "shift.timeout_s=0.01", "--angles", 3, "--jobs", 1)
     point = ("--mismatch-rpm", 50, "--force-N", 469)
     said = dogshape("expect", "mq200_paper", *point, *hasty, "--json")
-    assert said.json["lower_bound"] is True
-    assert said.json["points"][0]["mean_engaged_s"] is None
+    assert said.json["engages"] is False
+    assert said.json["expected_shift_time_s"] is said.json["standard_error_s"] is None
+    assert said.json["points"][0]["mean_s"] is said.json["points"][0]["mean_engaged_s"] is None
     assert said.json["mean_engaged_s"] is None
     assert (said.json["not_engaged"], said.json["shifts"]) == (3, 3)
-    assert "p = 1/(n + 1)" in dogshape("expect", "mq200_paper", *point, *hasty).out
+    shown = dogshape("expect", "mq200_paper", *point, *hasty).out
+    assert shown.startswith("engages in 0 of 3 shifts: no expected shift time")
 
 
 def test_two_angles_say_nothing_of_the_error(dogshape: Call) -> None:

@@ -57,7 +57,8 @@ def test_every_simulated_quantity_has_an_estimator() -> None:
 )
 def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
     """Two points of equal weight and as many angles: the mean of all shifts."""
-    study = study_with(f"search.limits.{name}=1e9", "search.within_s=0.06")
+    bound = 0.5 if name == "first_try_share" else 1e9
+    study = study_with(f"search.limits.{name}={bound}", "search.within_s=0.06")
     found, shifts = measured(study)
     expected = float(np.mean([of(row) for row in shifts]))
     assert expected > 0.0
@@ -170,7 +171,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     """Designs that fail the screen take no shift of the study's engine; the chosen one keeps it."""
     limit = 0.080
     screened = ["search.screen_angles=24", f"search.limits.worst_shift_time_s={limit}"]
-    study = study_with(*screened, "search.replicate=2.0")
+    study = study_with(*screened)
     result = run_study(study, searching(tmp_path / "out", jobs=1))
     rows = result["trials"]
     judged = [row for row in rows if "worst_shift_time_s" in row["margins"]]
@@ -178,8 +179,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     assert failed
     assert all(row["shifts"] == 0 and not row["feasible"] for row in failed)
     assert result["best"]["margins"]["worst_shift_time_s"] >= 0.0
-    assert result["replication"]["shifts"] > 0
-    for row in judged:  # more shifts of a design do not overrule its screen
+    for row in judged:  # the shifts of a design do not overrule its screen
         (own,) = screen(study, [study.dog_with(_dog(row))], scratch_executor(), 1)
         assert own is not None
         margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit

@@ -54,12 +54,13 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert len(result["trials"]) == 12
     assert result["trials"][0]["prototype"]
     assert result["trials"][0]["count"] == 15
-    assert result["best"]["expected_shift_time_s"] == min(
+    confirmed, best = result["confirmation"]["designs"], result["best"]
+    assert result["trials"][best["trial"]]["expected_shift_time_s"] == min(
         row["expected_shift_time_s"] for row in result["trials"]
     )
-    confirmed = result["confirmation"]["designs"]
-    assert confirmed[0]["trial"] == result["best"]["trial"]
-    assert {d["trial"] for d in confirmed} <= {row["trial"] for row in result["front"]}
+    assert confirmed[0]["trial"] == best["trial"]
+    assert best["expected_shift_time_s"] == confirmed[0]["expected_shift_time_s"]
+    assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
     shifts = 12 * 6 + (1 + len(confirmed)) * 6 + 2 * 4
     assert result["n_simulated_shifts"] == len(_rows(folder)) == shifts == SHIFTS
     study = load_study("mq200_paper", SMALL)
@@ -79,14 +80,16 @@ def test_front_is_what_nothing_dominates(finished: Finished) -> None:
     result = finished.result
     values = {
         row["trial"]: (row["expected_shift_time_s"], row["axial_length_mm"])
-        for row in result["trials"]
+        for row in [*result["trials"], *result["front"]]  # the last with the new angles' values
     }
     front = {
         trial
         for trial, (t, a) in values.items()
         if not any(u <= t and b <= a and (u, b) != (t, a) for u, b in values.values())
     }
-    assert {row["trial"] for row in result["front"]} == front
+    left_out = set(result["confirmation"]["left_out"])
+    assert {row["trial"] for row in result["front"]} == front - left_out
+    assert left_out < front
 
 
 def test_rows_carry_inputs_and_versions(finished: Finished) -> None:
@@ -357,7 +360,7 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 
 def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
     tight = load_study("mq200_paper", [*SMALL, "material.allowable_pressure_MPa=2"])
-    with pytest.raises(InputError, match="passes every check; widen"):
+    with pytest.raises(InputError, match=r"passes every check\. Of those .* fail flank pressure"):
         run_study(tight, searching(tmp_path, jobs=1))
 
 
@@ -379,6 +382,15 @@ def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
             "did you mean 'worst_shift_time_s' or 'expected_shift_time_s'",
         ),
         ("search.sampler=nsga", "did you mean 'nsga2'?"),
+        (
+            "search.limits.first_try_share=1.5",
+            "search.limits.first_try_share is 1.5, but no share engaged in time at the first try "
+            "is above 1;",
+        ),
+        ("search.limits.feasible_probability=95", "is above 1;"),
+        ("search.limits.expected_shift_time_s=-0.06", "every expected shift time is above 0;"),
+        ("search.limits.smallest_margin_worst=10", "is above 1;"),
+        ("search.limits.impact_impulse_Ns=nan", "it must be finite"),
     ],
 )
 def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> None:

@@ -56,7 +56,7 @@ class Busy:
     def __call__(self, block: Block) -> Iterator[Record]:
         for place, row in enumerate(run_block(block)):
             if place == 0 and row["count"] == 15 and abs(row["height_mm"] - 3.7) < 1e-9:
-                self.ended += 1
+                self.ended += block.clutch.solver.engine == "drake"  # compiled ones are not kept
                 lost = {"outcome": "diverged", "shift_time_s": None, "reason": REASON}
                 yield {**row, **lost, "landing_loads_N_mm": [0.0] * len(row["landing_loads_N_mm"])}
             else:

@@ -185,7 +185,6 @@ def test_few_designs_keep_their_own_corrections() -> None:
 
 def test_what_designs_share_cancels_between_them() -> None:
     """Of times alike but for a constant no error is left between two designs."""
-    study = load_study("mq200")
     rng = np.random.default_rng(7)
     weights, apart = np.full(28, 1.0 / 28.0), np.zeros((28, 2))
     times = 0.06 + 0.01 * rng.standard_normal((28, 64))
@@ -193,26 +192,11 @@ def test_what_designs_share_cancels_between_them() -> None:
     levels = [
         LevelTimes(weights, one, (True,) * 28, apart) for one in (times, times + 0.002, other)
     ]
-    found = compiled_covariance(study, levels)
+    found = compiled_covariance(levels)
     left = found[0, 0] + found[1, 1] - 2.0 * found[0, 1]
     assert left == pytest.approx(0.0, abs=1e-3 * found[0, 0])
     apart_from_it = found[0, 0] + found[2, 2] - 2.0 * found[0, 2]
     assert apart_from_it == pytest.approx(found[0, 0] + found[2, 2], rel=0.3)
-
-
-def test_a_coarser_draw_shares_its_part() -> None:
-    """Means over 256 angles and over 64 of them: of random times they share the variance of 256."""
-    study = load_study("mq200")
-    seed, base = study.file.expectation.seed, study.own_angles
-    rng, sd, covariances = np.random.default_rng(3), 0.01, []
-    weights, apart = np.full(28, 1.0 / 28.0), np.zeros((28, 2))
-    places = [nested(64, 256, seed, k, base) for k in range(28)]
-    for _ in range(200):
-        many = 0.06 + sd * rng.standard_normal((28, 256))
-        few = np.array([row[at] for row, at in zip(many, places, strict=True)])
-        levels = [LevelTimes(weights, one, (True,) * 28, apart) for one in (many, few)]
-        covariances.append(compiled_covariance(study, levels)[0, 1])
-    assert np.mean(covariances) == pytest.approx(sd**2 / (28 * 256), rel=0.1)
 
 
 @pytest.mark.parametrize(("base", "least", "found"), [(2, 64, 64), (6, 64, 96), (16, 1, 16)])

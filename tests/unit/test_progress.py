@@ -22,7 +22,7 @@ from tests.found import FORCE, LENGTH, TIME, Row, found
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
     """48 designs at 10 of 28 points with 6 angles, the prototype at all; 16 angles confirm."""
-    study = load_study("mq200_paper", [*ONE_LEVEL, "search.replicate=0.2"])
+    study = load_study("mq200_paper", ONE_LEVEL)
     assert most_to_search(study, 48, partial=True, prototype=True) == (47 * 10 + 28) * 6
     assert most_to_search(study, 8, partial=True, prototype=False) == 8 * 10 * 6
     assert most_to_search(study, 8, partial=False, prototype=True) == 8 * 28 * 6
@@ -92,7 +92,42 @@ def test_the_end_table_where_no_design_passes(study: Setup) -> None:
     said = _said(study, nothing, Path("report.html"))
     assert said.startswith("No design of this search passes every check")
     short = [{**row, "margins": {"edge_pressure_impact": -0.3 + 0.1 * k, "tip_width": 0.5}}
-             for k, row in enumerate(nothing["trials"][:2])]  # fmt: skip
+             for k, row in enumerate(nothing["trials"][1:3])]  # fmt: skip
     said = _said(study, nothing | {"trials": short}, Path("report.html"))
     assert "2 of 2 fail edge pressure impact, the nearest of them by 20 %. Widen" in said
     assert "report: report.html" in said
+
+
+def test_the_prototype_alone_is_no_headline(study: Setup) -> None:
+    """Nothing of the search passes: its failures are said, and no gain of the prototype."""
+    result = found()
+    own = result["trials"][0]
+    short = [{**row, "feasible": False, "margins": {"tip_width": -0.1 * row["trial"]}}
+             for row in result["trials"][1:]]  # fmt: skip
+    said = _said(study, result | {"trials": [own, *short], "best": own, "front": [own]}, None)
+    assert said.startswith(
+        "No design of this search passes every check but the prototype: 5 of 5 fail tip width, "
+        "the nearest of them by 10 %."
+    )
+
+
+def test_a_prototype_that_does_not_engage_has_no_gain(study: Setup) -> None:
+    result = found()
+    silent = result["confirmation"]["prototype"]
+    silent |= {TIME: None, "engages": False, "shifts": 224, "not_engaged": 215, "estimates": {}}
+    result["confirmation"]["best"] |= {"shifts": 224, "not_engaged": 0}
+    result["confirmation"]["gains"] = {}
+    said = _said(study, result, None)
+    assert said.startswith(
+        "Design 2 engages in 224 of 224 shifts, the prototype in 9 of 224: no gain in time is known"
+    )
+    assert "faster" not in said
+
+
+def test_search_and_confirmation_that_disagree_are_said(study: Setup) -> None:
+    result = found()
+    one = result["confirmation"]["designs"][0]
+    one |= {"searched": {"value": 0.0700, "standard_error": 0.001}, "errors_apart": 8.6,
+            "agrees": False}  # fmt: skip
+    assert "Design 2: the search had 70.0 ± 1.0 ms, the new angles 80.0 ± 0.6 ms, 8.6 standard " \
+           "errors apart" in " ".join(_said(study, result, None).split())  # fmt: skip

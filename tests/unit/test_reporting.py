@@ -383,14 +383,6 @@ def test_changes_read_alike_for_every_objective(result: Row) -> None:
     assert same.change == "none"
 
 
-def test_fact_on_replication(few: Setup, result: Row) -> None:
-    name = "designs of unclear place on the front"
-    assert name not in facts(few, result)
-    done = {"unclear_before": [1, 2, 4], "unclear": [1]}
-    words = facts(few, result | {"replication": done})[name]
-    assert words == "3 after the search, 1 after replication"
-
-
 def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
     row = shift(study, study.prototype, 1.0, 0.05)
     assert drawn_variant(row) is None

@@ -120,9 +120,10 @@ def test_a_key_that_came_later_leaves_kept_results_of_the_same_study(name: str) 
 
 def test_an_override_without_a_value_takes_a_key_out() -> None:
     """As if the file did not have it: a key with a default then has that."""
-    plain = load_study("mq200_paper", ["search.screen_angles=", "search.replicate="])
+    plain = load_study("mq200_paper", ["search.screen_angles=", "search.confirm_angles="])
     assert plain.file.search.screen_angles is None
-    assert plain.file.search.replicate == SearchSection.model_fields["replicate"].default
+    fields = SearchSection.model_fields
+    assert plain.file.search.confirm_angles == fields["confirm_angles"].default
     assert load_study("mq200_paper", {"search.screen_angles": None}).file.search == (
         load_study("mq200_paper", ["search.screen_angles="]).file.search
     )

@@ -96,11 +96,28 @@ def test_failed_integrations_are_left_out(point: Point) -> None:
     assert result.mean == pytest.approx(0.06)
 
 
-def test_nothing_engaged_gives_a_lower_bound(point: Point) -> None:
+def test_nothing_engaged_gives_no_time(point: Point) -> None:
     result = expect_point(point(50, 469.0), _shifts(None, None), 1.0, 0.2)
     assert result.mean_engaged is None
-    assert result.mean == pytest.approx(1.0 + 2 * 1.2)
+    assert result.mean == pytest.approx(1.0 + 2 * 1.2)  # for what learns from it
     assert result.engaged == 0.0
+    assert result.time is None
+    assert expect([result]).time is None
+
+
+@pytest.mark.parametrize(("engaged", "timed"), [(1, False), (4, False), (5, True), (10, True)])
+def test_a_time_needs_half_of_the_shifts_at_each_point(
+    engaged: int, timed: bool, point: Point
+) -> None:
+    times = [0.05] * engaged + [None] * (10 - engaged)
+    rare, sure = (
+        expect_point(point(speed, 469.0), _shifts(*mine), 1.0, 0.2)
+        for speed, mine in ((50, times), (100, [0.06] * 10))
+    )
+    both = expect([rare, sure])
+    assert (rare.time is not None) == (both.time is not None) == timed
+    assert sure.time == pytest.approx(0.06)
+    assert both.engaged_words.startswith(f"engages in {10 + engaged} of 20 shifts")
 
 
 def test_angles_are_evenly_spaced_and_depend_on_the_point() -> None:

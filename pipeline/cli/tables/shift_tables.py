@@ -43,7 +43,7 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
     heads = "mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n"
     table = columns(*heads, *both)
     for p in result.points:
-        mean, error = _mean_and_error(p.mean, p.standard_error)
+        mean, error = _mean_and_error(p.mean, p.standard_error) if p.engages else ("-", "-")
         table.add_row(
             f"{p.point.mismatch / RPM:.4g}",
             f"{p.point.profile.force:.1f}",
@@ -54,6 +54,8 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
             str(p.n),
             *([str(p.n_planar)] if both else []),
         )
+    if not result.engages:
+        return Group(result.engaged_words, table, _lost(result), simulated_by(engine))
     mean, error = _mean_and_error(result.mean, result.standard_error)
     total = f"expected shift time {mean} +- {error} ms (one standard error)"
     if math.isnan(result.standard_error):
@@ -69,8 +71,6 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
         total += f"\n{simulated_by(engine)}"
     if result.lost:
         total += f"\n{_lost(result)}"
-    if result.is_lower_bound:
-        total += "\nnone engaged at a point above: its mean is an estimate with p = 1/(n + 1)"
     return Group(table, total)
 
 

@@ -23,7 +23,7 @@ def means_by_point(points: Sequence[Row]) -> go.Figure:
         figure.add_trace(
             go.Scatter(
                 x=[p["mismatch_rpm"] for p in mine],
-                y=[1e3 * p["mean_s"] for p in mine],
+                y=[None if p["mean_s"] is None else 1e3 * p["mean_s"] for p in mine],
                 error_y={"array": errors},
                 name=f"{force:.4g} N",
                 mode="lines+markers",

@@ -37,16 +37,14 @@ class Course:
 
 def course(result: Row, shifts: Shifts) -> Course:
     """Follow a search design by design; designs that land too hard cost shifts, too."""
-    angles, done = shifts.study.file.expectation.angles, result.get("replication")
-    before = {one["trial"]: one["shifts_before"] for one in (done or {}).get("designs", ())}
+    angles = shifts.study.file.expectation.angles
     failed = {row["trial"] for row in failed_at_new_angles(result)}
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
             continue
         design = {name: row[name] for name in shifts.study.variables}
-        told = before.get(row["trial"]) or len(shifts.searched(design))
-        total += told or row["points"] * angles
+        total += len(shifts.searched(design)) or row["points"] * angles
         if row["feasible"] and row["trial"] not in failed:
             rows.append(row)
             spent.append(total)

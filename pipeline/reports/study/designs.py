@@ -99,9 +99,12 @@ def describe(row: Row, variables: list[str], goals: Goals) -> str:
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
-    """Sort the designs of a search by kind; each is of one kind, empty kinds too."""
+    """Sort the designs of a search by kind; each is of one kind, empty kinds too.
+
+    Confirmed ones have the values of their confirmation.
+    """
     chosen = None if result["best"] is None else result["best"]["trial"]
-    front = {row["trial"] for row in result["front"]}
+    front = {row["trial"]: row for row in result["front"]}
     failed = {row["trial"] for row in failed_at_new_angles(result)}
 
     def kind(row: Row) -> str:
@@ -118,7 +121,7 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
     kinds = ("dominated", "fails when simulated", "infeasible", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
     for row in result["trials"]:
-        found[kind(row)].append(row)
+        found[kind(row)].append(front.get(row["trial"], row))
     return found
 
 

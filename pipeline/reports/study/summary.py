@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -35,6 +34,7 @@ from dogshape.pipeline.reports.study.paired import gain_by_factor
 from dogshape.pipeline.reports.study.point_gains import gains
 from dogshape.pipeline.reports.study.single_shifts import Shifts, weights_of
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, WORST
+from dogshape.pipeline.simulate.failing import failing_words
 
 Span = tuple[float, float]
 END = 0.01  #: share of a search range within which a value lies at its end
@@ -191,29 +191,24 @@ def _no_better(result: Row, lead: Goal) -> str:
 
 
 def none_passes(result: Row) -> str:
-    """Write a sentence on a search of which no design passes, with the check that most fail."""
+    """Write a sentence on a search of which no design passes, with the checks that most fail."""
     said, how = "No design of this search passes every check", _most_failed(result)
-    return f"{said}: {how}. Widen [variables], or change what this check rests on." if how else (
-        f"{said}."
-    )  # fmt: skip
+    if not how:
+        return f"{said}."
+    silent = [r["engaged"] for r in result["trials"] if r["points"] and not is_measured(r)]
+    also = ""
+    if silent:
+        also = (
+            f"{len(silent)} have no time: at their worst operating point at most "
+            f"{max(silent):.0%} of the shifts engage. "
+        )
+    return f"{said}: {how}. {also}Widen [variables], or change what these checks rest on."
 
 
 def _most_failed(result: Row) -> str:
-    """Name the check that most designs fail, and by how much the nearest of them does."""
-    every = [row["margins"] for row in result["trials"]]
-    failing = Counter(name for row in every for name, margin in row.items() if margin < 0.0)
-    if not failing:
-        return ""
-    (name, count), *_ = failing.most_common(1)
-    nearest = max(
-        (r for r in result["trials"] if r["margins"].get(name, 0.0) < 0.0),
-        key=lambda row: row["margins"][name],
-    )
-    short = percent(-nearest["margins"][name])
-    how = f"{count} of {len(every)} fail {failure(name, nearest)}, the nearest of them by {short}"
-    if any(row.get(name, -1.0) >= 0.0 for row in every):
-        how += ", and those that pass it fail another"
-    return how
+    """Name the checks that most designs fail, and by how much the nearest of them does."""
+    every = [{failure(n, row): m for n, m in row["margins"].items()} for row in result["trials"]]
+    return failing_words(every)
 
 
 def failure(name: str, row: Row) -> str:
@@ -389,10 +384,6 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
         yield Fact("designs clearly better at the new angles", ", ".join(better))
     if not best["prototype"] and (ends := at_the_ends(best, study.variables)):
         yield Fact("at the end of the search range", f"{ends}; widen [variables]", bad=True)
-    if done := result.get("replication"):
-        unclear = [len(done[key]) for key in ("unclear_before", "unclear")]
-        words = f"{unclear[0]} after the search, {unclear[1]} after replication"
-        yield Fact("designs of unclear place on the front", words)
     if left := c.get("left_out"):
         words = f"{', '.join(map(str, left))}; raise search.confirm_designs"
         yield Fact("designs not confirmed, and so not on the front", words)

@@ -15,12 +15,13 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.surrogate.covariance import Part
 from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix_times import SHAPE, MixTimes
 from dogshape.surrogate.model import ALTERNATIVES, Surrogate
 from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
-from dogshape.surrogate.query import CHAMFER, FAR, HOLDS, LEAST_ENGAGED
+from dogshape.surrogate.query import CHAMFER, FAR, HOLDS
 
 
 def packed(study: Setup, surrogate: Surrogate) -> Row:
