@@ -58,10 +58,10 @@ def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
 
     Every console of the program comes from here; ``[v2]`` in a path is no markup.
     """
-    return _Terminal(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
+    return _PlainConsole(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
-class _Terminal(Console):
+class _PlainConsole(Console):
     """Console that leaves a closed pipe to ``verb``."""
 
     def on_broken_pipe(self) -> None:
