@@ -67,7 +67,7 @@ class Shift(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on a shift that is not converged, or is beyond the checked range."""
-        one, found = self.engagement, []
+        one, found = self.engagement, list[str]()
         if self.refined is not None and not self.converged:
             outcome = self.refined.outcome.value.replace("_", " ")
             time = f" in {ms(self.refined.shift_time)}" if self.refined.shift_time else ""

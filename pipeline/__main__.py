@@ -30,7 +30,7 @@ def _run() -> int:
         if (nothing := _given_nothing(given)) is not None:
             print(f"dogshape: {nothing} is given nothing; give a value", file=sys.stderr)
             return 2
-        return app(given or ["--help"], standalone_mode=False) or 0
+        return int(app(given or ["--help"], standalone_mode=False) or 0)
     except SystemExit as end:  # of a pipe that closed while help was printed
         return CLOSED if reader_gone() else int(end.code or 0)
     except KeyboardInterrupt:

@@ -132,7 +132,8 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self._slots = {name: order.index(name) for name in order}
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
-        self.contact = self.shapes = None
+        self.contact = None
+        self.shapes = None
         if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
             if clutch.solver.scheme == "cenic":
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[QueryObject]())
