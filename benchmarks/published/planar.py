@@ -19,7 +19,7 @@ def _deviations(speed: str) -> list[float]:
 
 def _error(mechanism: str, solver: str) -> list[float]:
     """Give median and largest error of a shift in percent, and its processor time in s."""
-    return [numbers("mechanism_accuracy", f"{mechanism} ", solver)[k] for k in (0, 2, 3)]
+    return [numbers("mechanism_accuracy", f"{mechanism:<17}{solver}")[k] for k in (0, 2, 3)]
 
 
 ENTRIES: list[Entry] = [
