@@ -30,9 +30,9 @@ from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
-from dogshape.sim.shift.impact import restitution
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import DEG
+from dogshape.validation.impact import restitution
 
 FACTORS = (0.667, 1.333)  #: of friction, the ends of its range in the study mq200_robust
 

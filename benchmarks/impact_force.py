@@ -7,7 +7,7 @@ the same for all settings: mean of the shifts' peak axial and tangential force w
 error of their ratio, and the hardest landing dog on dog, an extreme and so mostly luck. The fork
 moves with the sliding ring (``sim.shift.mechanism``, the effect moving_mass).
 
-Beside it the peak of one body on Hunt and Crossley's spring (``sim.shift.impact``), all faces flat
+Beside it the peak of one body on Hunt and Crossley's spring (``validation.impact``), all faces flat
 on each other: at 0.25 m/s, where it goes with the root of stiffness times mass, and at the speed
 with which the ring lands after its free flight. That falls with the mass: the force grows as the
 square of the time at first, so the way as its fourth power over the mass, the speed at the end of

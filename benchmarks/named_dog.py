@@ -6,7 +6,7 @@ python -m benchmarks.named_dog > docs/dog.svg
 from __future__ import annotations
 
 from benchmarks.common import paper_study
-from dogshape.pipeline.export.named_drawing import named_svg
+from benchmarks.named_drawing import named_svg
 
 if __name__ == "__main__":
     print(named_svg(paper_study().clutch.dog), end="")

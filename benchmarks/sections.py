@@ -95,6 +95,8 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"\| 90 % \|", "a quantile"),
             (r"at\s+0\.3 mm/kN", "a setting of the benchmark"),
             (r"more\s+than a percent", "threshold of the table"),
+            (r"one of the 32 shifts", "size of the benchmark"),
+            (r"within 1 % at single", "tolerance of the test"),
         ),
         "In two levels": (
             (r"at first 48 even\s+angles|24 pairs", "constants of the method"),

@@ -1,23 +1,40 @@
-"""Entry of the command line: quiet on Ctrl-C, one sentence for a wrong option."""
+"""Entry of the command line: quiet when stopped, one sentence for a wrong option."""
 
 from __future__ import annotations
 
 import sys
 
+from dogshape.pipeline.cli.endings import CLOSED, STOPPED, listen, reader_gone, stopped, written
+
 
 def main() -> None:
     """Load and run the command line; exits with the status of the contract."""
+    listen()
+    try:
+        status = _run()
+        if status == STOPPED:
+            status = stopped()
+    except BrokenPipeError:
+        if not reader_gone():
+            raise
+        status = CLOSED
+    sys.exit(written(status))
+
+
+def _run() -> int:
+    """Run the command line; give its exit status."""
     try:
         from dogshape.pipeline.cli.app import app  # noqa: PLC0415
 
         given = sys.argv[1:]
         if (nothing := _given_nothing(given)) is not None:
             print(f"dogshape: {nothing} is given nothing; give a value", file=sys.stderr)
-            sys.exit(2)
-        status = app(given or ["--help"], standalone_mode=False)
+            return 2
+        return int(app(given or ["--help"], standalone_mode=False) or 0)
+    except SystemExit as end:  # of a pipe that closed while help was printed
+        return CLOSED if reader_gone() else int(end.code or 0)
     except KeyboardInterrupt:
-        print("dogshape: stopped", file=sys.stderr)
-        sys.exit(130)
+        return STOPPED
     except Exception as error:
         # Typer brings its own copy of click, whose errors are known by this method.
         message = getattr(error, "format_message", None)
@@ -25,8 +42,7 @@ def main() -> None:
             raise
         sentence = _sentence(error, message().strip().rstrip("."))
         print(f"dogshape: {sentence}; see 'dogshape --help'", file=sys.stderr)
-        sys.exit(2)
-    sys.exit(status or 0)
+        return 2
 
 
 def _given_nothing(arguments: list[str]) -> str | None:

@@ -71,10 +71,10 @@ from scipy.optimize import brentq
 
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.impact import restitution
 from dogshape.sim.shift.mesh import corners, dog_solid
 from dogshape.sim.shift.planes import Vertices, dog_planes
 from dogshape.sim.units import MM
+from dogshape.validation.impact import restitution
 
 IMPEDANCE = 1e-3  #: d above
 SLIP_DAMPING = 1.5  #: damping of friction times the step

@@ -1,6 +1,7 @@
 """The command line ``dogshape``: all verbs of the program, each loaded when it is called.
 
-Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C.
+Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C, 143 by SIGTERM, 141 a
+closed pipe.
 """
 
 from __future__ import annotations

@@ -12,13 +12,14 @@ import typer
 from rich.console import Console, RenderableType
 from rich.table import Table
 
+from dogshape.pipeline.cli.endings import CLOSED, reader_gone
 from dogshape.sim.errors import DogshapeError
 
 P = ParamSpec("P")
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Give a command the exit status of the contract: 2 bad input, 130 stopped."""
+    """Give a command the exit status of the contract: 2 bad input, 141 a closed pipe."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -28,13 +29,12 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             print(f"dogshape: {error}", file=sys.stderr)
             raise typer.Exit(2) from error
         except OSError as error:
+            if isinstance(error, BrokenPipeError) and reader_gone():
+                raise typer.Exit(CLOSED) from error
             where = f" ({error.filename})" if error.filename else ""
             reason = error.strerror or str(error)
             print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
             raise typer.Exit(2) from error
-        except KeyboardInterrupt as error:
-            print("dogshape: stopped", file=sys.stderr)
-            raise typer.Exit(130) from error
 
     return run
 
@@ -58,7 +58,16 @@ def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
 
     Every console of the program comes from here; ``[v2]`` in a path is no markup.
     """
-    return Console(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
+    return _PlainConsole(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
+
+
+class _PlainConsole(Console):
+    """Console that leaves a closed pipe to ``verb``."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the BrokenPipeError that is being handled."""
+        self.quiet = True
+        raise  # noqa: PLE0704
 
 
 def columns(*names: str) -> Table:

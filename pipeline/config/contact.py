@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from dogshape.pipeline.config.schema import ContactSection, SolverSection
 from dogshape.sim.clutch_tables import si_fields
-from dogshape.sim.shift.clutch import PLANAR_ACCURACY, SCHEMES, Solver, solver_for
+from dogshape.sim.shift.clutch import PLANAR_ACCURACY, SCHEMES, Solver, accuracy_of, solver_for
 from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 
 
 def contact_of(section: ContactSection) -> ContactSet:
@@ -20,11 +21,22 @@ def own_contact(section: ContactSection) -> dict[str, float]:
     return si_fields(section.model_dump(exclude={"set"}, exclude_none=True))
 
 
-def solver_of(section: SolverSection, contact: ContactSet) -> Solver:
-    """Build the solver that a contact set needs, with what is to differ; or raise InputError."""
-    solver = solver_for(contact)
+def solver_of(
+    section: SolverSection, contact: ContactSet, mechanism: Mechanism = NOTHING
+) -> Solver:
+    """Build the solver of a contact set and a mechanism, with own keys; InputError for mistakes.
+
+    Forces of a mechanism with two coefficients of friction are the compiled engine's, unless the
+    section names another: Drake's ``cenic`` takes a thousand times the processor time for them
+    and is off its limit by percents (``docs/planar.md``).
+    """
+    solver = solver_for(contact, mechanism)
+    if mechanism.has_forces and solver.scheme == "cenic" and section.engine is None:
+        section = section.model_copy(update={"engine": "planar"})
     if section.scheme is not None:
-        solver = Solver(section.scheme, SCHEMES.get(section.scheme, solver.accuracy))
+        known = section.scheme in SCHEMES
+        accuracy = accuracy_of(section.scheme, mechanism) if known else solver.accuracy
+        solver = Solver(section.scheme, accuracy)
     if section.engine is not None:
         planar = section.engine == "planar"
         accuracy = PLANAR_ACCURACY if planar else solver.accuracy

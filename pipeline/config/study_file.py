@@ -31,7 +31,7 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.loads import Loads
@@ -311,10 +311,11 @@ def build_study(file: StudyFile) -> Setup:
         timeout=shift.timeout_s,
         seated_tolerance=shift.seated_tolerance_mm * MM,
         rebound=shift.rebound_mm * MM,
-        solver=solver_of(file.solver, contact),
+        solver=Solver(),
     )
     own, parts = own_contact(file.contact), (file.mechanism, file.effects)
     clutch, actuation = with_mechanism(clutch, Actuation(_rises(file)), *parts, own)
+    clutch = replace(clutch, solver=solver_of(file.solver, contact, clutch.mechanism))
     points = points_of(file.operating, actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)

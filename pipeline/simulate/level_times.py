@@ -192,8 +192,8 @@ def require_levels(study: Setup) -> None:
     named = f"search.levels = 2 of the study {study.name}"
     if study.clutch.solver.engine != "drake" or search.confirm_engine not in (None, "drake"):
         raise InputError(
-            f"{named} has shifts of Drake correct the compiled engine's, but the study names the "
-            "compiled engine; take solver.engine and search.confirm_engine out, or give "
+            f"{named} has shifts of Drake correct the compiled engine's, but the study is that of "
+            "the compiled engine; take solver.engine and search.confirm_engine out, or give "
             "--set search.levels=1"
         )
     if search.screen_angles is None:

@@ -26,7 +26,7 @@ EFFECT = Effect(
             high=300.0,
             scale="log-uniform",
             source="restitution at 0.2 m/s from 0.88 (dry, elastic) to 0.02 (flooded "
-            "with oil); sim.shift.impact has the law",
+            "with oil); validation.impact has the law",
             least=0.1,
             most=3000.0,
         ),

@@ -58,7 +58,8 @@ class Solver:
     within 0.1 % (root mean square); looser, a step now and then leaves a sliding
     contact and the steps spent on coming back cost more than was saved.
     ``cenic`` is needed where static and dynamic friction differ much; it wants an
-    accuracy of 1e-7 (position error of a step in m and rad).
+    accuracy of 1e-7 (position error of a step in m and rad), and of 1e-9 with forces of a
+    mechanism, which move single shifts by tens of percent at 1e-7 (``docs/planar.md``).
 
     A shift takes some hundred steps and a fifth of a second. One that takes more than
     ``max_steps``, or more than ``time_limit`` in s, counts as diverged. The first limit makes
@@ -94,17 +95,24 @@ ENGINES = ("drake", "planar")
 PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
+#: The same with forces of a mechanism, which ``cenic`` takes from the start of a step.
+WITH_FORCES = {**SCHEMES, "cenic": 1e-9}
 
 
-def solver_for(contact: ContactSet) -> Solver:
-    """Return the solver that a contact set needs.
+def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
+    """Return the solver that a contact set needs, with its accuracy for a mechanism.
 
     The explicit scheme knows one coefficient; where the two differ by more
     than a quarter (0.30 and 0.16) that decides whether a flank holds.
     """
-    if contact.dynamic_friction < 0.75 * contact.static_friction:
-        return Solver("cenic", SCHEMES["cenic"])
-    return Solver()
+    falls = contact.dynamic_friction < 0.75 * contact.static_friction
+    scheme = "cenic" if falls else "runge_kutta3"
+    return Solver(scheme, accuracy_of(scheme, mechanism))
+
+
+def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
+    """Return the accuracy that Drake's scheme needs for a clutch with this mechanism."""
+    return (WITH_FORCES if mechanism.has_forces else SCHEMES)[scheme]
 
 
 @dataclass(frozen=True)
@@ -152,7 +160,7 @@ class Clutch:
 
     def with_engine(self, engine: str) -> Clutch:
         """Return the same clutch for another engine, at that engine's own accuracy."""
-        solver = solver_for(self.contact)
+        solver = solver_for(self.contact, self.mechanism)
         accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
         return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
 

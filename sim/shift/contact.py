@@ -18,7 +18,7 @@ Stiffness of the design set. A pair of teeth of steel has a single stiffness
 c' = 14 N/(mm um) per width (ISO 6336-1, method C). Over the height of a flank of
 3.1 mm that is 14e9 / 3.1e-3 = 4.5e12 Pa/m; 5e12 is used, for all faces alike.
 Dissipation 20 s/m leaves a restitution of 0.24 at 0.2 m/s and 0.10 at 0.5 m/s, as
-oil between hardened faces does (an assumption; ``sim.shift.impact`` has the law).
+oil between hardened faces does (an assumption; ``validation.impact`` has the law).
 
 Stiffness and dissipation of the published set. IMPACT with its damper of 1e4 N s/m
 stops a dog's share of the ring, 0.02 kg at 0.2 m/s, within 3.5 to 3.6 um, almost

@@ -2,7 +2,7 @@ r"""Loads of a shift that a designer needs.
 
 The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from the
 momenta and hardly depend on that; peak forces do: a blow of mass *m* at speed *v* on a contact of
-stiffness *k* peaks near :math:`v \sqrt{k m}` (``sim.shift.impact``), so stiffer dogs and a heavier
+stiffness *k* peaks near :math:`v \sqrt{k m}` (``validation.impact``), so stiffer dogs and a heavier
 fork strike harder, and shafts that give way less hard. They are estimates for that contact
 and those masses and no bounds (``benchmarks/impact_force.py``). A blow against the
 stop behind the sliding ring is in the energy, not in forces and impulse. ``sim.shift.driveline``

@@ -125,7 +125,8 @@ class ClutchPlant:
         self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
-            add_forces(builder, self.plant, clutch, self.share, self._force)
+            scene = self.plant, self._scene_graph
+            add_forces(builder, scene, clutch, self.share, self._force)
         else:
             port = self.plant.get_actuation_input_port()
             builder.Connect(self._force.get_output_port(), port)

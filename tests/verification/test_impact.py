@@ -12,10 +12,10 @@ from pydrake.systems.framework import Context
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
-from dogshape.sim.shift.impact import impact, published_impact
 from dogshape.sim.shift.mesh import rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
+from dogshape.validation.impact import impact, published_impact
 
 
 def _flat(clutch: Clutch, contact: ContactSet) -> Clutch:

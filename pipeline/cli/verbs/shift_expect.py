@@ -84,7 +84,8 @@ def shift(
         found.report(html)
     if trace is not None:
         write_trace(found.engagement, trace)
-    written = [f"wrote {path}" for path in (html, trace) if path is not None]
+    written = [f"warning: {one}" for one in found.warnings]
+    written += [f"wrote {path}" for path in (html, trace) if path is not None]
     table = partial(shift_table, found.engagement, found.torque_peak)
     emit(found.to_dict(), json, lambda: Group(table(), *written))
 

@@ -1,0 +1,147 @@
+"""Torque behind the spline's friction, where the contact set has two coefficients.
+
+The torque of a plant is read from the force that its mechanism puts on the ring, and is that of
+all dogs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.sim.engines import engage
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.linkage import SHIFT
+from dogshape.sim.shift.mechanism import SLIP, Mechanism, smooth_sign
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.passing import penetration
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+
+SPLINE = Mechanism(spline_friction=0.1, spline_radius=17.6e-3)
+ADAMS = contact_set("adams2019")
+DRY = ContactSet("dry", 0.45, 0.12, 0.02, 2e12, 5.0)
+
+
+def _with(clutch: Clutch, contact: ContactSet, mechanism: Mechanism = SPLINE) -> Clutch:
+    solver = solver_for(contact, mechanism)
+    return replace(clutch, contact=contact, solver=solver, mechanism=mechanism)
+
+
+class _Spline:
+    """Plant whose spline torque can be asked at any state."""
+
+    def __init__(self, clutch: Clutch) -> None:
+        self.clutch, self.plant = clutch, ClutchPlant(clutch)
+        self.plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1)), 0.1)
+        (self._forces,) = (
+            s for s in self.plant.diagram.GetSystems() if type(s).__name__ == "_Forces"
+        )
+        joints = [
+            self.plant.plant.get_joint_actuator(i).joint().name()
+            for i in self.plant.plant.GetJointActuatorIndices()
+        ]
+        self._shift = joints.index(SHIFT)
+        carriage = self.plant.plant.GetBodyByName("carriage").model_instance()
+        self._contact = self.plant.plant.get_generalized_contact_forces_output_port(carriage)
+
+    def at(self, angle: float, way: float, turn: float, speed: float) -> float:
+        """Give the size of the torque in N m; ``turn`` is output less sliding speed, rad/s."""
+        plant = self.plant
+        plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])
+        plant.plant.SetVelocities(plant.plant_context, [turn, speed, 0.0])
+        context = self._forces.GetMyContextFromRoot(plant.context)
+        push = float(self._forces.push.Eval(context)[0])
+        force = float(self._forces.get_output_port().Eval(context)[self._shift])
+        held, mechanism = (push - force) * plant.share, self.clutch.mechanism
+        pressed = held / float(smooth_sign(speed, SLIP))
+        return pressed * mechanism.spline_radius / mechanism.spline_friction
+
+    def axial(self) -> float:
+        """Give the contact's force along the shaft at that state, N."""
+        return -float(self._contact.Eval(self.plant.plant_context)[1]) * self.plant.share
+
+
+def _share(clutch: Clutch) -> float:
+    rings = clutch.rings
+    return clutch.mechanism.spline_share(rings.mass, clutch.dog.mean_radius, rings.sliding_inertia)
+
+
+@pytest.mark.parametrize("contact", [ADAMS, DRY], ids=["adams2019", "dry"])
+def test_flat_faces_press_the_spline_by_coulombs_law(clutch: Clutch, contact: ContactSet) -> None:
+    """Closed form: |T| = mu F r; mu is static in a creep's limit, dynamic far beyond the fall."""
+    flat = _with(clutch.with_dog(replace(clutch.dog, chamfer=0.0)), contact)
+    dog, spline = flat.dog, _Spline(flat)
+    slow, still = 0.05 * contact.stiction_velocity, 1e-6 * contact.stiction_velocity
+    for slip, coefficient in (
+        (slow, contact.static_friction * slow / contact.stiction_velocity),
+        (1e3 * contact.stiction_velocity, contact.dynamic_friction),
+    ):
+        torque = spline.at(0.0, dog.axial_gap + 1e-6, slip / dog.mean_radius, still)
+        force = spline.axial()
+        assert force > 10.0
+        assert torque == pytest.approx(
+            coefficient * force * dog.mean_radius * _share(flat), rel=8e-3
+        )
+
+
+@pytest.mark.parametrize("contact", [ADAMS, DRY], ids=["adams2019", "dry"])
+@pytest.mark.parametrize("chamfer", [8.0, 0.0])
+def test_both_engines_press_the_spline_alike(
+    clutch: Clutch, contact: ContactSet, chamfer: float
+) -> None:
+    """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
+    own = _with(clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG)), contact)
+    spline, mine, dog = _Spline(own), planar_clutch(own.with_engine("planar")), own.dog
+    rng, work, seen = np.random.default_rng(4), kernel.workspace(3), 0
+    scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
+    while seen < 10:
+        angle, way = rng.uniform(0, dog.pitch_angle), rng.uniform(0.98 * dog.axial_gap, dog.travel)
+        if not 2e-6 < penetration(dog, np.array([way]), np.array([angle]))[0] < 3e-5:
+            continue
+        turn, speed = float(rng.normal(0.0, 15.0)), float(rng.uniform(0.02, 0.3))
+        _, torque = kernel.contact(
+            angle, dog.travel - way, turn, speed, mine.surfaces, mine.law, work
+        )
+        if abs(torque) * dog.count > scale:
+            expected = abs(torque) * dog.count * _share(own)
+            assert spline.at(angle, way, turn, speed) == pytest.approx(expected, rel=1e-2)
+            seen += 1
+
+
+def test_a_shift_with_a_loaded_spline_follows_the_compiled_engine(
+    clutch: Clutch, point: Point
+) -> None:
+    """With the dynamic coefficient alone for the spline Drake's shift comes to 54.1 ms."""
+    dog = replace(
+        clutch.dog, chamfer=16.47 * DEG, traction=21.73 * DEG, braking=15.85 * DEG,
+        height=4.192e-3, count=21,
+    )  # fmt: skip
+    own = _with(clutch.with_dog(dog), ADAMS, replace(SPLINE, spline_friction=0.05))
+    here = replace(point(149, 469.0), profile=ForceProfile(469.0, 0.15))
+    compiled = engage(own.with_engine("planar"), here, 9.525 * DEG).shift_time
+    drake = engage(own, here, 9.525 * DEG).shift_time
+    assert compiled == pytest.approx(52.97e-3, rel=2e-3)
+    assert drake == pytest.approx(compiled, rel=3e-3)
+
+
+@pytest.mark.slow
+def test_a_linkage_ends_alike_in_both_engines(clutch: Clutch) -> None:
+    """At 1e-7, enough without a mechanism, Drake has this shift engaged in 0.89 s."""
+    dog = Dog(11, 7.52 * DEG, 24.33 * DEG, 17.69 * DEG, 18.494e-3, 238.187e-3, 184.226e-3, 1.04e-3)
+    rings = Rings(0.35752219667996793, 0.027229819548193, 3.652509168756312)
+    large = replace(clutch, dog=dog, rings=rings, timeout=1.0)
+    own = _with(large, ADAMS, Mechanism(added_mass=2.0855, compliance=2.544e-6))
+    here = OperatingPoint(-1143.7 * RPM, ForceProfile(357.6, 0.1900940748881567))
+    for one in (own.with_engine("planar"), own.with_engine("planar").refined(), own):
+        assert engage(one, here, 0.14856731473249374).outcome is Outcome.TIMED_OUT
