@@ -20,7 +20,7 @@ from dogshape.pipeline.simulate.point_plans import blocks_of, whole_plan
 from dogshape.sim.shift.contact import ContactSet
 from dogshape.sim.statistics.expectation import Expectation
 
-ANGLES = 16  #: of each operating point, for either design
+ANGLES = 32  #: of each operating point, for either design
 FRICTION, DISSIPATION = (2.0 / 3.0, 4.0 / 3.0), (1.0, 60.0)  #: factors; s/m
 
 

@@ -16,9 +16,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.decision.workshop import choose
 from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives
 from dogshape.pipeline.reports.study.paired import (
-    ENDS,
     Difference,
-    gain_by_factor,
     overall,
     paired_points,
 )
@@ -190,7 +188,7 @@ def test_margins_within_their_scatter_are_said(kept: tuple[Setup, Row]) -> None:
     landing = "hardest landing at the new angles"
 
     def bad(record: Row) -> dict[str, bool]:
-        return {one.name: one.bad for one in facts_of(study, record, None)}
+        return {one.name: one.bad for one in facts_of(study, record)}
 
     assert not bad(result)[landing]
     assert bad(result)["by root sum of squares of the tolerances"]
@@ -201,37 +199,6 @@ def test_margins_within_their_scatter_are_said(kept: tuple[Setup, Row]) -> None:
     assert bad(close)[landing]
     close["best"]["margin_root_sum_square"] = 0.1
     assert not bad(close)["by root sum of squares of the tolerances"]
-
-
-def _drawn(times: np.ndarray, factors: np.ndarray, name: str) -> list[Row]:
-    rows = _shifts(15, times)
-    return [{**row, name: float(f)} for row, f in zip(rows, factors, strict=True)]
-
-
-@pytest.mark.parametrize("name", ["friction_factor", "dissipation_factor"])
-@pytest.mark.parametrize("slope", [0.0, 0.02, -0.01])
-def test_the_gain_over_a_factor_is_that_of_its_slope(name: str, slope: float) -> None:
-    """Differences with a known slope over ln f: the ends lie within three of the errors given."""
-    rng = np.random.default_rng(4)
-    factors = np.exp(rng.normal(0.0, 0.4, 200))
-    common, noise = rng.normal(0.1, 0.02, 200), rng.normal(0.0, 0.005, 200)
-    theirs = _drawn(common, factors, name)
-    ours = _drawn(common + 0.03 + slope * np.log(factors) + noise, factors, name)
-    both = ("friction_factor", "dissipation_factor")
-    (found,) = gain_by_factor(ours, theirs, np.full(200, 1 / 200), both).values()
-    low, high = np.quantile(np.log(factors), ENDS)
-    assert found.ends[1] - found.ends[0] == pytest.approx(slope * (high - low), abs=3 * found.error)
-    assert 0.0005 < found.error < 0.002
-    assert np.mean(found.ends) == pytest.approx(0.03, abs=0.003)
-
-
-def test_few_shifts_or_one_contact_say_nothing_of_a_factor() -> None:
-    rng = np.random.default_rng(5)
-    factors = np.exp(rng.normal(0.0, 0.4, 12))
-    few = _drawn(rng.normal(0.1, 0.02, 12), factors, "friction_factor")
-    assert gain_by_factor(few, few, np.ones(12), ("friction_factor",)) == {}
-    plain = _shifts(15, rng.normal(0.1, 0.02, 60))
-    assert gain_by_factor(plain, plain, np.ones(60), ("friction_factor",)) == {}
 
 
 def test_scatter_of_the_landing_leaves_out_what_moves_all(kept: tuple[Setup, Row]) -> None:

@@ -162,11 +162,11 @@ def few(study: Setup) -> Setup:
 
 
 def facts(study: Setup, result: Row) -> dict[str, str]:
-    return {one.name: one.words for one in facts_of(study, result, None)}
+    return {one.name: one.words for one in facts_of(study, result)}
 
 
 def against(study: Setup, result: Row) -> list[str]:
-    return [one.name for one in facts_of(study, result, None) if one.bad]
+    return [one.name for one in facts_of(study, result) if one.bad]
 
 
 def test_headline_says_what_was_found(result: Row) -> None:
@@ -285,8 +285,14 @@ def test_search_and_new_angles_apart_are_said(few: Setup, result: Row) -> None:
     assert in_words(words, "70.0 ± 1.0", "80.0 ± 0.6", "8.6 combined standard errors")
 
 
-def test_without_uncertain_contact_the_error_is_of_sampling_alone(few: Setup, result: Row) -> None:
-    assert "sampling alone" in facts(few, result)["contact"]
+def test_gains_under_other_contact_stand_beside_the_sampling_error(few: Setup, result: Row) -> None:
+    rows = [("friction 0.0667", 0.02), ("dissipation 1 s/m", None)]
+    result["confirmation"]["gains_by_contact"] = [
+        {"contact": name, "gain_s": gain, "gain_standard_error_s": 0.002} for name, gain in rows
+    ]
+    assert facts(few, result)["gain under other contact"] == "20.0 ± 2.0 ms with friction 0.0667"
+    result["confirmation"]["gains_by_contact"] = []
+    assert "gain under other contact" not in facts(few, result)
 
 
 def test_a_decision_takes_the_place_of_the_search_s_choice(result: Row) -> None:

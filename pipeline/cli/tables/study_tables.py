@@ -62,7 +62,7 @@ def _facts(study: Setup, result: Row) -> Table:
     """Return the facts of the chosen design, a line each."""
     table = columns("fact", "")
     table.columns[1].justify, table.columns[1].overflow = "left", "fold"
-    for fact in facts_of(study, result, None):
+    for fact in facts_of(study, result):
         table.add_row(fact.name, fact.words)
     return table
 

@@ -9,7 +9,7 @@ differ, nothing is paired.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,8 +18,6 @@ from dogshape.pipeline.reports.study.single_shifts import place
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import Record
 
-ENDS = (0.1, 0.9)  #: shares of the draws of a factor between which a gain is given
-FREE = 20  #: shifts beyond what is fitted, below which they say nothing of a factor
 LEAST = 3  #: angles of a point below which they say nothing of an error
 Place = tuple[str, str]
 
@@ -36,57 +34,6 @@ class Difference:
     def clear(self) -> bool:
         """Whether it is at least twice its standard error."""
         return abs(self.value) >= 2.0 * self.error and self.value != 0.0
-
-
-@dataclass(frozen=True)
-class ByFactor:
-    """Gain in s at ``ENDS`` of the draws of a factor, and the standard error of the difference."""
-
-    ends: tuple[float, float]
-    error: float
-
-
-def gain_by_factor(
-    ours: Sequence[Record], theirs: Sequence[Record], weights: Iterable[float], names: Sequence[str]
-) -> dict[str, ByFactor]:
-    """Fit the first design's times less the second's to the logarithms of the drawn factors.
-
-    Both have the same draws at the same places of the pitch, so each pair is of one draw. The fit
-    has a mean for each operating point and a slope for each factor that was drawn. Empty where too
-    few shifts of both engaged.
-    """
-    beside = {_pair_key(row): row for row in theirs}
-    both = [
-        (row, beside[_pair_key(row)], weight)
-        for row, weight in zip(ours, weights, strict=True)
-        if _pair_key(row) in beside
-    ]
-    both = [(a, b, w) for a, b, w in both if None not in (a["shift_time_s"], b["shift_time_s"])]
-    names = [name for name in names if len({a.get(name, 1.0) for a, _, _ in both}) > 1]
-    places = [place(a["mismatch_rpm"], a["force_N"]) for a, _, _ in both]
-    free = len(both) - len(set(places)) - len(names)
-    if not names or free < FREE:
-        return {}
-    logs = np.log([[a[name] for name in names] for a, _, _ in both])
-    gain = np.array([a["shift_time_s"] - b["shift_time_s"] for a, b, _ in both])
-    weight = np.array([w for _, _, w in both])
-    weight = weight / weight.mean()
-    x, y = logs.copy(), gain.copy()
-    for one in set(places):
-        here = np.array([at == one for at in places])
-        x[here] -= x[here].mean(axis=0)
-        y[here] -= y[here].mean()
-    root = np.sqrt(weight)
-    slope, *_ = np.linalg.lstsq(root[:, None] * x, root * y, rcond=None)
-    variance = float(weight @ (y - x @ slope) ** 2) / free
-    errors = np.sqrt(variance * np.diag(np.linalg.pinv(x.T @ (weight[:, None] * x))))
-    mean, middle = float(np.average(gain, weights=weight)), np.average(logs, axis=0, weights=weight)
-    found = {}
-    for k, name in enumerate(names):
-        low, high = np.quantile(logs[:, k], ENDS)
-        ends = tuple(mean + float(slope[k] * (end - middle[k])) for end in (low, high))
-        found[name] = ByFactor((ends[0], ends[1]), float(errors[k] * (high - low)))
-    return found
 
 
 def _pair_key(row: Record) -> tuple[Place, int]:

@@ -103,7 +103,7 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         figures["distribution"] = single_shifts.distribution_figure(times)
     quantiles, shown = single_shifts.quantile_rows(times), designs.designs_shown(result)
     searched = [designs.as_searched(result, row) for row in shown]
-    facts = facts_of(study, result, shifts)
+    facts = facts_of(study, result)
     # For their limits alone.
     still = landing_checks(study.clutch.dog, Landing(), study.limits)
     own = [Check(quantity.rule(limit), limit, limit) for quantity, limit in limits_of(study)]

@@ -13,7 +13,6 @@ from dogshape.pipeline.reports.kit.text import (
     check_name,
     in_ms,
     label,
-    minus,
     ms_with_error,
     percent,
     place_name,
@@ -30,9 +29,7 @@ from dogshape.pipeline.reports.study.designs import (
     weakest_at_worst,
 )
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
-from dogshape.pipeline.reports.study.paired import gain_by_factor
 from dogshape.pipeline.reports.study.point_gains import gains
-from dogshape.pipeline.reports.study.single_shifts import Shifts, weights_of
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, WORST
 from dogshape.pipeline.simulate.failing import failing_words
 
@@ -252,40 +249,28 @@ def failed_words(confirmed: Row | None) -> str:
     return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
 
 
-def facts_of(study: Setup, result: Row, shifts: Shifts | None) -> list[Fact]:
+def facts_of(study: Setup, result: Row) -> list[Fact]:
     """List the facts of the chosen design, and what speaks against it."""
     c, best = result["confirmation"], result["best"]
     if not c or best is None:
         return []
     found = [*_margin_facts(study, result)]
     if not best["prototype"]:
-        found = [*_contact_facts(study, result, shifts), *found, *_point_facts(c)]
+        found = [*_contact_facts(c), *found, *_point_facts(c)]
     elif how := _most_failed(result):
         found.append(Fact("designs that fail", how))
     return [*found, *_failure_facts(result), *_search_facts(study, result)]
 
 
-def _contact_facts(study: Setup, result: Row, shifts: Shifts | None) -> Iterator[Fact]:
-    """Give the gain at 10 and 90 % of each factor on the contact that is uncertain."""
-    c, own = result["confirmation"], study.prototype
-    if not (is_measured(c["prototype"]) and is_measured(c["best"])):
-        return
-    rows = [] if shifts is None else shifts.confirmed(own)
-    design = {name: result["best"][name] for name in study.variables}
-    other = [] if shifts is None else shifts.confirmed(design)
-    weights = weights_of(study, rows) if rows else ()
-    found = gain_by_factor(rows, other, weights, ("friction_factor", "dissipation_factor"))
-    for name, one in found.items():
-        what = name.removesuffix("_factor")
-        low, high = (minus(f"{1e3 * gain:.0f}") for gain in one.ends)
-        yield Fact(
-            f"gain over the {what} drawn",
-            f"{low} ms at the 10 % quantile, {high} ms at the 90 % quantile; standard error of the "
-            f"difference {1e3 * one.error:.0f} ms",
-        )
-    if study.uncertainty is None:
-        words = f"one set, {study.clutch.contact.name}: the error of the gain is of sampling alone"
-        yield Fact("contact", words)
+def _contact_facts(c: Row) -> Iterator[Fact]:
+    """Give the gain under other contact, which the sampling error leaves out."""
+    found = [one for one in c.get("gains_by_contact", ()) if one["gain_s"] is not None]
+    if found:
+        words = [
+            f"{ms_with_error(one['gain_s'], one['gain_standard_error_s'])} ms with {one['contact']}"
+            for one in found
+        ]
+        yield Fact("gain under other contact", "; ".join(words))
 
 
 def _margin_facts(study: Setup, result: Row) -> Iterator[Fact]:
