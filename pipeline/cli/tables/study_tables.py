@@ -49,8 +49,8 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
             lines += ["", "designs of the front that pass every check at the new angles", table]
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
-        where = "by the new angles" if result["confirmation"] else "by the search"
-        lines += ["", f"front {where} (95 % intervals){last}", _front(study, result), ""]
+        by = "by the new angles" if result["confirmation"] else "by the search"
+        lines += ["", f"front {by} (95 % intervals){last}", _front(study, result), ""]
     for reason, count in result["failed_shifts"].items():
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
