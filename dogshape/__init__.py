@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from dogshape.decision import Decision
     from dogshape.drawn import DrawnExpectation, expect_draws
     from dogshape.expectation import Expectation
-    from dogshape.exploration import Exploration
     from dogshape.fitted import Fitted, fit
     from dogshape.gap import Diagnosis, diagnose
     from dogshape.pipeline.progress import Progress
@@ -51,7 +50,6 @@ __all__ = [
     "DrawnExpectation",
     "Effect",
     "Expectation",
-    "Exploration",
     "Fitted",
     "InputError",
     "Parameter",
@@ -88,7 +86,6 @@ _HOMES = {
     "DrawnExpectation": "dogshape.drawn",
     "Effect": "dogshape.sim.effect",
     "Expectation": "dogshape.expectation",
-    "Exploration": "dogshape.exploration",
     "Fitted": "dogshape.fitted",
     "InputError": "dogshape.sim.errors",
     "Parameter": "dogshape.sim.effect",

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from dogshape.check import Check
     from dogshape.expectation import Expectation
-    from dogshape.exploration import Exploration
     from dogshape.predictions import Predictions
     from dogshape.shift import Shift
     from dogshape.strength import Strength
@@ -186,14 +185,6 @@ class Study:
 
         where = Where(jobs, None, _path(keep), progress)
         return check_strength(self.config, where, simulate=simulate)
-
-    def explore(
-        self, *, surrogate: str | Path | None = None, progress: Progress = SILENT
-    ) -> Exploration:
-        """Explore what the surrogate predicts (``dogshape.exploration.explore_surrogate``)."""
-        from dogshape.exploration import explore_surrogate  # noqa: PLC0415
-
-        return explore_surrogate(self.config, _path(surrogate), None, progress)
 
     def what_if(
         self, out: str | Path | None = None, *, surrogate: str | Path | None = None

@@ -73,21 +73,15 @@ class Over:
         centre = self.surrogate.times.centre
         return np.exp(centre + features @ self._sums + 0.5 * self._rest)
 
-    def predict(self, x: Array, *, alone: bool = True) -> tuple[Array, Array]:
-        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s.
-
-        Not ``alone``, what was simulated of a design says of itself no more than of its nearest
-        neighbours: its own roughness is left out of the time, and stays in the error.
-        """
-        found = [self._predict(x[k : k + CHUNK], alone) for k in range(0, len(x), CHUNK)]
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Predict many designs (m, d) in edge units: expected time, standard error, (m,), s."""
+        found = [self._predict(x[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
-    def _predict(self, x: Array, alone: bool) -> tuple[Array, Array]:
+    def _predict(self, x: Array) -> tuple[Array, Array]:
         where = self.surrogate.coordinates(x)
         if self._own is None:
             features = self._features(where)
-            if not alone:
-                features[:, self._rough] = 0.0
             engaged = self._times(features) @ self.mix.weights
             relative = self._relative_variance(features)
         else:

@@ -51,11 +51,6 @@ class Effect:
         return float(np.ptp(self.effect))
 
     @property
-    def fastest(self) -> float:
-        """Value with the least expected time, edge units."""
-        return float(self.values[np.argmin(self.effect)])
-
-    @property
     def clear(self) -> bool:
         """Test that the effect spans more than errors alone would."""
         return self.span > self.chance

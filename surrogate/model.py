@@ -33,7 +33,7 @@ from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import FLOOR, design_coordinates, point_coordinates
 
-CHUNK = 2000  #: designs whose distances are worked out at a time
+CHUNK = 2000  #: designs that are predicted at a time
 MIN_DESIGNS = 10  #: fewer say nothing about five length scales
 
 SMOOTH = Term(design=True, point=True)
@@ -151,6 +151,17 @@ class Surrogate:
         if own is not None:
             return float(np.exp(own.mean(self.own_coordinates(x[None, :]))[0])) + retries
         return float(mix.weights @ np.exp(self.times.mean(inputs))) + retries
+
+    def times_at(self, x: Array, points: Array, retry: float) -> Array:
+        """Predict designs (m, d), each at its operating point (m, 2), without error, (m,), s.
+
+        Points are in 1/min and N; ``retry`` is the time of a shift that does not engage, s.
+        """
+        inputs, found = self.inputs(x, points), []
+        for some in (inputs[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
+            share = self.share.at(some)[0]
+            found.append(np.exp(self.times.mean(some)) + (1.0 - share) / share * retry)
+        return np.concatenate(found)
 
     def summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
         """Sum a mix from the mean (m,) and covariance (m, m) of logarithms at its inputs."""

@@ -45,19 +45,13 @@ class Input:
 
 @dataclass(frozen=True)
 class Indices:
-    """Indices of inputs with the half widths of their 95 % intervals, each (d,).
-
-    ``values`` are the inputs of all evaluations (n, d), ``mean`` and ``sd`` those of the results.
-    """
+    """Indices of inputs with the half widths of their 95 % intervals, each (d,)."""
 
     inputs: tuple[Input, ...]
     first: Array
     first_half: Array
     total: Array
     total_half: Array
-    values: Array
-    mean: float
-    sd: float
 
 
 def indices(
@@ -72,12 +66,11 @@ def indices(
     shares = sampling.sample(problem, samples, calc_second_order=False, seed=seed)
     values = np.column_stack([one.at(share) for one, share in zip(inputs, shares.T, strict=True)])
     results = function(values)
-    mean, sd = float(results.mean()), float(results.std())
     if not np.ptp(results) > 0.0:
         none = np.zeros(len(inputs))
-        return Indices(tuple(inputs), none, none, none, none, values, mean, sd)
+        return Indices(tuple(inputs), none, none, none, none)
     found = analysis.analyze(problem, results, calc_second_order=False, seed=seed)
     first, first_half, total, total_half = (
         np.asarray(found[key]) for key in ("S1", "S1_conf", "ST", "ST_conf")
     )
-    return Indices(tuple(inputs), first, first_half, total, total_half, values, mean, sd)
+    return Indices(tuple(inputs), first, first_half, total, total_half)

@@ -27,7 +27,6 @@ VERBS = {
     "expect": "dogshape.pipeline.cli.verbs.shift_expect",
     "strength": "dogshape.pipeline.cli.verbs.strength_export",
     "check": "dogshape.pipeline.cli.verbs.check",
-    "explore": "dogshape.pipeline.cli.verbs.explore",
     "whatif": "dogshape.pipeline.cli.verbs.whatif",
     "export": "dogshape.pipeline.cli.verbs.strength_export",
     "study": "dogshape.pipeline.cli.verbs.study",

@@ -20,7 +20,7 @@ from tests.integration.studies import Finished
 
 Call = Callable[..., Said]
 VERBS = (
-    "shift", "expect", "strength", "study", "report", "fit", "check", "explore", "validate",
+    "shift", "expect", "strength", "study", "report", "fit", "check", "validate",
     "export", "gap", "choose", "compare",
 )  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
@@ -308,7 +308,6 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     ),
     (("report", "nowhere"), "there is no study.json in nowhere"),
     (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
-    (("explore", "mq200_paper", "--set", "contact.set=adams2019"), "other physics than the study"),
     (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
     (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
     (("fit", "mq200_paper", "--question", "bst"), "did you mean 'best'?"),

@@ -14,6 +14,7 @@ import pytest
 
 from dogshape.check import Check, check_design, simulate_quickly
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.reports.whatif.page import designs_of
 from dogshape.pipeline.reports.whatif.page_checks import Desk, known_of, with_known
 from dogshape.pipeline.reports.whatif.page_program import modules, readable
 from dogshape.pipeline.train.filling import filling_designs
@@ -266,6 +267,19 @@ def test_the_verb_writes_the_page_and_says_what_it_offers(
     assert Path(record["file"]).is_file()
     assert record["operating_points"] == 28
     assert record["designs"][0]["values"] == [8.0, 12.0, 22.0, 3.7, 15.0]
+
+
+def test_designs_of_other_physics_are_left_out(study: Setup) -> None:
+    front = [{"trial": 7, **study.prototype, "height_mm": 3.0, "expected_shift_time_s": 0.06}]
+    front.append({"trial": 8, **study.prototype})
+    found = {"physics_hash": study.physics_hash, "front": front}
+    own = {"expected_shift_time_s": 0.07}
+    both = designs_of(study, found, own)
+    assert [one["name"] for one in both] == ["the study's own design", "design 7"]
+    assert [one["simulated_s"] for one in both] == [0.07, 0.06]
+    assert both[1]["values"] == [8.0, 12.0, 22.0, 3.0, 15.0]
+    assert designs_of(study, {**found, "physics_hash": "other"}, own) == both[:1]
+    assert designs_of(study, None, own) == both[:1]
 
 
 def test_a_study_that_moves_its_points_is_refused(dogshape: Call) -> None:

@@ -1,4 +1,4 @@
-"""Figures of the page: effects, indices, and slices that its choices redraw."""
+"""Figures of the effects and Sobol indices of a study's variables."""
 
 from __future__ import annotations
 
@@ -8,27 +8,15 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.kit.html import figure_html
-from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, ORANGE, Row, styled
-from dogshape.pipeline.reports.kit.text import axis, label, value
+from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, Row, styled
+from dogshape.pipeline.reports.kit.text import axis, label
 
 Series = dict[str, list[Any]]
 
 BAND = "rgba(31, 95, 168, 0.22)"
-COLUMNS = 4  #: panels beside each other
-#: Series of a panel of slices in the order of their traces, with their look and legend.
-LOOKS: dict[str, Row] = {
-    "95 % interval": {
-        "mode": "lines", "fill": "toself", "fillcolor": BAND, "line": {"width": 0},
-        "hoverinfo": "skip",
-    },
-    "passes every check": {"mode": "lines", "line": {"color": BLUE, "width": 2.5}},
-    "fails a check": {"mode": "lines", "line": {"color": INK, "width": 1.5, "dash": "dot"}},
-    "the design, or its operating point": {
-        "mode": "markers",
-        "marker": {
-            "color": ORANGE, "size": 13, "symbol": "star", "line": {"color": INK, "width": 1},
-        },
-    },
+BAND_LOOK: Row = {
+    "mode": "lines", "fill": "toself", "fillcolor": BAND, "line": {"width": 0},
+    "hoverinfo": "skip",
 }  # fmt: skip
 
 
@@ -38,8 +26,9 @@ def effects_figure(effects: Row) -> go.Figure:
     figure = _panels(len(shown), 3)
     for place, effect in enumerate(shown):
         x, where = effect["values"], _where(place, 3)
-        band = _band(x, effect["low_s"], effect["high_s"])
-        figure.add_trace(_trace("95 % interval", band, LOOKS["95 % interval"], place), **where)
+        ends = [*_ms(effect["high_s"]), *reversed(_ms(effect["low_s"]))]
+        band = {"x": [*x, *reversed(x)], "y": ends}
+        figure.add_trace(_trace("95 % interval", band, BAND_LOOK, place), **where)
         line = {"x": x, "y": _ms(effect["effect_s"])}
         look = {"mode": "lines+markers", "line": {"color": BLUE, "width": 2.5}}
         figure.add_trace(_trace("effect on the expected shift time", line, look, place), **where)
@@ -90,94 +79,8 @@ def indices_html(indices: list[Row]) -> list[tuple[Row, str]]:
     ]
 
 
-def slices_figure(base: Row) -> go.Figure:
-    """Draw the slices through a base at its first choice of operating points."""
-    names = list(base["operating"][0]["curves"])
-    figure = _panels(len(names), COLUMNS)
-    first = slice_series(base, base["operating"][0])
-    for place, name in enumerate(names):
-        series = first[place * len(LOOKS) : (place + 1) * len(LOOKS)]
-        for (said, look), one in zip(LOOKS.items(), series, strict=True):
-            shown = _with_marks(look) if name == "count" and said != "95 % interval" else look
-            figure.add_trace(_trace(said, one, shown, place), **_where(place, COLUMNS))
-        title = {"text": axis(name), "font": {"size": 11.5}}  # four are in a row on paper
-        figure.update_xaxes(title=title, **_where(place, COLUMNS))
-        curve = base["operating"][0]["curves"][name]
-        if "values" in curve:
-            figure.update_yaxes(rangemode="tozero", **_where(place, COLUMNS))
-            figure.update_xaxes(**_ticks(curve), **_where(place, COLUMNS))
-        else:
-            figure.update_yaxes(matches="y", **_where(place, COLUMNS))
-    figure.update_yaxes(showticklabels=True)
-    figure.update_yaxes(title="time, ms", col=1)  # a longer one overlaps the next row on paper
-    return styled(figure, 110 + 260 * _rows(len(names), COLUMNS))
-
-
-def _ticks(curve: Row) -> Row:
-    """Return the axis of mismatch or force: few ticks on a logarithmic one."""
-    if not curve["logarithmic"] or not curve["values"]:
-        return {}
-    low, high = min(curve["values"]), max(curve["values"])
-    steps = (1, 2, 5) if high > 8.0 * low else range(1, 10)
-    every = [step * 10.0**power for power in range(-3, 7) for step in steps]
-    return {"type": "log", "tickvals": [tick for tick in every if low <= tick <= high]}
-
-
-def slice_series(base: Row, choice: Row) -> list[Series]:
-    """Compute x, y and words of all traces of the slices, panel by panel."""
-    found: list[Series] = []
-    for name, curve in choice["curves"].items():
-        along = base["variables"].get(name)
-        if along is None:
-            clear: list[list[str]] = [[] for _ in curve["values"]]
-            found += _series(name, curve, curve["values"], clear, curve["own"])
-        else:
-            own = base["design"][name]
-            found += _series(name, curve, along["values"], along["failed"], own)
-    return found
-
-
-def _series(
-    name: str, curve: Row, x: list[float], failed: list[list[str]], own: float | None
-) -> list[Series]:
-    time, words = _ms(curve["time_s"]), _words(name, curve, x, failed)
-    near = [any(failed[max(0, k - 1) : k + 2]) for k in range(len(x))]
-    passing = [None if out else t for t, out in zip(time, failed, strict=True)]
-    failing = [t if out else None for t, out in zip(time, near, strict=True)]
-    at = [] if own is None or not x else [min(range(len(x)), key=lambda k: abs(x[k] - own))]
-    return [
-        _band(x, curve["low_s"], curve["high_s"]),
-        {"x": x, "y": passing, "text": words},
-        {"x": x, "y": failing, "text": words},
-        {"x": [x[k] for k in at], "y": [time[k] for k in at], "text": [words[k] for k in at]},
-    ]
-
-
-def _words(name: str, curve: Row, x: list[float], failed: list[list[str]]) -> list[str]:
-    columns = (x, _ms(curve["time_s"]), _ms(curve["low_s"]), _ms(curve["high_s"]), failed)
-    lines = []
-    for number, time, low, high, out in zip(*columns, strict=True):
-        fails = f"<br>fails {', '.join(out).replace('_', ' ')}" if out else ""
-        lines.append(f"{value(name, number)}: {time:.1f} ms ({low:.1f} to {high:.1f}){fails}")
-    return lines
-
-
-def _band(x: list[float], low: list[float], high: list[float]) -> Series:
-    return {"x": [*x, *reversed(x)], "y": [*_ms(high), *reversed(_ms(low))], "text": []}
-
-
 def _trace(name: str, series: Series, look: Row, place: int) -> go.Scatter:
-    words = series.get("text", [])
-    hover = {} if "hoverinfo" in look or not words else {"hoverinfo": "text"}
-    return go.Scatter(name=name, legendgroup=name, showlegend=place == 0, **series, **look, **hover)
-
-
-def _with_marks(look: Row) -> Row:
-    if look["mode"] == "markers":
-        return look
-    solid = "dash" not in look["line"]
-    symbol = "circle" if solid else "circle-open"
-    return look | {"mode": "lines+markers", "marker": {"size": 5, "symbol": symbol}}
+    return go.Scatter(name=name, legendgroup=name, showlegend=place == 0, **series, **look)
 
 
 def _panels(count: int, columns: int) -> go.Figure:

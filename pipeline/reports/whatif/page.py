@@ -12,7 +12,6 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit import html
 from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.reports.kit.text import label
-from dogshape.pipeline.reports.surrogate.slices import Base, rivals_of
 from dogshape.pipeline.reports.whatif.page_checks import known_of
 from dogshape.pipeline.reports.whatif.page_program import interpreter, modules, program
 from dogshape.pipeline.reports.whatif.page_surrogate import packed
@@ -37,7 +36,7 @@ def require_fixed_points(study: Setup) -> None:
         moved = [name for name in study.variables if name not in study.shape_keys]
         raise InputError(
             f"{study.name} searches {', '.join(moved)}, which moves its operating points; the page "
-            "has fixed ones. Use 'dogshape check' or 'dogshape explore' for this study"
+            "has fixed ones. Use 'dogshape check' for this study"
         )
 
 
@@ -95,20 +94,24 @@ def write_whatif(
 def designs_of(study: Setup, result: Row | None, own_row: Row) -> list[Row]:
     """List the study's own design and all of the front, with what simulation said of them.
 
-    ``own_row`` says it of the study's own, with the keys of a row of the front.
+    ``own_row`` says it of the study's own, with the keys of a row of the front. ``result`` is the
+    search's, None where there is none; one of other physics counts as none.
     """
-    own = [Base(OWN, study.prototype), *rivals_of(study, result)]
-    told = {f"design {row['trial']}": row for row in (result or {}).get("front", [])}
-    told[OWN] = own_row
+    same = result is not None and result.get("physics_hash") == study.physics_hash
+    front = [
+        (f"design {row['trial']}", {name: row[name] for name in study.variables}, row)
+        for row in (result["front"] if result is not None and same else [])
+    ]
+    others = [one for one in front if one[1] != study.prototype]
     return [
         {
-            "name": one.name,
-            "values": [float(one.design[name]) for name in study.variables],
-            "simulated_s": told.get(one.name, {}).get("expected_shift_time_s"),
-            "error_s": told.get(one.name, {}).get("standard_error_s"),
-            "margins": told.get(one.name, {}).get("margins"),
+            "name": name,
+            "values": [float(design[key]) for key in study.variables],
+            "simulated_s": row.get("expected_shift_time_s"),
+            "error_s": row.get("standard_error_s"),
+            "margins": row.get("margins"),
         }
-        for one in own
+        for name, design, row in [(OWN, study.prototype, own_row), *others]
     ]
 
 
