@@ -24,7 +24,7 @@ from dogshape.diagnosis.bench.measured_units import (
     unit_named,
 )
 from dogshape.diagnosis.bench.time_stamps import DATES, has_day, is_dated
-from dogshape.diagnosis.bench.written_numbers import is_number, plain
+from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers
 from dogshape.sim.errors import InputError, did_you_mean
 
 LEAST = 20.0  #: score from which a column is taken for a quantity
@@ -50,9 +50,9 @@ class Quantity:
     also: str | None = None
 
     @property
-    def units(self) -> list[str]:
+    def units(self) -> str:
         """Spellings of units that it may have."""
-        return [text for text, unit in UNITS.items() if unit.dimension == self.dimension]
+        return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
 
 
 _SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
@@ -172,7 +172,7 @@ def score(quantity: Quantity, column: Column) -> float:
     if (
         any(word in words or (len(word) > 4 and word in name) for word in against)
         or kind not in (None, quantity.dimension, quantity.also)
-        or (quantity.dimension and any(column.cells) and not any(map(is_number, column.cells)))
+        or (quantity.dimension and any(column.cells) and not any(are_numbers(column.cells)))
     ):
         return 0.0
     if quantity.name == "timestamp" and kind is None and is_dated(column.cells):
@@ -204,18 +204,15 @@ def _is_strong(quantity: Quantity, column: Column) -> bool:
 
 def grows(column: Column) -> bool:
     """Test that numbers of a column grow from row to row, as a clock does."""
-    cells = [plain(cell).replace(",", ".") for cell in column.cells if is_number(cell)]
-    try:
-        steps = np.diff(np.array(cells, dtype=float))
-    except ValueError:
-        return False  # thousands, of which no clock of seconds has any
+    values = Decimals(None).values(column.cells)
+    steps = np.diff(values[np.isfinite(values)])
     return bool(steps.size >= 2 and (steps > 0).mean() >= 0.9)
 
 
 def counts_up(column: Column) -> bool:
     """Test that a column numbers its rows: whole numbers one apart, rows left out aside."""
-    cells = [plain(cell) for cell in column.cells if cell]
-    if len(cells) < 2 or not all(cell.isdigit() for cell in cells):
+    cells = [cell for cell in column.cells if cell]
+    if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
         return False
     values = np.array(cells, dtype=int)
     steps, again = np.diff(values), values[1:] == values[0]
@@ -238,26 +235,24 @@ def matched(
         except InputError as error:
             faults.append(str(error))
     taken = {term.column.place for one in found for term in one.terms}
+    scores = {(q.name, c.place): score(q, c) for q in quantities for c in columns}
+    clocks = [c.place for c in columns if _is_clock(c, columns, scores)]
     open_ = [q for q in quantities if q.name not in said]
     while open_:
-        ranked = sorted(
-            ((score(q, c), -k, q, c) for k, q in enumerate(open_) for c in columns
-             if c.place not in taken and not (q.name == "shift_time_s" and _is_clock(c, columns))),
-            key=lambda row: row[:2], reverse=True,
-        )  # fmt: skip
-        if not ranked or ranked[0][0] < LEAST:
+        ranked = [(scores[q.name, c.place], q, c) for q in open_ for c in columns
+                  if c.place not in taken and not (q.name == "shift_time_s" and c.place in clocks)]
+        best, quantity, column = max(ranked, key=lambda row: row[0], default=(0.0, None, None))
+        if quantity is None or column is None or best < LEAST:
             break
-        best, _, quantity, column = ranked[0]
-        loose = quantity.name in UNDECIDED and not _is_strong(quantity, column)
-        rivals = [(s, c) for s, _, q, c in ranked if q is quantity and s >= LEAST]
-        equal = [c for s, c in rivals if loose or s == best]
         open_.remove(quantity)
+        rivals = [(s, c) for s, q, c in ranked if q is quantity and s >= LEAST]
+        loose = quantity.name in UNDECIDED and not _is_strong(quantity, column)
+        equal = [c for s, c in rivals if loose or s == best]
         terms = [Term(column, column.unit)]
-        if quantity.name == "timestamp" and len(rivals) == 2:
-            days = {has_day(c.cells): c for _, c in rivals if is_dated(c.cells)}
-            terms = [Term(days[k], None) for k in (True, False)] if len(days) == 2 else terms
-            equal = [column] if len(days) == 2 else equal
-        if fault := _question(quantity, equal, columns):
+        days = {has_day(c.cells): c for _, c in rivals if is_dated(c.cells)}
+        if quantity.name == "timestamp" and len(rivals) == len(days) == 2:
+            equal, terms = [column], [Term(days[k], None) for k in (True, False)]
+        if fault := _question(quantity, column, equal, columns):
             faults.append(fault)
             continue
         taken |= {term.column.place for term in terms}
@@ -266,37 +261,42 @@ def matched(
     return found, faults + [_missing(one, left) for one in open_ if one.needed]
 
 
-def _is_clock(column: Column, columns: Sequence[Column]) -> bool:
+def _is_clock(
+    column: Column, columns: Sequence[Column], scores: Mapping[tuple[str, int], float]
+) -> bool:
     """Test that a column of times grows while another, as good by its kind, does not."""
     time = next(q for q in SHIFTS if q.name == "shift_time_s")
-    others = [c for c in columns if c is not column and score(time, c) >= LEAST and not grows(c)]
+    others = [c for c in columns if c is not column and not grows(c)
+              and scores.get((time.name, c.place), 0.0) >= LEAST]  # fmt: skip
     return bool(others) and not _is_strong(time, column) and grows(column)
 
 
-def _question(quantity: Quantity, equal: Sequence[Column], columns: Sequence[Column]) -> str:
+def _question(
+    quantity: Quantity, first: Column, equal: Sequence[Column], columns: Sequence[Column]
+) -> str:
     """Ask which column a quantity is, an empty text where there is nothing to ask."""
-    name, first = quantity.name, equal[0].head
+    name, heads = quantity.name, [c.head for c in columns]
     if name == "mismatch_rpm" and len({c.head for c in equal}) > 1:
         return _difference(equal)
-    heads = [c.head for c in columns]
-    twice = [c for c in columns if c.head == first] if heads.count(first) > 1 else []
-    if twice or len(equal) > 1:
-        named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in twice or equal]
-        names = " or ".join(f"'{c.head}'" for c in twice or equal)
-        said = " or ".join(f"--column {name}='{one}'" for one in named)
-        return f"{name} may be the column {names}; say which: {said}"
-    some = f"({', '.join(equal[0].cells[:3])} ...)"
-    if name == "n_shifts" and counts_up(equal[0]):
+    twice = [c for c in columns if c.head == first.head and heads.count(c.head) > 1] or equal
+    if len(twice) > 1:
+        named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in twice]
         return (
-            f"'{first}' numbers the rows {some}, which is a place in a series and no count of "
-            f"shifts; say --column order='{first}', or --column n_shifts='{first}' where each row "
-            "is the mean of so many shifts"
+            f"{name} may be the column {' or '.join(repr(c.head) for c in twice)}; say which: "
+            + " or ".join(f"--column {name}='{one}'" for one in named)
         )
-    long = len(equal[0].cells) > 3  # fewer times grow by chance
-    if name == "shift_time_s" and long and not _is_strong(quantity, equal[0]) and grows(equal[0]):
+    some = f"({', '.join(first.cells[:3])} ...); say --column"
+    if name == "n_shifts" and counts_up(first):
         return (
-            f"'{first}' grows from row to row as a clock does {some}; say --column "
-            f"shift_time_s='{first}' where it is the shift time"
+            f"'{first.head}' numbers the rows, a place in a series and no count of shifts {some} "
+            f"order='{first.head}', or --column n_shifts='{first.head}' where each row is the mean "
+            "of so many shifts"
+        )
+    long = len(first.cells) > 3  # fewer times grow by chance
+    if name == "shift_time_s" and long and not _is_strong(quantity, first) and grows(first):
+        return (
+            f"'{first.head}' grows from row to row as a clock does {some} "
+            f"shift_time_s='{first.head}' where it is the shift time"
         )
     return ""
 
@@ -332,49 +332,42 @@ def said_match(
     known = {quantity.name: quantity for quantity in quantities}
     if name not in known:
         raise InputError(f"--column {name}=... names no quantity; {did_you_mean(name, known)}")
-    quantity, labels, formula = known[name], _labels(columns), None
+    quantity, labels = known[name], {f"column {c.place}": c for c in columns}
+    for names in ([c.name for c in columns], [c.head for c in columns]):
+        labels |= {n: c for n, c in zip(names, columns, strict=True) if names.count(n) == 1}
     head, _, option = (text, "", "") if text in labels else text.rpartition(":")
-    terms = [_term(quantity, labels[head], option)] if head in labels else []
-    if not terms:
+    formula, terms = None, []
+    if head in labels:
+        terms = [_term(quantity, labels[head], option)]
+    else:
 
         def placed(found: re.Match[str]) -> str:
             terms.append(_term(quantity, labels[found[1]], found[2] or ""))
             return f"c{len(terms) - 1}"
 
-        names = "|".join(re.escape(one) for one in sorted(labels, key=len, reverse=True))
-        formula = re.sub(rf"(?<![\w.])({names})(?::([\w/^*%-]*\w))?(?!\w)", placed, text)
-        bare = re.sub(r"\bc\d+", "", formula)
-        if not terms or re.search(r"\*\s*\*|//|[^-+*/(). \d]", bare):
+        some = "|".join(re.escape(one) for one in sorted(labels, key=len, reverse=True) if one)
+        formula = re.sub(rf"(?<![\w.])({some})(?::([\w/^*%-]*\w))?(?!\w)", placed, text)
+        if not terms or re.search(r"\*\s*\*|//|[^-+*/(). \d]", re.sub(r"\bc\d+", "", formula)):
             hint = did_you_mean(text, [c.head for c in columns])
             raise InputError(
                 f"--column {name} is '{text}', but the file has no such column; {hint}"
             )
-    why = f"--column {text}"
+    why = [f"--column {text}"]
     if len(terms) > 1:
-        why += "; its sign is that of the formula, positive where traction flanks meet"
+        why.append("its sign is that of the formula, positive where traction flanks meet")
     for unit, own in ((term.unit, term.column.unit) for term in terms):
-        why += f"; the head says {own.text}" if own and unit and unit.factor != own.factor else ""
-    return Match(quantity, tuple(terms), why, formula, option, given=True)
-
-
-def _labels(columns: Sequence[Column]) -> dict[str, Column]:
-    """Map all names that mean one column to it."""
-    found = {f"column {c.place}": c for c in columns}
-    for names in ([c.name for c in columns], [c.head for c in columns]):
-        once = zip(names, columns, strict=True)
-        found |= {n: c for n, c in once if n and names.count(n) == 1}
-    return found
+        why += [f"the head says {own.text}"] if own and unit and unit.factor != own.factor else []
+    return Match(quantity, tuple(terms), "; ".join(why), formula, option, given=True)
 
 
 def _term(quantity: Quantity, column: Column, asked: str) -> Term:
     unit = unit_named(asked) if asked else column.unit
-    kinds = quantity.dimension, quantity.also
     if quantity.name == "engaged" or (quantity.also and asked in DATES):
         return Term(column, None)
-    if (asked and unit is None) or (unit and unit.dimension not in kinds):
+    if (asked and not unit) or (unit and unit.dimension not in (quantity.dimension, quantity.also)):
         wrong = asked or (unit.text if unit else "")
         raise InputError(
             f"the unit of {quantity.name} is '{wrong}', but it must be one of: "
-            f"{', '.join(quantity.units) or 'none, a number without one'}"
+            f"{quantity.units or 'none, a number without one'}"
         )
     return Term(column, unit)

@@ -11,18 +11,19 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise, zip_longest
+from itertools import pairwise, takewhile, zip_longest
 from pathlib import Path
 
 import numpy as np
 
 from dogshape.diagnosis.bench.measured_units import Unit, split_head, unit_named
-from dogshape.diagnosis.bench.written_numbers import Decimals, decimals_of, is_number
+from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers, decimals_of
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.texts import parted, read_lines
 
-Rows = list[tuple[int, list[str]]]
+Cells = Sequence[str]
+Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
 SAMPLE = 200  #: lines by which the dialect is recognised
 FOOT = 100  #: last rows that may be sums without a mark
 HEADS = 4  #: rows of names and units above the numbers, at most
@@ -33,6 +34,7 @@ _WIDE = re.compile(r"\S+(?: \S+)*")  # words between two blanks or more
 _ANY = re.compile(r"\S+")
 _NAMED = re.compile(r"\S+(?: +[\[(]\S*)?")  # names with units behind a blank
 _DECIMAL = re.compile(r"(?m)^Decimal_Separator\s+([.,])")
+_COMMENT = re.compile(r"\s*\"?(?:[#%!]|//)")
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Column:
     cells: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, place: int, head: str, below: str = "", cells: Sequence[str] = ()) -> Column:
+    def of(cls, place: int, head: str, below: str = "", cells: Cells = ()) -> Column:
         """Read a head, with the unit that stands in a row of its own below it, if there is one."""
         name, unit, strange = split_head(head)
         under = below.strip("[]() ")
@@ -63,22 +65,47 @@ class Column:
 class ForeignTable:
     """A table as it stands: columns, the numbers of its rows in the file, and what was left out.
 
-    ``left_out`` are pairs of row and reason, ``questions`` pairs of a column's place and a question
-    on one of its words. ``stated`` is the decimal sign that the file says.
+    ``questions`` are pairs of a column's place and a question on one of its words. ``stated`` is
+    the decimal sign that the file says.
     """
 
     path: Path
     columns: tuple[Column, ...]
     rows: tuple[int, ...]
-    left_out: tuple[tuple[int, str], ...] = ()
-    stated: str | None = None
-    separator: str = ","
-    questions: tuple[tuple[int, str], ...] = ()
+    left_out: Reasons
+    stated: str | None
+    separator: str
+    questions: Reasons
 
-    def decimals(self, columns: Sequence[Column], said: str | None) -> Decimals:
-        """Decide on the decimal sign by columns; raises DataError for numbers with both."""
-        cells = {c.head: list(zip(self.rows, c.cells, strict=True)) for c in columns}
-        return decimals_of(cells, said or self.stated, self.separator)
+
+@dataclass(frozen=True)
+class _Grid:
+    """Lines of a file as cells: their numbers, which cells are numbers or filled, comments."""
+
+    rows: Sequence[int]
+    cells: Sequence[Cells]
+    numeric: Array
+    filled: Array
+    comments: frozenset[int]
+
+    @classmethod
+    def of(cls, rows: Sequence[tuple[int, Cells]], comments: frozenset[int]) -> _Grid:
+        columns = list(zip_longest(*(row for _, row in rows), fillvalue=""))
+        filled = np.array([list(map(bool, cells)) for cells in columns]).T
+        numeric = np.array([are_numbers(cells) for cells in columns]).T
+        cells = list(zip(*columns, strict=True))
+        return cls([n for n, _ in rows], cells, numeric, filled, comments)
+
+    @property
+    def data(self) -> Array:
+        """Rows of numbers, (rows,)."""
+        numbers = self.numeric.sum(axis=1)
+        return (numbers >= 2) & (2 * numbers >= self.filled.sum(axis=1))
+
+    def is_head(self, k: int, first: int) -> bool:
+        """Test that a row has words enough to name the columns of the row ``first``."""
+        words = max(2, 0.6 * self.filled[first].sum())
+        return bool(self.filled[k].sum() >= words and not self.numeric[k].any())
 
 
 def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True) -> ForeignTable:
@@ -93,34 +120,35 @@ def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True)
         raise DataError(f"there is no {path}; give a CSV that the stand has written") from error
     stated = _DECIMAL.search(text)
     bare = _LABVIEW.sub(lambda found: "\n" * found.group().count("\n"), text)
-    separator, rows = _cells(path, bare.splitlines(keepends=True))
-    head, units, body, left = _divided(path, rows, chosen)
-    width = len(head)
-    if long := [n for n, row in body if any(row[width:])]:
+    lines = bare.splitlines(keepends=True)
+    separator, rows = _parted(path, lines)
+    comments = frozenset(n for n, line in enumerate(lines, start=1) if _COMMENT.match(line))
+    grid = _Grid.of(rows, comments)
+    head, units, body, left = _divided(path, grid, separator, chosen)
+    width, questions = len(head), list[tuple[int, str]]()
+    if (long := body[grid.filled[body, width:].any(axis=1)]).size:
         raise DataError(
-            f"{path}, row {long[0]} has more cells than the {width} columns of the head; is a "
-            "decimal comma among them? save it with semicolons between cells"
+            f"{path}, row {grid.rows[long[0]]} has more cells than the {width} columns of the "
+            "head; is a decimal comma among them? save it with semicolons between cells"
         )
-    body = [(n, [*row[:width], *[""] * (width - len(row))]) for n, row in body]
-    questions: list[tuple[int, str]] = []
-    if sums and body and not chosen:
-        left += _summaries(body, separator, questions)
+    if sums and body.size and not chosen:
+        left += _summaries(grid, body, separator, questions)
     gone = {n for n, _ in left}
-    kept = [(n, row) for n, row in body if n not in gone]
+    kept = [k for k in body.tolist() if grid.rows[k] not in gone]
     if not kept:
         raise DataError(f"{path} has no row of a shift; name its rows with --rows, such as 2-41")
     columns = [
-        Column.of(k + 1, head[k] or f"column {k + 1}", units[k], [row[k] for _, row in kept])
-        for k in range(width)
-        if head[k] or any(row[k] for _, row in kept)
+        Column.of(k + 1, head[k] or f"column {k + 1}", units[k], cells)
+        for k, cells in enumerate(list(zip(*(grid.cells[k] for k in kept), strict=True))[:width])
+        if head[k] or any(cells)
     ]
     return ForeignTable(
-        path, tuple(columns), tuple(n for n, _ in kept), tuple(sorted(left)),
-        stated[1] if stated else None, separator, tuple(questions),
+        path, tuple(columns), tuple(grid.rows[k] for k in kept), sorted(left),
+        stated[1] if stated else None, separator, questions,
     )  # fmt: skip
 
 
-def _cells(path: Path, lines: list[str]) -> tuple[str, Rows]:
+def _parted(path: Path, lines: list[str]) -> tuple[str, Sequence[tuple[int, Cells]]]:
     """Part lines into cells by the dialect that gives the most regular table."""
     import clevercsv  # noqa: PLC0415  # loaded for foreign tables only
 
@@ -131,32 +159,34 @@ def _cells(path: Path, lines: list[str]) -> tuple[str, Rows]:
             break
         rows = parted(path, lines, separator) if separator else []
         first = next((k for k, (_, row) in enumerate(rows) if _is_data(row)), -1)
-        if first == 0 or (first > 0 and _full(rows[first - 1][1]) > 1):
+        if first == 0 or (first > 0 and sum(map(bool, rows[first - 1][1])) > 1):
             return separator, rows
     texts = [(n, re.sub(r"^[#%!]+", " ", line.rstrip())) for n, line in enumerate(lines, start=1)
              if line.strip("#%! \t\r\n")]  # fmt: skip
     for blanks in (_WIDE, _ANY):
-        rows = [(n, blanks.findall(text)) for n, text in texts]
-        widths = Counter(len(row) for _, row in rows if _is_data(row)).most_common(1)
+        cells = [blanks.findall(text) for _, text in texts]
+        widths = Counter(len(row) for row in cells if _is_data(row)).most_common(1)
         width, often = widths[0] if widths else (0, 0)
-        if width >= 3 and 2 * often >= len(rows):
+        if width >= 3 and 2 * often >= len(cells):
             break
     usual = [[found.span() for found in blanks.finditer(text)]
-             for (_, text), (_, row) in zip(texts, rows, strict=True)
+             for (_, text), row in zip(texts, cells, strict=True)
              if len(row) == width and _is_data(row)]  # fmt: skip
-    for k, (n, text) in enumerate(texts):
-        if usual and len(rows[k][1]) != width:
+    for k, (_, text) in enumerate(texts):
+        if usual and len(cells[k]) != width:
             ways = [way.findall(text) for way in (_WIDE, _NAMED)]
-            rows[k] = (n, next((w for w in ways if len(w) == width), _by_place(text, usual)))
-    return " ", rows
+            cells[k] = next((w for w in ways if len(w) == width), _by_place(text, usual))
+    return " ", [(n, row) for (n, _), row in zip(texts, cells, strict=True)]
+
+
+def _is_data(row: Cells) -> bool:
+    numbers = sum(are_numbers(row))
+    return numbers >= 2 and 2 * numbers >= sum(map(bool, row))
 
 
 def _by_place(text: str, usual: Sequence[Sequence[tuple[int, int]]]) -> list[str]:
     """Put the words of a line into the columns of other lines by their places."""
-    edges = [
-        (min(a), max(b))
-        for a, b in (zip(*those, strict=True) for those in zip(*usual, strict=True))
-    ]
+    edges = [(spans[..., 0].min(), spans[..., 1].max()) for spans in np.array(usual).swapaxes(0, 1)]
     cells = [""] * len(edges)
     for found in _WIDE.finditer(text):
         a, b = found.span()
@@ -166,20 +196,94 @@ def _by_place(text: str, usual: Sequence[Sequence[tuple[int, int]]]) -> list[str
     return cells
 
 
-def _full(row: Sequence[str]) -> int:
-    return sum(map(bool, row))
+def _divided(
+    path: Path, grid: _Grid, separator: str, chosen: Sequence[range]
+) -> tuple[list[str], list[str], Array, Reasons]:
+    """Divide rows into names, units, rows below them, and rows left out with their reasons."""
+    data = grid.data.tolist()
+    if not any(data):
+        raise DataError(
+            f"{path} has no rows of numbers; save the table as CSV with a name and unit above each "
+            "column"
+        )
+    starts = [
+        k for k in range(1, len(data)) if data[k] and not data[k - 1]
+        and any(grid.is_head(above, k) for above in range(max(0, k - 2), k))
+    ] or [data.index(True)]  # fmt: skip
+    heads = {k: _head(grid, k, separator) for k in starts}
+    size = Counter[str]()
+    for a, b in pairwise([*starts, len(data)]):
+        size[str(heads[a][:2])] += sum(data[a:b])
+    first = max(starts, key=lambda k: size[str(heads[k][:2])])
+    names, units, used = heads[first]
+    above = set(grid.cells[max(0, first - HEADS) : first])
+    words = ~grid.numeric.any(axis=1)
+    body: list[int] = []
+    left: Reasons = []
+    for k, (n, row) in enumerate(zip(grid.rows, grid.cells, strict=True)):
+        if chosen:
+            inside = k >= first and any(n in those for those in chosen)
+            body += [k] if inside else []
+            left += [(n, "not among --rows")] if data[k] and not inside else []
+        elif k < first:
+            # A blank line parts the head from lines that are not of the table.
+            beside = k >= min(used, default=first) or n + first - k == grid.rows[first]
+            if data[k] or (beside and k not in used):
+                left.append((n, f"stands above the table ('{next(filter(None, row))}')"))
+        elif k in heads and heads[k][:2] != (names, units):
+            raise DataError(
+                f"{path}: another table begins in row {n}; save each as a file of its own, or name "
+                f"the rows of shifts, such as --rows {grid.rows[first]}-{n - 1}"
+            )
+        elif row in above:
+            left.append((n, "repeats the head"))
+        elif words[k]:
+            left.append((n, f"has no number ('{next(filter(None, row))}')"))
+        else:
+            body.append(k)
+    return names, units, np.array(body, dtype=int), left
 
 
-def _is_data(row: Sequence[str]) -> bool:
-    numbers = sum(map(is_number, row))
-    return numbers >= 2 and 2 * numbers >= _full(row)
+def _head(grid: _Grid, first: int, separator: str) -> tuple[list[str], list[str], list[int]]:
+    """Read names and units above the first row of numbers, with the places of their rows.
+
+    Comments are no names, unless all lines above the numbers are comments.
+    """
+    data, filled = grid.data, grid.filled
+    width = 1 + int(np.flatnonzero(filled[data].any(axis=0))[-1])
+    noted = [grid.rows[k] in grid.comments for k in range(first)]
+
+    def known(k: int) -> list[int]:
+        return [p for p, cell in enumerate(grid.cells[k]) if unit_named(cell.strip("[]() "))]
+
+    near = takewhile(
+        lambda k: not data[k] and (filled[k].sum() > 1 or noted[k] or known(k)),
+        range(first - 1, -1, -1),
+    )
+    zone = [k for k in near if filled[k].sum() > 1 or known(k)][::-1]
+    if any(not noted[k] and filled[k].sum() > len(known(k)) for k in zone):
+        zone = [k for k in zone if not noted[k]]
+    zone = zone[-HEADS:]
+    if not zone:
+        return [""] * width, [""] * width, []
+    rows = [list(_unpadded(grid.cells[k])) for k in zone]
+    rows[0] = [cell.lstrip("#%! ") for cell in rows[0]]
+    units: list[str] = []
+    for at in range(len(rows) - 1, 0, -1):
+        if _is_units(rows[at], ["".join(c) for c in zip_longest(*rows[:at], fillvalue="")]):
+            units, rows, zone = rows[at], rows[:at], [*zone[:at], zone[at]]
+            break
+    lower = rows[-1]
+    width = max(len(lower), len(units)) if len(lower) > 1 else width
+    lower = lower + [""] * (width - len(lower))
+    names = lower
+    if len(rows) > 1:
+        names = _two_lines(rows[-2] + [""] * (width - len(rows[-2])), lower, separator)
+    used = zone[len(rows) - (1 if names is lower else 2) :]
+    return names, units + [""] * (width - len(units)), used
 
 
-def _is_head(row: Sequence[str], data: Sequence[str]) -> bool:
-    return _full(row) >= max(2, 0.6 * _full(data)) and not any(map(is_number, row))
-
-
-def _is_units(row: Sequence[str], above: Sequence[str]) -> bool:
+def _is_units(row: Cells, above: Cells) -> bool:
     """Test that a row holds units, some cells aside, of the names above it."""
     known = [k for k, cell in enumerate(row) if unit_named(cell.strip("[]() "))]
     others = [c for k, c in enumerate(row) if k not in known and c.strip("[]()-1 ")]
@@ -188,120 +292,48 @@ def _is_units(row: Sequence[str], above: Sequence[str]) -> bool:
     return named and again < len(known) and (len(known) >= 2 or (len(known) == 1 and not others))
 
 
-def _divided(
-    path: Path, rows: Rows, chosen: Sequence[range]
-) -> tuple[list[str], list[str], Rows, list[tuple[int, str]]]:
-    """Divide rows into names, units, rows below them, and rows left out with their reasons."""
-    kinds = [_is_data(row) for _, row in rows]
-    if not any(kinds):
-        raise DataError(
-            f"{path} has no rows of numbers; save the table as CSV with a name and unit above each "
-            "column"
-        )
-    starts = [
-        k
-        for k, data in enumerate(kinds)
-        if data and k and not kinds[k - 1]
-        and any(_is_head(row, rows[k][1]) for _, row in rows[max(0, k - 2) : k])
-    ] or [kinds.index(True)]  # fmt: skip
-    names = {k: _names(rows, kinds, k) for k in starts}
-    size = Counter[str]()
-    for a, b in pairwise([*starts, len(rows)]):
-        size[str(names[a])] += sum(kinds[a:b])
-    first = max(starts, key=lambda k: size[str(names[k])])
-    above = [row for _, row in rows[max(0, first - HEADS) : first]]
-    body, left = [], []
-    for k, (n, row) in enumerate(rows):
-        if chosen:
-            inside = k >= first and any(n in those for those in chosen)
-            body += [(n, row)] if inside else []
-            left += [(n, "not among --rows")] if kinds[k] and not inside else []
-        elif k < first:
-            left += [(n, "stands above the table")] if kinds[k] else []
-        elif k in names and names[k] != names[first]:
-            raise DataError(
-                f"{path}: another table begins in row {n}; save each as a file of its own, or name "
-                f"the rows of shifts, such as --rows {rows[first][0]}-{n - 1}"
-            )
-        elif row in above:
-            left.append((n, "repeats the head"))
-        elif not any(map(is_number, row)):
-            left.append((n, f"has no number ('{next(filter(None, row))}')"))
-        else:
-            body.append((n, row))
-    return *names[first], body, left
-
-
-def _names(rows: Rows, kinds: Sequence[bool], first: int) -> tuple[list[str], list[str]]:
-    """Read names and units from the rows above the first row of numbers."""
-    width = max(len(_unpadded(row)) for (_, row), data in zip(rows, kinds, strict=True) if data)
-    zone: list[list[str]] = []
-    for k in range(first - 1, max(-1, first - 1 - HEADS), -1):
-        unit = any(unit_named(cell.strip("[]() ")) for cell in rows[k][1])
-        if kinds[k] or (_full(rows[k][1]) < 2 and not unit):
-            break
-        zone.insert(0, _unpadded(rows[k][1]))
-    if not zone:
-        return [""] * width, [""] * width
-    zone = [[cell.lstrip("#%! ") if not k else cell for k, cell in enumerate(r)] for r in zone]
-    units: list[str] = []
-    for k in range(len(zone) - 1, 0, -1):
-        if _is_units(zone[k], ["".join(c) for c in zip_longest(*zone[:k], fillvalue="")]):
-            units, zone = zone[k], zone[:k]
-            break
-    head = zone[-1]
-    width = max(len(head), len(units)) if len(head) > 1 else width
-    head = head + [""] * (width - len(head))
-    if len(zone) > 1:
-        head = _two_lines(zone[-2] + [""] * (width - len(zone[-2])), head)
-    return head, units + [""] * (width - len(units))
-
-
-def _two_lines(upper: list[str], lower: list[str]) -> list[str]:
-    """Join names that stand in two lines, or below names of groups."""
-    names = [name for name in lower if name]
+def _two_lines(upper: list[str], lower: list[str], separator: str) -> list[str]:
+    """Join names that stand in two lines, or below names of groups; else give the lower line."""
+    names, above = list(filter(None, lower)), sum(map(bool, upper))
     if len(set(names)) < len(names):
         upper = [next((c for c in upper[k::-1] if c), "") for k in range(len(upper))]
-    elif _full(upper) < 3 or (_full(upper) < len(names) and all(lower[: len(upper)])):
+    elif above < 3 or (all(lower) and (above < len(names) or separator == " ")):
         return lower
-    joined = [f"{a[:-1]}{b}" if a.endswith("-") else f"{a} {b}".strip()
-              for a, b in zip(upper, lower, strict=False)]  # fmt: skip
-    return joined + lower[len(joined) :]
+    return [f"{a[:-1]}{b}" if a.endswith("-") else f"{a} {b}".strip()
+            for a, b in zip_longest(upper, lower, fillvalue="")]  # fmt: skip
 
 
-def _unpadded(row: list[str]) -> list[str]:
+def _unpadded(row: Cells) -> Cells:
     return row[: max((place for place, cell in enumerate(row, start=1) if cell), default=0)]
 
 
-def _summaries(
-    body: Rows, separator: str, questions: list[tuple[int, str]]
-) -> list[tuple[int, str]]:
+def _summaries(grid: _Grid, body: Array, separator: str, questions: Reasons) -> Reasons:
     """Find rows that summarise those above them, and labelled rows at the ends of the table."""
-    columns = {str(k): [(n, row[k]) for n, row in body] for k in range(len(body[0][1]))}
+    rows, cells = [grid.rows[k] for k in body], [grid.cells[k] for k in body]
+    columns = {str(k): those for k, those in enumerate(zip(*cells, strict=True))}
     try:
-        decimals = decimals_of(columns, None, separator)
+        decimals = decimals_of(columns, rows, None, separator)
     except DataError:
         decimals = Decimals(None)
-    values = np.array([[decimals.value(c) if is_number(c) else np.nan for c in r] for _, r in body])
-    labels = _labels(body, values)
+    values = np.stack([decimals.values(those) for those in columns.values()], axis=1)
+    labels = _labels(cells, np.isfinite(values), grid.filled[body])
     found: dict[int, str] = {}
     above: list[int] = []
     start = 0  # of the group that the last rows belong to
-    for k, (_, row) in enumerate(body):
+    for k, row in enumerate(cells):
         follows = k - 1 in found
-        if k in labels or follows or k >= len(body) - FOOT:
+        if k in labels or follows or k >= len(cells) - FOOT:
             sure = labels.get(k) and not re.search(r"\d", labels[k])
             mark = "word" if sure else "place" if k in labels or follows else ""
             for those in (above[start:], above):
                 if name := _statistic(values[those], values[k], row, decimals, mark):
-                    found[k] = f"{name} of rows {body[those[0]][0]} to {body[those[-1]][0]}"
+                    found[k] = f"{name} of rows {rows[those[0]]} to {rows[those[-1]]}"
                     break
         if k not in found:
             start = len(above) if follows else start
             above.append(k)
     shifts = [k for k in above if not labels.get(k)]
     for k, word in labels.items():
-        n, row = body[k]
         foot = not shifts or k < shifts[0] or k > shifts[-1]
         if k in found or not word or (re.search(r"\d", word) and not (foot and k - 1 in found)):
             continue
@@ -309,62 +341,65 @@ def _summaries(
             found[k] = "word where other rows have a number"
         else:
             questions.append((
-                row.index(word) + 1, f"row {n} has '{word}' where other rows have a number, and is "
-                "no sum or mean of those above; correct it, or name the rows of shifts with --rows",
+                cells[k].index(word) + 1, f"row {rows[k]} has '{word}' where other rows have a "
+                "number, and is no sum or mean of those above; correct it, or name the rows of "
+                "shifts with --rows",
             ))  # fmt: skip
-    return [(body[k][0], why + (f" ('{labels[k]}')" if labels.get(k) else ""))
+    return [(rows[k], why + (f" ('{labels[k]}')" if labels.get(k) else ""))
             for k, why in found.items()]  # fmt: skip
 
 
-def _labels(body: Rows, values: Array) -> dict[int, str]:
+def _labels(rows: Sequence[Cells], numeric: Array, filled: Array) -> dict[int, str]:
     """Find rows whose first cell is a word, or empty, where other rows have a number."""
-    cells = np.array([np.isfinite(values), [[bool(c) for c in row] for _, row in body]])
-    below = cells.sum(axis=1)[:, None] - cells.cumsum(axis=1)
+    both = np.array([numeric, filled], dtype=int)
+    below = both.sum(axis=1)[:, None] - both.cumsum(axis=1)
     above, others = np.zeros_like(below[:, 0]), 0
     found: dict[int, str] = {}
-    for k, (_, row) in enumerate(body):
-        numbers, filled = above if others > 1 else below[:, k]
-        usual = 2 * numbers > filled
+    for k, row in enumerate(rows):
+        numbers, cells = above if others > 1 else below[:, k]
+        usual = 2 * numbers > cells
         place = next((p for p, cell in enumerate(row) if cell), 0)
-        word = usual[place] and not cells[0, k, place] and cells[0, k].any()
+        word = usual[place] and not numeric[k, place] and numeric[k].any()
         if word or (not row[0] and usual[0]):
             found[k] = row[place] if word else ""
         else:
             others += 1
-            above = above + cells[:, k]
+            above = above + both[:, k]
     return found
 
 
-def _statistic(
-    above: Array, values: Array, row: Sequence[str], decimals: Decimals, mark: str
-) -> str | None:
-    """Name the statistic that a row is of the rows above it, None where it is of none.
+#: Statistics of the numbers of a column, and whether tables usually have them.
+STATISTICS = {
+    "mean": (np.mean, True),
+    "sum": (np.sum, True),
+    "standard deviation": (lambda known: known.std(ddof=1), True),
+    "standard deviation (n)": (np.std, True),
+    "standard error": (lambda known: known.std(ddof=1) / known.size**0.5, False),
+    "count": (np.size, True),
+    "median": (np.median, False),
+    "least value": (np.min, False),
+    "largest value": (np.max, False),
+    "range": (np.ptp, False),
+    "variance": (lambda known: known.var(ddof=1), False),
+}
+
+
+def _statistic(above: Array, values: Array, row: Cells, decimals: Decimals, mark: str) -> str:
+    """Name the statistic that a row is of the rows above it, empty where it is of none.
 
     ``mark`` says by what the row stands out: a ``word``, its ``place``, or nothing. Columns that
     are constant above tell little, and every column has to agree where no word stands.
     """
-    whole, hits, telling = 0, Counter[str](), Counter[str]()
-    statistics: dict[str, float] = {}
-    for k, value in enumerate(values):
-        known = above[:, k][np.isfinite(above[:, k])]
-        if not np.isfinite(value) or known.size < 2:
-            continue
-        whole += 1
-        by = 0.51 * decimals.step(row[k]) + 1e-9 * abs(value)
-        sd, size = known.std(ddof=1), known.size
-        statistics = {
-            "mean": known.mean(), "sum": known.sum(), "standard deviation": sd,
-            "standard deviation (n)": known.std(), "standard error": sd / size**0.5, "count": size,
-            "median": np.median(known), "least value": known.min(), "largest value": known.max(),
-            "range": np.ptp(known), "variance": sd**2,
-        }  # fmt: skip
-        agreeing = {name for name, one in statistics.items() if abs(float(one) - value) <= by}
-        hits.update(agreeing)
-        telling.update(agreeing if np.ptp(known) else ())
-    for name in statistics:
-        likely = name in ("mean", "sum", "standard deviation", "standard deviation (n)", "count")
-        least = {"word": 1, "place": 1 if likely else 2}.get(mark, 2 if likely else whole + 1)
+    columns = [(above[np.isfinite(above[:, k]), k], value, row[k])
+               for k, value in enumerate(values) if np.isfinite(value)]  # fmt: skip
+    columns = [one for one in columns if one[0].size > 1]
+    for name, (statistic, usual) in STATISTICS.items():
+        hits = [
+            np.ptp(known) > 0.0 for known, value, cell in columns
+            if abs(statistic(known) - value) <= 0.51 * decimals.step(cell) + 1e-9 * abs(value)
+        ]  # fmt: skip
+        least = {"word": 1, "place": 1 if usual else 2}.get(mark, 2 if usual else len(columns) + 1)
         share = 2 / 3 if mark == "word" else 1.0
-        if telling[name] >= least and hits[name] >= share * whole and (mark or len(above) > 2):
+        if sum(hits) >= least and len(hits) >= share * len(columns) and (mark or len(above) > 2):
             return name
-    return None
+    return ""

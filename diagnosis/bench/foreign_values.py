@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from statistics import median
+from dataclasses import dataclass, field
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -24,7 +23,8 @@ from dogshape.diagnosis.bench.foreign_columns import (
 from dogshape.diagnosis.bench.foreign_table import Column, ForeignTable
 from dogshape.diagnosis.bench.measured_units import FORCE, SPEED, TIME, Unit, unit_named
 from dogshape.diagnosis.bench.time_stamps import is_dated, stamps_of
-from dogshape.diagnosis.bench.written_numbers import Decimals, is_number
+from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers, decimals_of
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number
 from dogshape.sim.texts import listed
 
@@ -37,21 +37,6 @@ ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True)
            **dict.fromkeys(NO, False)}  # fmt: skip
 MOST = 12  #: faults of one kind that are listed one by one
 Values = list[Any]  #: a value for each row, None where there is none
-
-
-@dataclass(frozen=True)
-class ColumnReading:
-    """Record of a column as read: unit, decimal sign, values in the project's unit, and reason."""
-
-    file: str
-    quantity: str
-    column: str
-    unit: str | None
-    decimals: str | None
-    first: Any
-    least: float | None
-    largest: float | None
-    why: str
 
 
 @dataclass
@@ -90,13 +75,14 @@ class TableReader:
         # A word among numbers that are read anyway is a fault of their column.
         read = {t.column.place for m in found for t in m.terms if m.quantity.name != "order"}
         faults = [text for place, text in table.questions if place not in read] + faults
-        decimals = Decimals(decimal)
+        decimals, stated = Decimals(decimal), decimal or table.stated
+        cells = {c.head: c.cells for c in used.values() if not is_dated(c.cells)}
         try:
-            decimals = table.decimals([c for c in used.values() if not is_dated(c.cells)], decimal)
+            decimals = decimals_of(cells, table.rows, stated, table.separator)
         except DataError as error:
             faults.append(str(error))
-        report.faults += [f"{table.path}: {fault}" for fault in (*faults, *decimals.questions)]
         file = str(table.path)
+        report.faults += [f"{file}: {fault}" for fault in (*faults, *decimals.questions)]
         report.left_out += [{"file": file, "row": n, "reason": why} for n, why in table.left_out]
         report.left_out += [{"file": file, "column": c.head, "reason": _reason(c)}
                             for c in table.columns if c.place not in used]  # fmt: skip
@@ -106,16 +92,23 @@ class TableReader:
         where = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
         self.report.faults.append(f"{where} {text}")
 
+    def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
+        """List cells that are wrong with their rows, the first of many."""
+        bad = [f"row {n}: '{cell}'" for n, cell in
+               compress(zip(self.table.rows, cells, strict=True), wrong)]  # fmt: skip
+        more = f" and {len(bad) - MOST} more" if len(bad) > MOST else ""
+        return ", ".join(bad[:MOST]) + more
+
     def _record(self, match: Match, values: Values, unit: str | None, why: str = "") -> Values:
         known = [v for v in values if v is not None]
         numbers = [v for v in known if isinstance(v, float)]
-        cells = [cell for t in match.terms for cell in t.column.cells if is_number(cell)]
-        self.report.readings.append(asdict(ColumnReading(
-            str(self.table.path), match.quantity.name, match.head, unit,
-            self.decimals.named(cells) if numbers else None, known[0] if known else None,
-            min(numbers, default=None), max(numbers, default=None),
-            "; ".join(filter(None, (match.why, why))),
-        )))  # fmt: skip
+        cells = [cell for t in match.terms for cell in t.column.cells] if numbers else []
+        self.report.readings.append({
+            "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
+            "unit": unit, "decimals": self.decimals.named(cells),
+            "first": known[0] if known else None, "least": min(numbers, default=None),
+            "largest": max(numbers, default=None), "why": "; ".join(filter(None, (match.why, why))),
+        })  # fmt: skip
         return values
 
     def numbers(self, name: str, *, needed: bool = False) -> Values:
@@ -129,7 +122,7 @@ class TableReader:
         whole: dict[str, Any] = {}
         units, whys = [], []
         for place, term in enumerate(match.terms):
-            values = self._cells(match, term.column, needed)
+            values = self._cells(match, term.column.cells, needed)
             unit, why = self._unit(match, term, values[np.isfinite(values)])
             whole[f"c{place}"] = values * (1.0 if unit is None else unit.factor)
             units += [unit.text] if unit else []
@@ -141,47 +134,45 @@ class TableReader:
             values = whole["c0"] * np.nan
         if match.formula and not np.isfinite(values).any():
             self._fault(match, f"is no formula ({match.why}); write for instance 'n_out - n_in'")
-        done = [None if not math.isfinite(v) else float(f"{v:.15g}") for v in values]
+        # A factor such as 1e-3 leaves a last digit that the cell does not have.
+        done = [float(f"{v:.15g}") if ok else None
+                for v, ok in zip(values.tolist(), np.isfinite(values), strict=True)]  # fmt: skip
         return self._record(match, done, ", ".join(dict.fromkeys(units)) or None, "; ".join(whys))
 
-    def _cells(self, match: Match, column: Column, needed: bool) -> Any:
+    def _cells(self, match: Match, cells: Sequence[str], needed: bool) -> Array:
         """Read the numbers of a column, NaN where there is none, (rows,)."""
-        cells = dict(zip(self.table.rows, column.cells, strict=True))
-        empty = [str(n) for n, cell in cells.items() if cell.lower() in NOTHING]
-        bad = [f"row {n}: '{cell}'" for n, cell in cells.items()
-               if not is_number(cell) and cell.lower() not in NOTHING]  # fmt: skip
-        if bad:
-            self._fault(match, f"must hold numbers, but {_some(bad)}; correct or empty the cells")
-        if empty and needed:
-            self._fault(match, f"is empty in row {_some(empty)}; fill the cells or remove the rows")
-        return np.array(
-            [self.decimals.value(c) if is_number(c) else np.nan for c in cells.values()]
-        )
+        values = self.decimals.values(cells)
+        if np.isfinite(values).all():
+            return values
+        empty = [cell.lower() in NOTHING for cell in cells]
+        bad = [not (known or none) for known, none in zip(are_numbers(cells), empty, strict=True)]
+        if any(bad):
+            listed = self._rows(cells, bad)
+            self._fault(match, f"must hold numbers, but {listed}; correct or empty the cells")
+        if any(empty) and needed:
+            rows = ", ".join(map(str, list(compress(self.table.rows, empty))[:MOST]))
+            self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
+        return values
 
-    def _unit(self, match: Match, term: Term, values: Any) -> tuple[Unit | None, str]:
+    def _unit(self, match: Match, term: Term, values: Array) -> tuple[Unit | None, str]:
         """Give the unit of a column, and the reason where its head has none, or ask for it."""
         quantity, column, unit = match.quantity, term.column, term.unit
         option = f"--column {quantity.name}='{column.head}:"
         speed = quantity.dimension == SPEED
-        if unit is not None and not math.isnan(unit.factor):
+        if (unit is not None and not np.isnan(unit.factor)) or quantity.dimension is None:
             return unit, ""
-        if unit is not None and speed:
-            self._fault(
-                match, f"is in '{unit.text}', revolutions or radians; say {option}rev/s' or "
-                f"{option}rad/s'",
-            )  # fmt: skip
-        elif column.strange and quantity.dimension:
-            self._fault(
-                match, f"has the unit '{column.strange}', which is not known; say {option}UNIT' "
-                f"with one of {', '.join(quantity.units)}",
-            )  # fmt: skip
+        if unit is not None:
+            fault = f"is in '{unit.text}', revolutions or radians; say {option}rev/s' or "
+            fault += f"{option}rad/s'"
+        elif column.strange:
+            fault = f"has the unit '{column.strange}', which is not known; say {option}UNIT' with "
+            fault += f"one of {quantity.units}"
         elif speed and re.search(r"omega|angular|winkel", plain_words(column.name)):
-            self._fault(
-                match, f"is an angular speed without a unit; say {option}rad/s' or {option}1/min'"
-            )
-        elif quantity.dimension is not None and values.size:
+            fault = f"is an angular speed without a unit; say {option}rad/s' or {option}1/min'"
+        elif values.size:
             # A recorder's clock may begin anywhere: the length of a trace decides.
-            middle = median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+            start = values.min() if quantity.name == "t_s" else 0.0
+            middle = np.median(abs(values - start))
             sizes = {TIME: "ms" if middle > 5.0 else "s", FORCE: "kN" if middle < 5.0 else "N",
                      SPEED: "1/min"}  # fmt: skip
             text = sizes.get(quantity.dimension, "mm")
@@ -190,22 +181,22 @@ class TableReader:
                 f"{text} by its size; {option}UNIT' says another"
             )
             return unit_named(text), f"{text} by its size"
+        else:
+            return None, ""
+        self._fault(match, fault)
         return None, ""
 
     def counts(self) -> list[int]:
         """Read the number of shifts of each row, a whole number of at least 1; 1 where none is."""
         match, values = self.matches.get("n_shifts"), self.numbers("n_shifts")
-        rows = zip(self.table.rows, values, strict=True)
-        bad = [f"row {n}: {number(v)}" for n, v in rows if v is not None and (v < 1 or v % 1)]
         if match is None:
             self.report.assumed.append(
                 f"{self.table.path}: each row is one shift, as no column counts them"
             )
-        elif bad:
-            self._fault(
-                match, f"must be whole numbers of at least 1, but {_some(bad)}; correct them"
-            )
-        return [max(1, round(value)) if value is not None else 1 for value in values]
+        elif any(wrong := [v is not None and (v < 1 or v % 1 > 0) for v in values]):
+            bad = self._rows([v and number(v) for v in values], wrong).replace("'", "")
+            self._fault(match, f"must be whole numbers of at least 1, but {bad}; correct them")
+        return [max(1, round(value or 1)) for value in values]
 
     def texts(self, name: str) -> list[str]:
         """Read a column as it stands."""
@@ -223,23 +214,22 @@ class TableReader:
         match = self.matches.get("engaged")
         if match is None:
             return [None] * len(self.table.rows)
-        head = match.terms[0].column.head
-        option = f"--column engaged='{head}:"
-        cells = [cell.lower() for cell in match.terms[0].column.cells]
-        often = Counter("empty" if cell in NOTHING else cell for cell in cells)
+        column = match.terms[0].column
+        option = f"--column engaged='{column.head}:"
+        cells = ["empty" if c.lower() in NOTHING else c.lower() for c in column.cells]
+        often = Counter(cells)
         said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
         words = {word: said.get(word, "" if word == "empty" else word) for word in often}
         values = {word: ANSWERS[other] for word, other in words.items() if other in ANSWERS}
         strange = [word for word in often if word not in values]
         if strange and not match.given and set(values.values()) <= {None}:
-            self.report.left_out.append({
-                "file": str(self.table.path), "column": head,
-                "reason": f"its words are neither yes nor no; {option}{strange[0]}=yes' says so",
-            })  # fmt: skip
+            why = f"its words are neither yes nor no; {option}{strange[0]}=yes' says so"
+            self.report.left_out.append(
+                {"file": str(self.table.path), "column": column.head, "reason": why}
+            )
             return [None] * len(cells)
         if strange:
-            rows = zip(self.table.rows, cells, strict=True)
-            bad = _some([f"row {n}: '{cell}'" for n, cell in rows if cell in strange])
+            bad = self._rows(cells, [cell in strange for cell in cells])
             self._fault(
                 match, f"must be yes, no or empty, but {bad}; write true or false, or say "
                 f"{option}{strange[0]}=yes'",
@@ -252,8 +242,7 @@ class TableReader:
             )  # fmt: skip
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
-        done = [values.get("empty" if cell in NOTHING else cell) for cell in cells]
-        return self._record(match, done, None, read)
+        return self._record(match, [values.get(cell) for cell in cells], None, read)
 
     def stamps(self) -> Values:
         """Read time stamps: seconds as numbers, dates as ISO 8601; others raise DataError."""
@@ -261,23 +250,14 @@ class TableReader:
         unit, columns = match.terms[0].unit, [t.column.cells for t in match.terms]
         cells = [" ".join(row) for row in zip(*columns, strict=True)]
         known = [cell for cell in cells if cell.lower() not in NOTHING]
-        if not known:
-            raise DataError("all its cells are empty")
-        if all(map(is_number, known)):
-            numbers = [self.decimals.value(cell) for cell in known]
-            found, way = stamps_of(numbers, unit.factor if unit else None, match.option)
-        elif any(map(is_number, known)):
-            raise DataError("it has dates and plain numbers")
-        else:
-            found, way = stamps_of(known, None, match.option)
+        numbers = are_numbers(known)
+        if not known or len(set(numbers)) > 1:
+            raise DataError("it has dates and plain numbers" if known else "all its cells are empty")
+        values: Sequence[Any] = self.decimals.values(known).tolist() if all(numbers) else known
+        found, way = stamps_of(values, unit.factor if unit and all(numbers) else None, match.option)
         left = iter(found)
         done = [None if cell.lower() in NOTHING else next(left) for cell in cells]
         return self._record(match, done, unit.text if unit else None, way)
-
-
-def _some(items: Sequence[str]) -> str:
-    more = f" and {len(items) - MOST} more" if len(items) > MOST else ""
-    return ", ".join(items[:MOST]) + more
 
 
 def _reason(column: Column) -> str:
@@ -291,4 +271,4 @@ def _reason(column: Column) -> str:
     if clock or is_dated(cells):
         what = "grows as a clock" if clock else "dates"
         return f"{what}; --column timestamp='{column.head}' takes it as times of the shifts"
-    return "words" if 2 * sum(map(is_number, cells)) < len(cells) else "no quantity of this name"
+    return "words" if 2 * sum(are_numbers(cells)) < len(cells) else "no quantity of this name"

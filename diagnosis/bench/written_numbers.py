@@ -1,7 +1,7 @@
 """Numbers as people and loggers write them: decimal sign, thousands, signs apart.
 
 A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
-statement of the file or of the user; otherwise it is a question.
+statement of the file or of the user; otherwise it is a question. Columns are read as a whole.
 """
 
 from __future__ import annotations
@@ -9,8 +9,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from itertools import compress
 
+import numpy as np
+
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 
 _SAME = str.maketrans({
@@ -18,25 +21,36 @@ _SAME = str.maketrans({
     **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}`\N{PRIME}", "'"),
     **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}\N{NON-BREAKING HYPHEN}", "-"),
 })  # fmt: skip
-_APART = re.compile(r"^([+-])\s+(?=[\d.,])")
-_PLAIN = re.compile(r"[+-]?(?:\d+(?:([.,])\d*)?|([.,])\d+)(?:[eE][+-]?\d+)?")
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?:([ ,.'])\d{3})(?:\1\d{3})*(?:(?!\1)([.,])\d+)?")
-_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}([.,])\d{3}")
+_APART = re.compile(r"(?m)^([+-])[ \t]+(?=[\d.,])")
+_NUMBER = (
+    r"[+-]?(?:(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+    r"|\d{1,3}([ ,.'])\d{3}(?:\2\d{3})*(?:(?!\2)[.,]\d+)?)"
+)
+_LINE = re.compile(rf"(?m)^(?:({_NUMBER})$|.*$)")
+_EITHER = re.compile(r"(?m)^[+-]?[1-9]\d{0,2}([.,])\d{3}$")
+_BARE = re.compile(r"(?m)^0*[1-9]\d*$")
 NAMES = {".": "point", ",": "comma"}
 OTHER = {".": ",", ",": "."}
+#: Numbers that show their decimal sign beyond doubt.
+_SURE = {
+    sign: re.compile(
+        rf"(?m)^[+-]?(?![1-9]\d{{0,2}}[{sign}]\d{{3}}$)"
+        rf"(?:(?:\d+[{sign}]\d*|[{sign}]\d+)(?:[eE][+-]?\d+)?"
+        rf"|\d{{1,3}}(?:([ '{other}])\d{{3}}(?:\1\d{{3}})*[{sign}]\d+|(?:[{other}]\d{{3}}){{2,}}))$"
+    )
+    for sign, other in OTHER.items()
+}
 
 
-@lru_cache(maxsize=1 << 18)
-def plain(cell: str) -> str:
-    """Write a cell with ordinary minus sign, blank and apostrophe, its sign beside its digits."""
-    return cell if cell.isalnum() else _APART.sub(r"\1", cell.translate(_SAME).strip())
+def plain(cells: Sequence[str]) -> str:
+    """Write cells as lines, with ordinary minus sign and blank, signs beside their digits."""
+    lines = "\n".join(c.replace("\n", " ") if "\n" in c else c for c in cells)
+    return _APART.sub(r"\1", lines.translate(_SAME))
 
 
-@lru_cache(maxsize=1 << 18)
-def is_number(cell: str) -> bool:
-    """Test that a cell is a number, whichever its decimal sign."""
-    text = plain(cell)
-    return bool(_PLAIN.fullmatch(text) or _GROUPED.fullmatch(text))
+def are_numbers(cells: Sequence[str]) -> list[bool]:
+    """Test which cells are numbers, whatever their decimal sign."""
+    return [bool(found[0]) for found in _LINE.findall(plain(cells))] if cells else []
 
 
 @dataclass(frozen=True)
@@ -46,17 +60,18 @@ class Decimals:
     sign: str | None
     questions: tuple[str, ...] = ()
 
-    def value(self, cell: str) -> float:
-        """Convert a cell that is a number."""
-        text = plain(cell)
+    def values(self, cells: Sequence[str]) -> Array:
+        """Convert cells, NaN where one is no number, (cells,)."""
+        text, known = plain(cells), np.array(are_numbers(cells), dtype=bool)
         sign = self.sign or ("," if "," in text and "." not in text else ".")
-        for mark in (" ", "'", OTHER[sign]):
-            text = text.replace(mark, "")
-        return float(text.replace(sign, "."))
+        bare = text.translate({ord(mark): None for mark in " '" + OTHER[sign]}).replace(sign, ".")
+        values = np.full(len(cells), np.nan)
+        values[known] = np.array(list(compress(bare.split("\n"), known)), dtype=float)
+        return values
 
     def step(self, cell: str) -> float:
         """Give the value of the last digit of a number."""
-        digits = re.split(r"[eE]", plain(cell))[0].partition(self.sign or ".")[2]
+        digits = re.split(r"[eE]", plain([cell]))[0].partition(self.sign or ".")[2]
         return float(10.0 ** -len(digits))
 
     def named(self, cells: Sequence[str]) -> str | None:
@@ -64,57 +79,44 @@ class Decimals:
         return NAMES[self.sign] if self.sign and any(self.sign in c for c in cells) else None
 
 
-def _evidence(text: str) -> str | None:
-    """Find the decimal sign that a number shows beyond doubt."""
-    if _EITHER.fullmatch(text):
-        return None
-    if found := _PLAIN.fullmatch(text):
-        return found[1] or found[2]
-    if found := _GROUPED.fullmatch(text):
-        several = found[1] in OTHER and text.count(found[1]) > 1
-        return found[2] or (OTHER[found[1]] if several else None)
-    return None
-
-
 def decimals_of(
-    columns: Mapping[str, Sequence[tuple[int, str]]], stated: str | None, separator: str
+    columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
 ) -> Decimals:
-    """Decide on the decimal sign of a file from columns of cells with their rows.
+    """Decide on the decimal sign of a file from the cells of columns.
 
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both.
     """
+    texts = {head: plain(cells) for head, cells in columns.items()}
     sure: dict[str, str] = {}
-    for mark in OTHER:
-        shown = ((row, plain(c)) for those in columns.values() for row, c in those
-                 if "." in c or "," in c or "'" in c)  # fmt: skip
-        if first := next(((row, c) for row, c in shown if _evidence(c) == mark), None):
-            sure[mark] = f"a {NAMES[mark]} ('{first[1]}', row {first[0]})"
+    for mark, pattern in _SURE.items():
+        if found := next(filter(None, map(pattern.search, texts.values())), None):
+            row = rows[found.string.count("\n", 0, found.start())]
+            sure[mark] = f"a {NAMES[mark]} ('{found[0]}', row {row})"
     if len(sure) > 1 or (stated and OTHER[stated] in sure):
-        found = " and with ".join(sure[mark] for mark in sorted(sure))
+        both = " and with ".join(sure[mark] for mark in sorted(sure))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
         raise DataError(
-            f"numbers with {found}{says}, which can be read in two ways; save it with one sign"
+            f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
         )
-    sign = stated or next(iter(sure), None)
     if stated:
         return Decimals(stated)
+    sign = next(iter(sure), None)
     asked = []
-    for head, those in columns.items():
-        either = [(n, plain(c)) for n, c in those if len(c) > 4 and _EITHER.fullmatch(plain(c))]
-        signs = {"," if "," in text else "." for _, text in either}
-        if not either or (len(signs) == 1 and sign not in signs and sign):
+    for head, text in texts.items():
+        either = _EITHER.search(text)
+        signs = set(_EITHER.findall(text))
+        if not either or (len(signs) == 1 and sign and sign not in signs):
             continue  # thousands, as the other sign is that of decimals
-        if sign in signs and any(_evidence(plain(cell)) == sign for _, cell in those):
+        if sign in signs and _SURE[sign].search(text):
             continue
-        bare = any(plain(cell).isdigit() and cell.strip("0") for _, cell in those)
-        one = min(signs)
-        if len(signs) == 1 and not bare and (sign == one or (separator == "," and one == ".")):
+        one, row = min(signs), rows[text.count("\n", 0, either.start())]
+        decimal = sign == one or (separator == "," and one == ".")
+        if len(signs) == 1 and decimal and not _BARE.search(text):
             sign = one
             continue
-        row, text = either[0]
-        sep = "," if "," in text else "."
+        cell, mark = either.group(), either[1]
         asked.append(
-            f"column '{head}', row {row}: '{text}' can be read as {text.replace(sep, '')}, "
-            f"--decimal {OTHER[sep]}, or as {text.replace(sep, '.')}, --decimal {sep}"
+            f"column '{head}', row {row}: '{cell}' can be read as {cell.replace(mark, '')}, "
+            f"--decimal {OTHER[mark]}, or as {cell.replace(mark, '.')}, --decimal {mark}"
         )
     return Decimals(sign, tuple(asked))
