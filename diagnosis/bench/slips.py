@@ -12,7 +12,6 @@ from collections.abc import Callable, Sequence
 
 from dogshape.diagnosis.bench.corrections import GIVEN, Correction, contradict, corrected
 from dogshape.diagnosis.bench.finding import Finding
-from dogshape.diagnosis.bench.repeats import nearly_same_points, repeated_rows, short_traces
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.table_slips import (
@@ -21,6 +20,9 @@ from dogshape.diagnosis.bench.table_slips import (
     early_times,
     force_by_calibration,
     free_flight,
+    nearly_same_points,
+    repeated_rows,
+    short_traces,
     too_early,
 )
 from dogshape.diagnosis.bench.trace_slips import (
@@ -41,22 +43,10 @@ Check = Callable[[Stand, Sheet], Sequence[Finding]]
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Check, ...] = (
-    axes_by_rise,
-    axes_by_speed,
-    bounds,
-    force_by_calibration,
-    early_times,
-    trace_notes,
-    trace_time,
-    trace_clock,
-    displacement,
-    speeds,
-    trace_force,
-    trace_rest,
-    repeated_rows,
-    nearly_same_points,
+    axes_by_rise, axes_by_speed, bounds, force_by_calibration, early_times, trace_notes, trace_time,
+    trace_clock, displacement, speeds, trace_force, trace_rest, repeated_rows, nearly_same_points,
     short_traces,
-)
+)  # fmt: skip
 
 
 def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
@@ -84,22 +74,20 @@ def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None 
 
     ``where`` is the file, ``remedy`` what to do where nothing can be corrected on the way.
     """
-    certain = [one.sentence if remedy is None else one.with_remedy(remedy) for one in findings
+    certain = [one.with_remedy(remedy) if remedy else one.sentence for one in findings
                if one.certain]  # fmt: skip
     if certain:
         raise DataError(f"{where}: " + ". Also: ".join(certain))
 
 
 def impossible(stand: Stand, row: Row, asked: Sequence[Correction] = ()) -> str | None:
-    """Return the rule that the time of a row breaks, None where it may be true."""
-    given = any(one.quantity == "time" and one.way == GIVEN for one in asked)
+    """Give the rule that the time of a row breaks, None where it may be true."""
     limit = stand.clutch.timeout
-    if row.time is None or (0.0 < row.time <= limit and (given or not too_early(stand, row))):
-        return None
-    if not 0.0 < row.time <= limit:
+    if row.time is not None and not 0.0 < row.time <= limit:
         return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
-    free = free_flight(stand, row)
+    if not too_early(stand, row) or Correction("time", GIVEN) in asked:
+        return None
     return (
-        f"a time in s not far below {number(free)} s, which the free flight alone takes under this "
-        "force (--correct time=given takes it as it stands)"
+        f"a time in s not far below {number(free_flight(stand, row))} s, which the free flight "
+        "alone takes under this force (--correct time=given takes it as it stands)"
     )

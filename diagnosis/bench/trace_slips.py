@@ -14,9 +14,9 @@ from dogshape.diagnosis.bench.force_start import (
     scatter,
     smoothed,
 )
-from dogshape.diagnosis.bench.repeats import ends_early
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
+from dogshape.diagnosis.bench.table_slips import ends_early
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
