@@ -24,7 +24,6 @@ from dogshape.diagnosis.bench.measured_units import (
     unit_named,
 )
 from dogshape.diagnosis.bench.time_stamps import DATES, has_day, is_dated
-from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers
 from dogshape.sim.errors import InputError, did_you_mean
 
 LEAST = 20.0  #: score from which a column is taken for a quantity
@@ -172,7 +171,7 @@ def score(quantity: Quantity, column: Column) -> float:
     if (
         any(word in words or (len(word) > 4 and word in name) for word in against)
         or kind not in (None, quantity.dimension, quantity.also)
-        or (quantity.dimension and any(column.cells) and not any(are_numbers(column.cells)))
+        or (quantity.dimension and any(column.cells) and not np.isfinite(column.values).any())
     ):
         return 0.0
     if quantity.name == "timestamp" and kind is None and is_dated(column.cells):
@@ -204,8 +203,7 @@ def _is_strong(quantity: Quantity, column: Column) -> bool:
 
 def grows(column: Column) -> bool:
     """Test that numbers of a column grow from row to row, as a clock does."""
-    values = Decimals(None).values(column.cells)
-    steps = np.diff(values[np.isfinite(values)])
+    steps = np.diff(column.values[np.isfinite(column.values)])
     return bool(steps.size >= 2 and (steps > 0).mean() >= 0.9)
 
 
@@ -239,8 +237,12 @@ def matched(
     clocks = [c.place for c in columns if _is_clock(c, columns, scores)]
     open_ = [q for q in quantities if q.name not in said]
     while open_:
-        ranked = [(scores[q.name, c.place], q, c) for q in open_ for c in columns
-                  if c.place not in taken and not (q.name == "shift_time_s" and c.place in clocks)]
+        ranked = [
+            (scores[q.name, c.place], q, c)
+            for q in open_
+            for c in columns
+            if c.place not in taken and not (q.name == "shift_time_s" and c.place in clocks)
+        ]
         best, quantity, column = max(ranked, key=lambda row: row[0], default=(0.0, None, None))
         if quantity is None or column is None or best < LEAST:
             break

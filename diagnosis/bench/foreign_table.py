@@ -11,6 +11,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise, takewhile, zip_longest
 from pathlib import Path
 
@@ -59,6 +60,11 @@ class Column:
         unit = unit or unit_named(under)
         strange = None if unit else strange or (under if re.search(r"\w", under) else None)
         return cls(place, head, name, unit, strange, tuple(cells))
+
+    @cached_property
+    def values(self) -> Array:
+        """Numbers by the decimal sign that the column shows, NaN for other cells, (rows,)."""
+        return Decimals(None).values(self.cells)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -99,28 +100,24 @@ class TableReader:
         more = f" and {len(bad) - MOST} more" if len(bad) > MOST else ""
         return ", ".join(bad[:MOST]) + more
 
-    def _record(self, match: Match, values: Values, unit: str | None, why: str = "") -> Values:
-        known = [v for v in values if v is not None]
-        numbers = [v for v in known if isinstance(v, float)]
-        cells = [cell for t in match.terms for cell in t.column.cells] if numbers else []
+    def _record(
+        self, match: Match, first: Any, why: str, unit: str | None = None,
+        least: float | None = None, largest: float | None = None,
+    ) -> None:  # fmt: skip
+        cells = [] if least is None else [c for t in match.terms for c in t.column.cells]
         self.report.readings.append({
             "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
-            "unit": unit, "decimals": self.decimals.named(cells),
-            "first": known[0] if known else None, "least": min(numbers, default=None),
-            "largest": max(numbers, default=None), "why": "; ".join(filter(None, (match.why, why))),
+            "unit": unit, "decimals": self.decimals.named(cells), "first": first, "least": least,
+            "largest": largest, "why": why,
         })  # fmt: skip
-        return values
 
-    def numbers(self, name: str, *, needed: bool = False) -> Values:
-        """Convert a column, or a formula of columns, to the project's unit; None for empty cells.
+    def values(self, match: Match, *, needed: bool = False) -> Array:
+        """Convert a column, or a formula of columns, to the project's unit; NaN for empty cells.
 
         Cells without a number are a fault, empty cells of a ``needed`` column too.
         """
-        match = self.matches.get(name)
-        if match is None:
-            return [None] * len(self.table.rows)
         whole: dict[str, Any] = {}
-        units, whys = [], []
+        units, whys = [], [match.why]
         for place, term in enumerate(match.terms):
             values = self._cells(match, term.column.cells, needed)
             unit, why = self._unit(match, term, values[np.isfinite(values)])
@@ -132,12 +129,23 @@ class TableReader:
                 values = eval(match.formula or "c0", {"__builtins__": {}}, whole)
         except (SyntaxError, TypeError):
             values = whole["c0"] * np.nan
-        if match.formula and not np.isfinite(values).any():
+        known = values[np.isfinite(values)]
+        if match.formula and not known.size:
             self._fault(match, f"is no formula ({match.why}); write for instance 'n_out - n_in'")
-        # A factor such as 1e-3 leaves a last digit that the cell does not have.
-        done = [float(f"{v:.15g}") if ok else None
-                for v, ok in zip(values.tolist(), np.isfinite(values), strict=True)]  # fmt: skip
-        return self._record(match, done, ", ".join(dict.fromkeys(units)) or None, "; ".join(whys))
+        first, least, largest = (
+            (rounded(one) for one in (known[0], known.min(), known.max())) if known.size
+            else (None,) * 3
+        )  # fmt: skip
+        self._record(match, first, "; ".join(whys), ", ".join(dict.fromkeys(units)) or None,
+                     least, largest)  # fmt: skip
+        return np.where(np.isfinite(values), values, np.nan)
+
+    def numbers(self, name: str, *, needed: bool = False) -> Values:
+        """Convert a column as ``values`` does, None for empty cells and a column that lacks."""
+        if name not in self.matches:
+            return [None] * len(self.table.rows)
+        values = self.values(self.matches[name], needed=needed).tolist()
+        return [rounded(one) if math.isfinite(one) else None for one in values]
 
     def _cells(self, match: Match, cells: Sequence[str], needed: bool) -> Array:
         """Read the numbers of a column, NaN where there is none, (rows,)."""
@@ -203,8 +211,9 @@ class TableReader:
         match = self.matches.get(name)
         if match is None:
             return [""] * len(self.table.rows)
-        self._record(match, [cell or None for cell in match.terms[0].column.cells], None)
-        return list(match.terms[0].column.cells)
+        cells = match.terms[0].column.cells
+        self._record(match, next(filter(None, cells), None), match.why)
+        return list(cells)
 
     def answers(self) -> list[bool | None]:
         """Read a column of yes and no, None where it does not say.
@@ -242,7 +251,9 @@ class TableReader:
             )  # fmt: skip
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
-        return self._record(match, [values.get(cell) for cell in cells], None, read)
+        done = [values.get(cell) for cell in cells]
+        self._record(match, next((v for v in done if v is not None), None), f"{match.why}; {read}")
+        return done
 
     def stamps(self) -> Values:
         """Read time stamps: seconds as numbers, dates as ISO 8601; others raise DataError."""
@@ -252,12 +263,19 @@ class TableReader:
         known = [cell for cell in cells if cell.lower() not in NOTHING]
         numbers = are_numbers(known)
         if not known or len(set(numbers)) > 1:
-            raise DataError("it has dates and plain numbers" if known else "all its cells are empty")
+            raise DataError(
+                "it has dates and plain numbers" if known else "all its cells are empty"
+            )
         values: Sequence[Any] = self.decimals.values(known).tolist() if all(numbers) else known
         found, way = stamps_of(values, unit.factor if unit and all(numbers) else None, match.option)
         left = iter(found)
-        done = [None if cell.lower() in NOTHING else next(left) for cell in cells]
-        return self._record(match, done, unit.text if unit else None, way)
+        self._record(match, found[0], f"{match.why}; {way}", unit.text if unit else None)
+        return [None if cell.lower() in NOTHING else next(left) for cell in cells]
+
+
+def rounded(value: float) -> float:
+    """Take away the last digit, which a factor such as 1e-3 adds to that of the cell."""
+    return float(f"{value:.15g}")
 
 
 def _reason(column: Column) -> str:
@@ -271,4 +289,5 @@ def _reason(column: Column) -> str:
     if clock or is_dated(cells):
         what = "grows as a clock" if clock else "dates"
         return f"{what}; --column timestamp='{column.head}' takes it as times of the shifts"
-    return "words" if 2 * sum(are_numbers(cells)) < len(cells) else "no quantity of this name"
+    numbers = np.isfinite(column.values).sum()
+    return "words" if 2 * numbers < len(cells) else "no quantity of this name"

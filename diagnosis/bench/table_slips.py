@@ -194,7 +194,9 @@ def nearly_same_points(_: Stand, sheet: Sheet) -> list[Finding]:
         f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
         for row in (sheet.rows[place] for place in min(near.items()))
     )
-    found = f"{many} nearly the set values of others: {one} and {other} differ by at most {NEAR:.0%}"
+    found = (
+        f"{many} nearly the set values of others: {one} and {other} differ by at most {NEAR:.0%}"
+    )
     looks = "measured in place of set values, each of which would be an operating point of its own"
     return [Finding("points", found, f"{looks}, with errors of its own", "joined", certain=True)]
 

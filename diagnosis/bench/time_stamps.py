@@ -5,18 +5,19 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from itertools import pairwise
 from typing import Any
 
 from dogshape.sim.errors import DataError, InputError
 
 DATES = ("d/m/y", "m/d/y", "excel")  #: words in place of a unit, for dates that two readings have
 DAY = 86_400.0  #: s
+SAMPLE = 200  #: cells by which a column is known as dates
 _ORDER = re.compile(r"^(\d{1,2})([./-])(\d{1,2})[./-]\d{2,4}")
 _MONTH = r"(?:jan|feb|mar|mär|mrz|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*"
 _ENGLISH = {"mai": "may", "okt": "oct", "dez": "dec", "mär": "mar", "mrz": "mar"}
 _DAY = re.compile(rf"(?i)\d[./-]\d{{1,2}}[./-]\d|\d[. -]*{_MONTH}|{_MONTH}[. -]+\d")
 _CLOCK = re.compile(r"\b\d{1,2}:\d{2}")
+_WORDS = re.compile(rf"(?i){_MONTH}|[ap]\.?m\.?|utc")
 
 
 def is_plain(text: str) -> bool:
@@ -41,16 +42,15 @@ def seconds_of(text: str) -> float:
 
 def has_day(cells: Sequence[str]) -> bool:
     """Test that cells have a date."""
-    return any(_DAY.search(cell) for cell in cells)
+    return any(_DAY.search(cell) for cell in cells[:SAMPLE])
 
 
 def is_dated(cells: Sequence[str]) -> bool:
-    """Test that most cells are dates or clocks."""
-    known = [re.sub(rf"(?i){_MONTH}|[ap]\.?m\.?|utc", "", cell) for cell in cells if cell]
-    dated = [_CLOCK.search(c) or _DAY.search(c) for c in cells if c]
-    both = [found and not re.search(r"[A-Za-z]{2}", cell)
-            for found, cell in zip(dated, known, strict=True)]  # fmt: skip
-    return 2 * sum(map(bool, both)) > len(known)
+    """Test that most cells are dates or clocks, with no words but months and zones."""
+    known = [cell for cell in cells[:SAMPLE] if cell]
+    dated = [(_CLOCK.search(cell) or _DAY.search(cell))
+             and not re.search(r"[A-Za-z]{2}", _WORDS.sub("", cell)) for cell in known]  # fmt: skip
+    return 2 * sum(map(bool, dated)) > len(known)
 
 
 def stamps_of(cells: Sequence[Any], factor: float | None, option: str) -> tuple[list[str], str]:
@@ -61,30 +61,30 @@ def stamps_of(cells: Sequence[Any], factor: float | None, option: str) -> tuple[
     """
     import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
 
+    whole = pd.Series(cells)
     if not isinstance(cells[0], str):
         # A spreadsheet counts days from 30 December 1899; shifts are less than a day apart.
-        serial = option == "excel" or (not factor and all(25_569 <= v < 73_050 for v in cells))
-        if not serial:
+        if option != "excel" and (factor or not whole.between(25_569, 73_050).all()):
             return [f"{(factor or 1.0) * v:.12g}" for v in cells], "seconds"
-        if option != "excel" and any(abs(b - a) >= 1.0 for a, b in pairwise(cells)):
+        if option != "excel" and (whole.diff().abs() >= 1.0).any():
             raise InputError(
                 "it may be seconds, or dates as a spreadsheet counts them; say which behind the "
                 "column: --column timestamp=COLUMN:s or COLUMN:excel"
             )
-        found = pd.to_datetime(pd.Series(cells), unit="D", origin="1899-12-30", utc=True)
+        found = pd.to_datetime(whole, unit="D", origin="1899-12-30", utc=True)
         return [one.isoformat() for one in found.dt.round("ms")], "dates of a spreadsheet"
-    days = [bool(_DAY.search(cell)) for cell in cells]
-    if len(set(days)) > 1:
+    days = {bool(_DAY.search(cell)) for cell in cells}
+    if len(days) > 1:
         raise DataError("some cells have a date and others have none")
     first, way = _day_first(cells, option)
-    plain = [re.sub(rf"(?i)\.?[ -]*({_MONTH})\.?", _in_english, cell) for cell in cells]
-    plain = [re.sub(r"(?<=:\d\d),(?=\d)", ".", cell) for cell in plain]
-    whole = pd.Series(plain if days[0] else [f"2000-01-01 {cell}" for cell in plain])
+    whole = whole.str.replace(rf"(?i)\.?[ -]*({_MONTH})\.?", _in_english, regex=True)
+    whole = whole.str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    whole = whole if True in days else "2000-01-01 " + whole
     try:
         found = pd.to_datetime(whole, format="mixed", dayfirst=first, utc=True)
     except (ValueError, OverflowError) as error:
         raise DataError(f"not all cells are dates ({str(error).splitlines()[0]})") from error
-    if days[0]:
+    if True in days:
         return [one.isoformat() for one in found], f"dates{way}"
     seconds = (found - found.dt.normalize()).dt.total_seconds()
     seconds += DAY * (seconds.diff() < -DAY / 2.0).cumsum()

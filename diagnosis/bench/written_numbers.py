@@ -44,7 +44,9 @@ _SURE = {
 
 def plain(cells: Sequence[str]) -> str:
     """Write cells as lines, with ordinary minus sign and blank, signs beside their digits."""
-    lines = "\n".join(c.replace("\n", " ") if "\n" in c else c for c in cells)
+    lines = "\n".join(cells)
+    if lines.count("\n") >= len(cells):  # a cell of several lines
+        lines = "\n".join(cell.replace("\n", " ") for cell in cells)
     return _APART.sub(r"\1", lines.translate(_SAME))
 
 

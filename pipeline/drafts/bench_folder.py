@@ -6,9 +6,7 @@ The folder is examined as every data set is before it is written; all faults are
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import re
 import shutil
 from collections import Counter
@@ -18,6 +16,8 @@ from math import ceil, gcd
 from pathlib import Path
 from statistics import fmean
 from typing import Any
+
+import pandas as pd
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import corrected, parse
@@ -100,11 +100,13 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         rows = _tables(draft, report) if draft.tables else _empty_rows(source, report)
         for row in rows:
             if row["trace"]:
-                _copy_trace(row, draft, report, folder)
+                _copy_trace(row, draft, report, folder / "traces")
         report.require(where)
         values = _values(draft, source, rows, out, report)
         (folder / "bench.toml").write_text(with_values(TEMPLATE, values), encoding="utf-8")
-        (folder / "shifts.csv").write_text(_table(rows), encoding="utf-8")
+        table = pd.DataFrame([_cells(row) for row in rows], columns=[*COLUMNS], dtype=object)
+        empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
+        table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
         _examine(folder, rows, report)
         report.require(where)
         warnings = _warnings(folder, out)
@@ -123,10 +125,18 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
     }
 
 
+def _cells(row: Row) -> Row:
+    """Write the cells of a row of ``shifts.csv``."""
+    numbers = [row[name] for name in ("mismatch", "force", "rise", "n", "time")]
+    engaged = None if row["engaged"] is None else str(row["engaged"]).lower()
+    own = row | dict(zip(COLUMNS, [*numbers, engaged], strict=False))
+    return {k: f"{own[k]:.9g}" if isinstance(own.get(k), int | float) else own.get(k)
+            for k in COLUMNS}  # fmt: skip
+
+
 def _tables(draft: BenchDraft, report: Report) -> list[Row]:
     """Read the rows of all tables."""
-    names = [path.name for path in draft.tables]
-    if len(set(names)) < len(names):
+    if len({path.name for path in draft.tables}) < len(draft.tables):
         raise InputError(
             "two of the tables have the same file name, but both are kept beside each other; "
             "rename one"
@@ -160,23 +170,24 @@ def _empty_rows(source: Source, report: Report) -> list[Row]:
 def _table_rows(reader: TableReader) -> list[Row]:
     """Convert the rows of a table, as far as its columns are known."""
     path, report = reader.table.path, reader.report
-    numbers = {name: reader.numbers(name, needed=name in ("mismatch_rpm", "force_N"))
-               for name in ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s")}  # fmt: skip
     columns = {
-        "row": reader.table.rows, "mismatch": numbers["mismatch_rpm"], "force": numbers["force_N"],
-        "rise": numbers["force_rise_s"], "n": reader.counts(), "time": numbers["shift_time_s"],
-        "engaged": reader.answers(), "trace": reader.texts("trace"),
+        "row": reader.table.rows, "mismatch": reader.numbers("mismatch_rpm", needed=True),
+        "force": reader.numbers("force_N", needed=True), "rise": reader.numbers("force_rise_s"),
+        "time": reader.numbers("shift_time_s"), "n": reader.counts(), "engaged": reader.answers(),
+        "trace": reader.texts("trace"),
     }  # fmt: skip
     rows = [{"file": str(path), **dict(zip(columns, values, strict=True))}
             for values in zip(*columns.values(), strict=True)]  # fmt: skip
-    _add_series(reader, rows)
-    late = [str(r["row"]) for r in rows if r["engaged"] is False and r["time"] is not None]
+    for name in ("shift_time_sd_s", "order", "timestamp"):
+        if name in reader.matches:
+            _add_series(name, reader, rows)
+    late = [row for row in rows if row["engaged"] is False and row["time"] is not None]
     if late:
         report.assumed.append(
-            f"{path}: times of shifts that did not engage are left out (row {', '.join(late)})"
+            f"{path}: times of shifts that did not engage are left out (row {_places(late)})"
         )
-    for one in rows:
-        one["time"] = None if one["engaged"] is False else one["time"]
+    for one in late:
+        one["time"] = None
     times = [round(1e6 * row["time"]) for row in rows if row["time"] is not None]
     if len(times) > 5 and (step := gcd(*times)) >= COARSE * 1e6:
         report.assumed.append(
@@ -192,46 +203,48 @@ def _table_rows(reader: TableReader) -> list[Row]:
     return rows
 
 
-def _add_series(reader: TableReader, rows: list[Row]) -> None:
-    """Add spreads, order and time stamps; a column that cannot be read is left out."""
-    report, file = reader.report, str(reader.table.path)
-    for name in ("shift_time_sd_s", "order", "timestamp"):
-        if name not in reader.matches:
-            continue
-        own = replace(reader, report=Report())
-        head, values = own.matches[name].head, []
-        try:
-            values = own.stamps() if name == "timestamp" else own.numbers(name)
-            reason = own.report.faults[0] if own.report.faults else _gap(name, rows, values)
-        except DataError as error:
-            reason = str(error)
-        except InputError as question:
-            report.faults.append(f"{file}, column '{head}': {question}")
-            continue
-        if reason:
-            report.left_out.append({"file": file, "column": head, "reason": f"{name}: {reason}"})
-            continue
-        report.readings += own.report.readings
-        report.assumed += own.report.assumed
-        for row, value in zip(rows, values, strict=True):
-            row[name] = f"{value:.9g}" if isinstance(value, float) else value
-            if name == "shift_time_sd_s" and value and (row["n"] < 2 or row["time"] is None):
-                row[name] = None
-                reason = f"row {row['row']}: {name} without a mean of several shifts"
-                report.left_out.append({"file": file, "column": head, "reason": reason})
-        if name != "shift_time_sd_s":
-            report.assumed.append(
-                f"{file}: '{head}' is the order of the shifts, so a diagnosis looks for a drift"
-            )
+def _places(rows: list[Row]) -> str:
+    return ", ".join(str(row["row"]) for row in rows)
+
+
+def _add_series(name: str, reader: TableReader, rows: list[Row]) -> None:
+    """Add spreads, order or time stamps; a column that cannot be read is left out."""
+    own = replace(reader, report=Report())
+    head, values, report = own.matches[name].head, [], reader.report
+    where = {"file": str(reader.table.path), "column": head}
+    try:
+        values = own.stamps() if name == "timestamp" else own.numbers(name)
+        reason = own.report.faults[0] if own.report.faults else _gap(name, rows, values)
+    except DataError as error:
+        reason = str(error)
+    except InputError as question:
+        report.faults.append(f"{reader.table.path}, column '{head}': {question}")
+        return
+    if reason:
+        report.left_out.append({**where, "reason": f"{name}: {reason}"})
+        return
+    report.readings += own.report.readings
+    report.assumed += own.report.assumed
+    for row, value in zip(rows, values, strict=True):
+        row[name] = value
+        if name == "shift_time_sd_s" and value and (row["n"] < 2 or row["time"] is None):
+            row[name] = None
+            reason = f"row {row['row']}: {name} without a mean of several shifts"
+            report.left_out.append({**where, "reason": reason})
+    if name != "shift_time_sd_s":
+        report.assumed.append(
+            f"{reader.table.path}: '{head}' is the order of the shifts, so a diagnosis looks for a "
+            "drift"
+        )
 
 
 def _gap(name: str, rows: list[Row], values: list[Any]) -> str:
     """Give the reason why a column does not place all shifts in a series, empty where it does."""
-    timed = [(r["row"], v) for r, v in zip(rows, values, strict=True) if r["time"] is not None]
-    lacking = [row for row, value in timed if value is None]
+    timed = {r["row"]: v for r, v in zip(rows, values, strict=True) if r["time"] is not None}
+    lacking = [row for row, value in timed.items() if value is None]
     if name != "shift_time_sd_s" and lacking:
         return f"it is empty in row {lacking[0]}, but every shift with a time needs its place"
-    twice = name == "order" and len({value for _, value in timed}) < len(timed)
+    twice = name == "order" and len(set(timed.values())) < len(timed)
     return "a number is there twice, so it is no place in the whole series" if twice else ""
 
 
@@ -241,21 +254,20 @@ def _set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
         return {}
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, known in (("mismatch", both), ("force", source.forces)):
+    for name, key, known in (("mismatch", "mismatch_rpm", both),
+                             ("force", "force_percent", source.forces)):  # fmt: skip
         found = set_values([row[name] for row in rows], known)
         if found is None:
             continue
         values, size, share = found
         for row, value in zip(rows, values.tolist(), strict=True):
             row[name] = value
-        key = "mismatch_rpm" if name == "mismatch" else "force_percent"
-        scatter = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
-        errors[f"errors.each_point.{key}"] = scatter
+        key = f"errors.each_point.{key}"
+        errors[key] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
         levels = ", ".join(map(number, sorted(set(values.tolist()))))
         report.assumed.append(
             f"{name} is measured: {len(rows)} values are grouped at {levels}, with their scatter "
-            f"as errors.each_point.{key} = {scatter:g}; --set 'corrections=[\"points=given\"]' "
-            "keeps each"
+            f"as {key} = {errors[key]:g}; --set 'corrections=[\"points=given\"]' keeps each"
         )
     groups: dict[tuple[float, float], list[Row]] = {}
     for row in rows if errors else []:
@@ -279,18 +291,15 @@ def _time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Repor
         if late:
             report.assumed.append(
                 f"times at the time-out of {number(stated)} s are shifts that did not engage (row "
-                f"{', '.join(str(row['row']) for row in late)})"
+                f"{_places(late)})"
             )
         return
     often = Counter(row["time"] for row in open_)
-    if not often:
-        return
-    most = max(often)
-    others = [time for time in often if time < most]
-    limit = source.clutch.timeout
-    piled = often[most] > 1 and others and most >= 1.5 * max(others)
-    mode = often[most] > 2 and others and often[most] > max(often[time] for time in others)
-    if piled or mode or abs(most / limit - 1.0) < 1e-6:
+    most = max(often, default=0.0)
+    others = {time: n for time, n in often.items() if time < most}
+    piled = others and often[most] > 1 and most >= 1.5 * max(others)
+    mode = others and often[most] > max(2, *others.values())
+    if piled or mode or abs(most / source.clutch.timeout - 1.0) < 1e-6:
         report.faults.append(
             f"the largest time, {number(most)} s, is there {often[most]} times (row "
             f"{next(row['row'] for row in open_ if row['time'] == most)}), as where a stand gives "
@@ -303,29 +312,27 @@ def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
     lacking = [row for row in rows if row["rise"] is None and row["force"] is not None]
     if not lacking:
         return
-    if draft.rise_s is not None:
-        for row in lacking:
-            row["rise"] = draft.rise_s
-        report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
-        return
     found = {row["force"]: source.rise(row["force"]) for row in lacking}
     for row in lacking:
-        row["rise"] = round(found[row["force"]][0], 6)
-    times = sorted(rise for rise, _ in found.values())
-    said = (
-        f"the force rises in {number(times[0])} to {number(times[-1])} s, by its size as in "
-        f"'{source.name}'; --rise-s says another time"
-    )
+        row["rise"] = round(found[row["force"]][0], 6) if draft.rise_s is None else draft.rise_s
+    if draft.rise_s is not None:
+        report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
+        return
+    times = [rise for rise, _ in found.values()]
     beyond = [force for force, (_, within) in found.items() if not within]
-    if beyond:
-        said += f"; {number(min(beyond))} to {number(max(beyond))} N lie beyond its forces"
-    report.assumed.append(said)
+    far = (
+        f"; {number(min(beyond))} to {number(max(beyond))} N lie beyond its forces"
+        if beyond
+        else ""
+    )
+    report.assumed.append(
+        f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
+        f"'{source.name}'; --rise-s says another time{far}"
+    )
 
 
-def _copy_trace(row: Row, draft: BenchDraft, report: Report, folder: Path) -> None:
+def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> None:
     """Write the trace of a row in the project's units; other files than CSV as they are."""
-    said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
-    target = folder / "traces"
     path = Path(row["file"]).parent / row["trace"].replace("\\", "/")
     if not path.is_file():
         report.faults.append(
@@ -334,42 +341,24 @@ def _copy_trace(row: Row, draft: BenchDraft, report: Report, folder: Path) -> No
         )
         return
     target.mkdir(exist_ok=True)
-    row["trace"] = f"traces/{path.name}"
     if path.suffix.lower() in (".tdms", *SUFFIXES):
+        row["trace"] = f"traces/{path.name}"
         shutil.copyfile(path, target / path.name)
         return
     row["trace"] = f"traces/{path.stem}.csv"
+    said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
+    own = Report()
     try:
-        text = _trace_text(path, said, draft.decimal, report)
+        table = read_foreign(path, sums=False)
     except DataError as error:
         report.faults.append(str(error))
         return
-    (target / f"{path.stem}.csv").write_text(text, encoding="utf-8")
-
-
-def _trace_text(path: Path, said: Mapping[str, str], decimal: str | None, report: Report) -> str:
-    reader = TableReader.of(read_foreign(path, sums=False), TRACE, said, decimal, own := Report())
-    columns = {q.name: reader.numbers(q.name) for q in TRACE if q.name in reader.matches}
+    reader = TableReader.of(table, TRACE, said, draft.decimal, own)
+    columns = pd.DataFrame({name: reader.values(match) for name, match in reader.matches.items()})
+    columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed]
     report.left_out += [one for one in own.left_out if "row" in one]
-    lines = [",".join(columns)]
-    for values in zip(*columns.values(), strict=True):
-        lines.append(",".join("" if v is None else f"{v:.15g}" for v in values))
-    return "\n".join(lines) + "\n"
-
-
-def _table(rows: list[Row]) -> str:
-    written = io.StringIO()
-    writer = csv.writer(written, lineterminator="\n")
-    more = [name for name in COLUMNS[7:] if any(row.get(name) is not None for row in rows)]
-    writer.writerow((*COLUMNS[:7], *more))
-    for row in rows:
-        cells = [row["mismatch"], row["force"], row["rise"], row["n"], row["time"]]
-        said = "" if row["engaged"] is None else str(row["engaged"]).lower()
-        known = ["" if v is None else f"{v:.9g}" for v in cells]
-        writer.writerow([*known, said, row["trace"], *(row.get(name) for name in more)])
-    return written.getvalue()
 
 
 def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, report: Report) -> Row:
@@ -428,41 +417,37 @@ def _examine(folder: Path, rows: list[Row], report: Report) -> None:
     for correction in asked:
         sheet = corrected(sheet, correction, stand.sensor)
     certain = [f for f in examine(stand, sheet, asked) if f.certain]
+    heads = {reading["quantity"]: reading["column"] for reading in report.readings}
     for finding in certain:
         name = SCALED.get(finding.quantity, ("",))[0]
-        head = next((r["column"] for r in report.readings if r["quantity"] == name), "")
-        option = f"--column {name}='{head}:{finding.way}'"
-        if not head:
+        option = f"--column {name}='{heads.get(name)}:{finding.way}'"
+        if name not in heads:
             option = f"--set 'corrections=[\"{finding.correction}\"]'"
         report.faults.append(finding.with_remedy(f"{option} takes it as that"))
     longest = max((row.time for row in sheet.rows if row.time is not None), default=0.0)
     limit = stand.clutch.timeout
-    if not certain and not report.faults and longest > limit:
+    if certain:
+        return
+    if longest > limit and not report.faults:
         report.faults.append(
             f"the longest time is {number(longest)} s, beyond the time-out of {number(limit)} s in "
             "bench.toml; say after which time the stand gives up, such as --set timeout_s="
             f"{ceil(longest)}"
         )
-    for given, row in zip(rows, sheet.rows, strict=True):
-        if not certain and longest <= limit and (rule := _broken(stand, row)):
+    for given, row in zip(rows, sheet.rows if longest <= limit else (), strict=False):
+        try:
+            OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
+            rule = impossible(stand, row) or ""
+            rule = rule and f"the shift time is {number(row.time or 0.0)} s, but it must be {rule}"
+        except InputError as error:
+            rule = str(error).rstrip(".")
+        if rule:
+            rule = rule.partition(" (--correct")[0]
             report.faults.append(f"{given['file']}, row {given['row']}: {rule}; correct the row")
 
 
-def _broken(stand: Stand, row: SheetRow) -> str | None:
-    """Return the rule that a row breaks, None where it may be true."""
-    try:
-        OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
-    except InputError as error:
-        return str(error).rstrip(".")
-    rule = impossible(stand, row)
-    if rule is None:
-        return None
-    plain = rule.partition(" (--correct")[0]
-    return f"the shift time is {number(row.time or 0.0)} s, but it must be {plain}"
-
-
 def _warnings(folder: Path, out: Path) -> list[str]:
-    """Read the folder as ``gap`` does, and return its warnings."""
+    """Read the folder as ``gap`` does, and give its warnings."""
     try:
         bench = load_bench(folder)
     except DogshapeError as error:
