@@ -260,7 +260,7 @@ def _head(grid: _Grid, first: int, separator: str) -> tuple[list[str], list[str]
     noted = [grid.rows[k] in grid.comments for k in range(first)]
 
     def known(k: int) -> list[int]:
-        return [p for p, cell in enumerate(grid.cells[k]) if unit_named(cell.strip("[]() "))]
+        return [p for p, cell in enumerate(grid.cells[k]) if unit_named(cell.strip("[]()#! "))]
 
     near = takewhile(
         lambda k: not data[k] and (filled[k].sum() > 1 or noted[k] or known(k)),
@@ -273,7 +273,8 @@ def _head(grid: _Grid, first: int, separator: str) -> tuple[list[str], list[str]
     if not zone:
         return [""] * width, [""] * width, []
     rows = [list(_unpadded(grid.cells[k])) for k in zone]
-    rows[0] = [cell.lstrip("#%! ") for cell in rows[0]]
+    for row in rows:
+        row[0] = row[0].lstrip("#%! ") or row[0]
     units: list[str] = []
     for at in range(len(rows) - 1, 0, -1):
         if _is_units(rows[at], ["".join(c) for c in zip_longest(*rows[:at], fillvalue="")]):

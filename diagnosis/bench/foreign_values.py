@@ -100,15 +100,15 @@ class TableReader:
         more = f" and {len(bad) - MOST} more" if len(bad) > MOST else ""
         return ", ".join(bad[:MOST]) + more
 
-    def _record(
-        self, match: Match, first: Any, why: str, unit: str | None = None,
-        least: float | None = None, largest: float | None = None,
-    ) -> None:  # fmt: skip
-        cells = [] if least is None else [c for t in match.terms for c in t.column.cells]
+    def _record(self, match: Match, values: Values, why: str, unit: str | None = None) -> None:
+        """Record how a quantity was read: first, least and largest of known ``values``."""
+        numbers = [rounded(v) for v in values if isinstance(v, float)]
+        cells = [cell for t in match.terms for cell in t.column.cells] if numbers else []
         self.report.readings.append({
             "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
-            "unit": unit, "decimals": self.decimals.named(cells), "first": first, "least": least,
-            "largest": largest, "why": why,
+            "unit": unit, "decimals": self.decimals.named(cells),
+            "first": next(iter(numbers or values), None), "least": min(numbers, default=None),
+            "largest": max(numbers, default=None), "why": why,
         })  # fmt: skip
 
     def values(self, match: Match, *, needed: bool = False) -> Array:
@@ -132,12 +132,8 @@ class TableReader:
         known = values[np.isfinite(values)]
         if match.formula and not known.size:
             self._fault(match, f"is no formula ({match.why}); write for instance 'n_out - n_in'")
-        first, least, largest = (
-            (rounded(one) for one in (known[0], known.min(), known.max())) if known.size
-            else (None,) * 3
-        )  # fmt: skip
-        self._record(match, first, "; ".join(whys), ", ".join(dict.fromkeys(units)) or None,
-                     least, largest)  # fmt: skip
+        ends = [*known[:1].tolist(), known.min(), known.max()] if known.size else []
+        self._record(match, ends, "; ".join(whys), ", ".join(dict.fromkeys(units)) or None)
         return np.where(np.isfinite(values), values, np.nan)
 
     def numbers(self, name: str, *, needed: bool = False) -> Values:
@@ -166,32 +162,30 @@ class TableReader:
         """Give the unit of a column, and the reason where its head has none, or ask for it."""
         quantity, column, unit = match.quantity, term.column, term.unit
         option = f"--column {quantity.name}='{column.head}:"
-        speed = quantity.dimension == SPEED
         if (unit is not None and not np.isnan(unit.factor)) or quantity.dimension is None:
             return unit, ""
-        if unit is not None:
-            fault = f"is in '{unit.text}', revolutions or radians; say {option}rev/s' or "
-            fault += f"{option}rad/s'"
+        angular = re.search(r"omega|angular|winkel", plain_words(column.name))
+        if unit or (quantity.dimension == SPEED and angular and not column.strange):
+            text = f"in '{unit.text}'" if unit else "without a unit"
+            self._fault(
+                match, f"is a speed {text}, in revolutions or radians; say {option}1/min', "
+                f"{option}rev/s' or {option}rad/s'",
+            )  # fmt: skip
         elif column.strange:
-            fault = f"has the unit '{column.strange}', which is not known; say {option}UNIT' with "
-            fault += f"one of {quantity.units}"
-        elif speed and re.search(r"omega|angular|winkel", plain_words(column.name)):
-            fault = f"is an angular speed without a unit; say {option}rad/s' or {option}1/min'"
+            self._fault(
+                match, f"has the unit '{column.strange}', which is not known; say {option}UNIT' "
+                f"with one of {quantity.units}",
+            )  # fmt: skip
         elif values.size:
             # A recorder's clock may begin anywhere: the length of a trace decides.
-            start = values.min() if quantity.name == "t_s" else 0.0
-            middle = np.median(abs(values - start))
-            sizes = {TIME: "ms" if middle > 5.0 else "s", FORCE: "kN" if middle < 5.0 else "N",
-                     SPEED: "1/min"}  # fmt: skip
-            text = sizes.get(quantity.dimension, "mm")
+            middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+            text = {TIME: "ms" if middle > 5.0 else "s", FORCE: "kN" if middle < 5.0 else "N",
+                    SPEED: "1/min"}.get(quantity.dimension, "mm")  # fmt: skip
             self.report.assumed.append(
                 f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
                 f"{text} by its size; {option}UNIT' says another"
             )
             return unit_named(text), f"{text} by its size"
-        else:
-            return None, ""
-        self._fault(match, fault)
         return None, ""
 
     def counts(self) -> list[int]:
@@ -212,7 +206,7 @@ class TableReader:
         if match is None:
             return [""] * len(self.table.rows)
         cells = match.terms[0].column.cells
-        self._record(match, next(filter(None, cells), None), match.why)
+        self._record(match, list(filter(None, cells)), match.why)
         return list(cells)
 
     def answers(self) -> list[bool | None]:
@@ -252,7 +246,7 @@ class TableReader:
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
         done = [values.get(cell) for cell in cells]
-        self._record(match, next((v for v in done if v is not None), None), f"{match.why}; {read}")
+        self._record(match, [v for v in done if v is not None], f"{match.why}; {read}")
         return done
 
     def stamps(self) -> Values:
@@ -269,7 +263,7 @@ class TableReader:
         values: Sequence[Any] = self.decimals.values(known).tolist() if all(numbers) else known
         found, way = stamps_of(values, unit.factor if unit and all(numbers) else None, match.option)
         left = iter(found)
-        self._record(match, found[0], f"{match.why}; {way}", unit.text if unit else None)
+        self._record(match, found, f"{match.why}; {way}", unit.text if unit else None)
         return [None if cell.lower() in NOTHING else next(left) for cell in cells]
 
 

@@ -27,7 +27,7 @@ from dogshape.diagnosis.bench.foreign_values import Report, TableReader
 from dogshape.diagnosis.bench.mdf4 import SUFFIXES
 from dogshape.diagnosis.bench.near_points import set_values
 from dogshape.diagnosis.bench.slips import examine, impossible
-from dogshape.diagnosis.bench.stand_file import Stand, load_stand
+from dogshape.diagnosis.bench.stand_file import load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, Sheet
 from dogshape.diagnosis.bench.table import Row as SheetRow
 from dogshape.diagnosis.bench.table_slips import SCALED
@@ -262,12 +262,12 @@ def _set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
         values, size, share = found
         for row, value in zip(rows, values.tolist(), strict=True):
             row[name] = value
-        key = f"errors.each_point.{key}"
-        errors[key] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
+        error = f"errors.each_point.{key}"
+        errors[error] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
         levels = ", ".join(map(number, sorted(set(values.tolist()))))
         report.assumed.append(
             f"{name} is measured: {len(rows)} values are grouped at {levels}, with their scatter "
-            f"as {key} = {errors[key]:g}; --set 'corrections=[\"points=given\"]' keeps each"
+            f"as {error} = {errors[error]:g}; --set 'corrections=[\"points=given\"]' keeps each"
         )
     groups: dict[tuple[float, float], list[Row]] = {}
     for row in rows if errors else []:
@@ -363,43 +363,41 @@ def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> No
 
 def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, report: Report) -> Row:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    values: Row = {"name": out.resolve().name, **source.bench_values}
-    given, assumed = dict(draft.values), report.assumed
+    values: Row = {"name": out.resolve().name, "source": "not measured yet", **source.bench_values}
+    given, said = dict(draft.values), report.assumed
     if draft.tables:
         values |= _set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
         _time_outs(rows, draft, source, report)
-    files = [f"{p.name} (SHA-256 {hashlib.sha256(p.read_bytes()).hexdigest()[:16]})"
-             for p in draft.tables]  # fmt: skip
-    values["source"] = ", ".join(files) or "not measured yet"
-    if "source" in given and files:
-        given["source"] = f"{given['source']}; {values['source']}"
+        digests = [(p.name, hashlib.sha256(p.read_bytes()).hexdigest()) for p in draft.tables]
+        files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
+        given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if any(row["trace"] for row in rows):
-        assumed.append(
+        said.append(
             "the traces' displacement and force are those at the sleeve; [sensor] says otherwise"
         )
     if not any(key.startswith(("dog.", "sliding.", "output.")) for key in given):
-        assumed.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
+        said.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
     if not any(key.startswith("contact.") for key in given):
-        assumed.append(f"the contact is that of '{source.name}'")
+        said.append(f"the contact is that of '{source.name}'")
     moved = "" if "sliding.mass_kg" in given else source.moved_along
-    assumed += [said for said in (moved, source.left_out) if said]
+    said += filter(None, (moved, source.left_out))
     if "timeout_s" not in given:
-        assumed.append(f"the stand gives up after {number(values['timeout_s'])} s")
+        said.append(f"the stand gives up after {number(values['timeout_s'])} s")
     if "mismatch_sense" not in given:
         signed = any(float(row["mismatch"]) < 0.0 for row in rows)
         values["mismatch_sense"] = "known" if signed else "unknown"
-        assumed.append(
+        said.append(
             "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
             if signed
             else "the sense of the mismatch is not known (mismatch_sense); a diagnosis weighs both"
         )
+    whole = values | given
     if "dog.height_mm" in given or "dog.axial_gap_mm" in given:
         tolerance = source.clutch.dog.travel * 1e3 - values["shift_travel_mm"]
-        whole = {**values, **given}
         travel = float(whole["dog.height_mm"]) + float(whole["dog.axial_gap_mm"])
         values["shift_travel_mm"] = float(f"{travel - tolerance:.9g}")
-    return {**values, **given}
+    return values | given
 
 
 def _examine(folder: Path, rows: list[Row], report: Report) -> None:

@@ -220,6 +220,44 @@ def test_heads_of_two_lines_and_units_in_some_cells(bench: Bench, head: str) -> 
     assert {c["unit"] for c in bench.json["columns"]} >= {"N", "ms"}
 
 
+COMMENTED = "50,469,116.2\n100,469,103.7\n149,642,98.3\n50,642,95.2\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "rows"),
+    [
+        ("# made by matlab\ndn F t_shift\n" + COMMENTED.replace(",", " "), (1,)),
+        ("# made by matlab, version 3, 2024\ndn,F,t_shift\n" + COMMENTED, (1,)),
+        ("made by matlab\ndn;F;t_shift\n" + COMMENTED.replace(",", ";"), (1,)),
+        ("% exported 2024\n% dn;F;t\n% 1/min;N;ms\n" + COMMENTED.replace(",", ";"), (1,)),
+        ("# stand 7\n# gear 3\ndn,F,t\n# units\n1/min,N,ms\n" + COMMENTED, (1, 2, 4)),
+        ("dn;F;t\n// a; b; c\n" + COMMENTED.replace(",", ";"), (2,)),
+    ],
+)
+def test_comments_and_titles_are_no_names(bench: Bench, text: str, rows: tuple[int, ...]) -> None:
+    assert bench.numbers(text) == PLAIN
+    assert [one["row"] for one in bench.json["left_out"]] == list(rows)
+    assert all("above the table" in one["reason"] for one in bench.json["left_out"])
+    heads = {column["column"] for column in bench.json["columns"]}
+    assert heads in ({"dn", "F", "t_shift"}, {"dn", "F", "t"})
+
+
+def test_two_lines_of_names_below_a_comment(bench: Bench) -> None:
+    head = "# made by hand, 3\nSpeed,Shift,Shift\ndifference,force,time\n[1/min],[N],[ms]\n"
+    assert bench.numbers(head + COMMENTED) == PLAIN
+    assert [c["column"] for c in bench.json["columns"]] == [
+        "Speed difference", "Shift force", "Shift time",
+    ]  # fmt: skip
+
+
+def test_printed_values_carry_their_unit(bench: Bench) -> None:
+    Path("m.csv").write_text("dn [rad/s],F [kN],t_shift [ms]\n5,0.469,116.2\n10,0.469,103.7\n")
+    said = bench.call("init", "bench", "m.csv", "--out", "b")
+    assert said.status == 0
+    for words in ("47.7465 1/min", "469 N", "0.1162 s", "unit in file"):
+        assert words in said.out
+
+
 LVM = """\
 LabVIEW Measurement\t
 Writer_Version\t2

@@ -7,6 +7,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 
 from dogshape.pipeline.cli.console import columns
+from dogshape.sim.units import unit_of
 
 
 def study_text(found: dict[str, Any]) -> RenderableType:
@@ -29,11 +30,15 @@ def study_text(found: dict[str, Any]) -> RenderableType:
 
 def reading_text(found: dict[str, Any]) -> RenderableType:
     """Tabulate how columns were read, and list the rows and columns that were left out."""
-    table = columns("quantity", "column", "unit", "decimals", "first", "least", "largest", "why")
+    table = columns(
+        "quantity", "column", "unit in file", "decimals", "first", "least", "largest", "why"
+    )
     for row in found["columns"]:
+        unit = unit_of(row["quantity"])  # of the values, whatever that of the file
         values = (row[name] for name in ("first", "least", "largest"))
         texts = (
-            f"{v:.6g}" if isinstance(v, float) else "-" if v is None else str(v) for v in values
+            f"{v:.6g} {unit}".rstrip() if isinstance(v, float) else "-" if v is None else str(v)
+            for v in values
         )
         table.add_row(row["quantity"], row["column"], row["unit"] or "-", row["decimals"] or "-",
                       *texts, row["why"])  # fmt: skip
