@@ -165,7 +165,8 @@ def _parted(path: Path, lines: list[str]) -> tuple[str, Sequence[tuple[int, Cell
             break
         rows = parted(path, lines, separator) if separator else []
         first = next((k for k, (_, row) in enumerate(rows) if _is_data(row)), -1)
-        if first == 0 or (first > 0 and sum(map(bool, rows[first - 1][1])) > 1):
+        above = rows[max(0, first - HEADS) : max(0, first)]
+        if first == 0 or any(sum(map(bool, row)) > 1 for _, row in above):
             return separator, rows
     texts = [(n, re.sub(r"^[#%!]+", " ", line.rstrip())) for n, line in enumerate(lines, start=1)
              if line.strip("#%! \t\r\n")]  # fmt: skip
@@ -307,7 +308,7 @@ def _two_lines(upper: list[str], lower: list[str], separator: str) -> list[str]:
     elif above < 3 or (all(lower) and (above < len(names) or separator == " ")):
         return lower
     return [f"{a[:-1]}{b}" if a.endswith("-") else f"{a} {b}".strip()
-            for a, b in zip_longest(upper, lower, fillvalue="")]  # fmt: skip
+            for a, b in zip(upper, lower, strict=False)]  # fmt: skip
 
 
 def _unpadded(row: Cells) -> Cells:

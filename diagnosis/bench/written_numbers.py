@@ -65,6 +65,8 @@ class Decimals:
     def values(self, cells: Sequence[str]) -> Array:
         """Convert cells, NaN where one is no number, (cells,)."""
         text, known = plain(cells), np.array(are_numbers(cells), dtype=bool)
+        if self.sign is None and len(cells) > 1 and "," in text and "." in text:
+            return np.concatenate([self.values([cell]) for cell in cells])
         sign = self.sign or ("," if "," in text and "." not in text else ".")
         bare = text.translate({ord(mark): None for mark in " '" + OTHER[sign]}).replace(sign, ".")
         values = np.full(len(cells), np.nan)
