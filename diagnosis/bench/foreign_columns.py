@@ -281,25 +281,23 @@ def _question(
     if name == "mismatch_rpm" and len({c.head for c in equal}) > 1:
         return _difference(equal)
     twice = [c for c in columns if c.head == first.head and heads.count(c.head) > 1] or equal
+    option = f"({', '.join(first.cells[:3])} ...); say --column {name}='{first.head}'"
     if len(twice) > 1:
         named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in twice]
         return (
             f"{name} may be the column {' or '.join(repr(c.head) for c in twice)}; say which: "
             + " or ".join(f"--column {name}='{one}'" for one in named)
         )
-    some = f"({', '.join(first.cells[:3])} ...); say --column"
     if name == "n_shifts" and counts_up(first):
         return (
-            f"'{first.head}' numbers the rows, a place in a series and no count of shifts {some} "
-            f"order='{first.head}', or --column n_shifts='{first.head}' where each row is the mean "
-            "of so many shifts"
+            f"'{first.head}' numbers the rows and is no count of shifts; say --column order="
+            f"'{first.head}', or --column n_shifts='{first.head}' where each row is the mean of so "
+            "many shifts"
         )
-    long = len(first.cells) > 3  # fewer times grow by chance
-    if name == "shift_time_s" and long and not _is_strong(quantity, first) and grows(first):
-        return (
-            f"'{first.head}' grows from row to row as a clock does {some} "
-            f"shift_time_s='{first.head}' where it is the shift time"
-        )
+    few = len(first.cells) < 4  # which grow by chance
+    if name == "shift_time_s" and not (few or _is_strong(quantity, first)) and grows(first):
+        grown = f"'{first.head}' grows from row to row as a clock does"
+        return f"{grown} {option} where it is the shift time"
     return ""
 
 
@@ -316,10 +314,9 @@ def _missing(quantity: Quantity, left: Sequence[Column]) -> str:
     speeds = [c for c in left if c.unit and c.unit.dimension == SPEED]
     if quantity.name == "mismatch_rpm" and len(speeds) > 1:
         return _difference(speeds)
-    there = ", ".join(f"'{c.head}'" for c in left) or "none"
     return (
-        f"no column looks like {quantity.name}; say which one it is: --column "
-        f"{quantity.name}=COLUMN or COLUMN:UNIT (columns left: {there})"
+        f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
+        f"COLUMN or COLUMN:UNIT (columns left: {', '.join(repr(c.head) for c in left) or 'none'})"
     )
 
 

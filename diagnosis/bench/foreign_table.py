@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, takewhile, zip_longest
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -224,7 +225,7 @@ def _divided(
     first = max(starts, key=lambda k: size[str(heads[k][:2])])
     names, units, used = heads[first]
     above = set(grid.cells[max(0, first - HEADS) : first])
-    words = ~grid.numeric.any(axis=1)
+    numeric = (grid.numeric.sum(axis=1) > 0).tolist()
     body: list[int] = []
     left: Reasons = []
     for k, (n, row) in enumerate(zip(grid.rows, grid.cells, strict=True)):
@@ -244,7 +245,7 @@ def _divided(
             )
         elif row in above:
             left.append((n, "repeats the head"))
-        elif words[k]:
+        elif not numeric[k]:
             left.append((n, f"has no number ('{next(filter(None, row))}')"))
         else:
             body.append(k)
@@ -305,10 +306,16 @@ def _two_lines(upper: list[str], lower: list[str], separator: str) -> list[str]:
     names, above = list(filter(None, lower)), sum(map(bool, upper))
     if len(set(names)) < len(names):
         upper = [next((c for c in upper[k::-1] if c), "") for k in range(len(upper))]
-    elif above < 3 or (all(lower) and (above < len(names) or separator == " ")):
+    elif above < 3 or any(are_numbers(upper)):
         return lower
+    elif all(lower) and (above < len(names) or separator == " " or sum(map(_has_unit, lower)) > 1):
+        return lower  # the upper line is a title
     return [f"{a[:-1]}{b}" if a.endswith("-") else f"{a} {b}".strip()
             for a, b in zip(upper, lower, strict=False)]  # fmt: skip
+
+
+def _has_unit(name: str) -> bool:
+    return split_head(name)[1] is not None
 
 
 def _unpadded(row: Cells) -> Cells:
@@ -377,7 +384,7 @@ def _labels(rows: Sequence[Cells], numeric: Array, filled: Array) -> dict[int, s
 
 
 #: Statistics of the numbers of a column, and whether tables usually have them.
-STATISTICS = {
+STATISTICS: dict[str, tuple[Callable[[Array], Any], bool]] = {
     "mean": (np.mean, True),
     "sum": (np.sum, True),
     "standard deviation": (lambda known: known.std(ddof=1), True),

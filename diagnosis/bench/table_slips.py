@@ -47,11 +47,9 @@ def too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 def _impossible(stand: Stand, sheet: Sheet) -> int:
     """Count rows that no shift can have."""
-    limit = stand.clutch.timeout
     return sum(
-        not np.isfinite(free_flight(stand, row))
-        or (row.time is not None and not 0.0 < row.time <= limit)
-        or too_early(stand, row)
+        np.isinf(free := free_flight(stand, row))
+        or (row.time is not None and not max(0.0, SURE * free) <= row.time <= stand.clutch.timeout)
         for row in sheet.rows
     )
 

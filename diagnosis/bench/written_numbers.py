@@ -111,7 +111,7 @@ def decimals_of(
         signs = set(_EITHER.findall(text))
         if not either or (len(signs) == 1 and sign and sign not in signs):
             continue  # thousands, as the other sign is that of decimals
-        if sign in signs and _SURE[sign].search(text):
+        if sign and sign in signs and _SURE[sign].search(text):
             continue
         one, row = min(signs), rows[text.count("\n", 0, either.start())]
         decimal = sign == one or (separator == "," and one == ".")

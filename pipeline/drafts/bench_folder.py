@@ -17,8 +17,6 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
-import pandas as pd
-
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import corrected, parse
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE
@@ -94,6 +92,8 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
     StorageError
         For a folder that holds files, without ``force``.
     """
+    import pandas as pd  # noqa: PLC0415  # slow to load
+
     source, report = source_of(draft.origin), Report()
     where = ", ".join(map(str, draft.tables)) or str(out)
     with drafted(out, force) as folder:
@@ -114,15 +114,11 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
     return {
-        "folder": str(out),
-        "rows": len(rows),
-        "shifts": sum(row["n"] for row in rows),
+        "folder": str(out), "rows": len(rows), "shifts": sum(row["n"] for row in rows),
         "with_time": sum(row["n"] for row in rows if row["time"] is not None),
-        "columns": report.readings,
-        "left_out": report.left_out,
-        "assumed": list(dict.fromkeys(report.assumed)),
-        "warnings": warnings,
-    }
+        "columns": report.readings, "left_out": report.left_out,
+        "assumed": list(dict.fromkeys(report.assumed)), "warnings": warnings,
+    }  # fmt: skip
 
 
 def _cells(row: Row) -> Row:
@@ -333,6 +329,8 @@ def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
 
 def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> None:
     """Write the trace of a row in the project's units; other files than CSV as they are."""
+    import pandas as pd  # noqa: PLC0415  # slow to load
+
     path = Path(row["file"]).parent / row["trace"].replace("\\", "/")
     if not path.is_file():
         report.faults.append(

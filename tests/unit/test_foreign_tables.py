@@ -231,6 +231,9 @@ COMMENTED = "50,469,116.2\n100,469,103.7\n149,642,98.3\n50,642,95.2\n"
         ("made by matlab\ndn;F;t_shift\n" + COMMENTED.replace(",", ";"), (1,)),
         ("% exported 2024\n% dn;F;t\n% 1/min;N;ms\n" + COMMENTED.replace(",", ";"), (1,)),
         ("# stand 7\n# gear 3\ndn,F,t\n# units\n1/min,N,ms\n" + COMMENTED, (1, 2, 4)),
+        ("made by matlab\ndn F t_shift\n" + COMMENTED.replace(",", " "), (1,)),
+        ("Stand 7;Smith;2024\ndn;F;t_shift\n" + COMMENTED.replace(",", ";"), (1,)),
+        ("dn;F;t\n# first campaign\n" + COMMENTED.replace(",", ";"), (2,)),
         ("dn;F;t\n// a; b; c\n" + COMMENTED.replace(",", ";"), (2,)),
     ],
 )
