@@ -361,7 +361,7 @@ def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> No
 
 def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, report: Report) -> Row:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    values: Row = {"name": out.resolve().name, "source": "not measured yet", **source.bench_values}
+    values: Row = {"name": out.resolve().name, **source.bench_values, "source": "not measured yet"}
     given, said = dict(draft.values), report.assumed
     if draft.tables:
         values |= _set_points(rows, draft, source, report)
