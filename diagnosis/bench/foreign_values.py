@@ -137,7 +137,7 @@ class TableReader:
         return np.where(np.isfinite(values), values, np.nan)
 
     def numbers(self, name: str, *, needed: bool = False) -> Values:
-        """Convert a column as ``values`` does, None for empty cells and a column that lacks."""
+        """Convert a column as ``values`` does, None for empty cells or no such column."""
         if name not in self.matches:
             return [None] * len(self.table.rows)
         values = self.values(self.matches[name], needed=needed).tolist()
