@@ -2,8 +2,7 @@
 
     python -m benchmarks.contact_sets [--angles N] [--jobs N]
 
-The prototype, the designs of the front of ``mq200_paper`` that were confirmed and the quickest
-confirmed one, though it may have failed a check, and the design that ``mq200`` chose under the
+The prototype, the design that ``mq200_paper`` chose, and the one that ``mq200`` chose under the
 question of a gearbox are simulated at all operating points by the compiled engine, whose means are
 Drake's to 0.8 % at most (``benchmarks/engines``): under both contact sets, under the
 design set with both coefficients of friction a third smaller and a third larger, with friction in
@@ -48,22 +47,13 @@ Designs = dict[str, dict[str, float]]
 
 
 def designs_of(study: Setup) -> Designs:
-    """Read the prototype and the confirmed designs worth a choice, the chosen one second.
-
-    The last one was chosen by ``mq200``.
-    """
-    result = kept(study.name)
-    rows, confirmation = {row["trial"]: row for row in result["trials"]}, result["confirmation"]
-    confirmed = {one["trial"]: one["expected_shift_time_s"] for one in confirmation["designs"]}
-    front = [row["trial"] for row in result["front"] if row["trial"] in confirmed]
-    quickest = min(confirmed, key=lambda trial: confirmed[trial])
-    order = list(dict.fromkeys([confirmation["chosen"], *front, quickest]))
-    found = {"prototype": study.prototype}
-    for place, trial in enumerate(order):
-        name = f"trial {trial}" if place else f"chosen ({trial})"
-        found[name] = {key: rows[trial][key] for key in study.variables}
-    asked = kept("mq200")["best"]
-    return found | {"gearbox's": {key: asked[key] for key in study.variables}}
+    """Read the prototype, the design that the study chose, and the one that ``mq200`` chose."""
+    best, asked = (kept(name)["best"] for name in (study.name, "mq200"))
+    return {
+        "prototype": study.prototype,
+        "chosen": {key: best[key] for key in study.variables},
+        "gearbox's": {key: asked[key] for key in study.variables},
+    }
 
 
 def kept(name: str) -> dict[str, Any]:

@@ -37,13 +37,8 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"below\s0\.01 ms", "a bound on numerical_error_s, rounded up"),
             (r"16 new relative angles|among 256 of", "keys of the study file"),
             (r"\(0\.12\)|\(1\.5 mm\)", "keys of the study file"),
-            (
-                r"One in one level(?s:.)*?at 8\.5 mm\.|Only between(?s:.)*?unconfirmed",
-                "the results before and a run from a cold start; the first in the history",
-            ),
         ),
         "Under other contact": (
-            (r"vouches for 0\.12", "a key of the study file"),
             (r"25 designs over", "size of the table"),
             (r"Friction of 0\.1 in|0\.3 kg and a drag of 0\.1 N m", "settings of the table"),
         ),

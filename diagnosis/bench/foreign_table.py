@@ -332,14 +332,17 @@ def _summaries(grid: _Grid, body: Array, separator: str, questions: Reasons) -> 
         decimals = Decimals(None)
     values = np.stack([decimals.values(those) for those in columns.values()], axis=1)
     labels = _labels(cells, np.isfinite(values), grid.filled[body])
+    coded = [bool(re.search(r"\d", row[0])) for row in cells]
+    bare = 2 * sum(coded) > len(coded)  # first cells such as A1, among which a word stands out
     found: dict[int, str] = {}
     above: list[int] = []
     start = 0  # of the group that the last rows belong to
     for k, row in enumerate(cells):
         follows = k - 1 in found
-        if k in labels or follows or k >= len(cells) - FOOT:
+        word = bare and row[0] and not coded[k]
+        if k in labels or word or follows or k >= len(cells) - FOOT:
             sure = labels.get(k) and not re.search(r"\d", labels[k])
-            mark = "word" if sure else "place" if k in labels or follows else ""
+            mark = "word" if sure else "place" if k in labels or word or follows else ""
             for those in (above[start:], above):
                 if name := _statistic(values[those], values[k], row, decimals, mark):
                     found[k] = f"{name} of rows {rows[those[0]]} to {rows[those[-1]]}"

@@ -31,6 +31,9 @@ from tests.kept import kept_folder, let_land_too_hard
 
 Row = dict[str, Any]
 
+#: Trials of the front of ``mq200_paper``, quickest first by the search.
+FRONT = [46, 36, 44, 47, 37, 45, 34, 26, 38, 43, 25, 30, 40]
+
 
 @pytest.fixture(scope="module")
 def kept() -> tuple[Setup, Row]:
@@ -124,17 +127,17 @@ def test_points_are_weighed() -> None:
 def test_the_table_has_the_designs_that_were_confirmed(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     listed = alternatives(study, result, None)
-    assert [one.standing.trial for one in listed] == [43, 44, 42, 30, 0]
+    assert [one.standing.trial for one in listed] == [*FRONT, 0]
     assert all(one.standing.confirmed for one in listed)
     chosen, *_, prototype = listed
     assert chosen.worst is not None
     assert chosen.worst[1].value > 0.0
-    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(6.95429)), rel=1e-4)
+    assert chosen.standing.friction[0] == pytest.approx(math.tan(math.radians(6.89823)), rel=1e-4)
     assert prototype.cost is not None
     assert prototype.cost.value == pytest.approx(result["confirmation"]["gain_s"])
     assert prototype.cost.error == pytest.approx(result["confirmation"]["gain_standard_error_s"])
     assert all(len(one.cells) == len(HEAD) for one in listed)
-    assert chosen.cells[4:6] == ("\N{MINUS SIGN}14 % root fatigue", "0.122 (traction)")
+    assert chosen.cells[4:6] == ("\N{MINUS SIGN}13 % root fatigue", "0.121 (traction)")
     with_21 = alternatives(study, result, None, decided=21)
     assert [one.cells[1][-1] for one in with_21 if one.standing.trial == 21] == ["*"]
 
@@ -143,9 +146,10 @@ def test_a_design_that_fails_at_the_new_angles_is_no_alternative(kept: tuple[Set
     study, result = kept
     record = json.loads(json.dumps(result))
     for one in record["confirmation"]["designs"]:
-        if one["trial"] == 42:
+        if one["trial"] == 47:
             one["checks"][0]["margin"] = -0.01
-    assert [one.standing.trial for one in alternatives(study, record, None)] == [43, 44, 30, 0]
+    left = [one.standing.trial for one in alternatives(study, record, None)]
+    assert left == [*(number for number in FRONT if number != 47), 0]
 
 
 def test_a_time_that_the_new_angles_contradict_is_marked(kept: tuple[Setup, Row]) -> None:
@@ -172,7 +176,7 @@ def test_worst_points_are_those_of_the_record(kept: tuple[Setup, Row]) -> None:
     study, result = kept
     rows = {row["trial"]: row for row in result["trials"]}
     prototype, own, chosen, other = (
-        standing_of(study, result, rows[trial]) for trial in (0, 44, 43, 21)
+        standing_of(study, result, rows[trial]) for trial in (0, 44, 46, 21)
     )
     worst = worst_point(prototype, own)
     assert worst is not None
@@ -219,15 +223,15 @@ def test_scatter_of_the_landing_leaves_out_what_moves_all(kept: tuple[Setup, Row
 
 def test_page_one_shows_the_table(tmp_path: Path) -> None:
     folder = kept_folder(tmp_path / "mq200_paper")
-    let_land_too_hard(folder, 42, 30)
+    let_land_too_hard(folder, 47, 34)
     page = write_report(folder).read_text()
     first = page[page.index("<h1>") : page.index('id="front"')]
     for words in (
-        "design 44", "25.7 ± 0.4 slower at 249 1/min, 315.5 N", "0.122 (traction)",
+        "design 44", "27.8 ± 0.3 slower at 249 1/min, 315.5 N", "0.121 (traction)",
         "by root sum of squares", "designs out, failed at the new angles",
     ):  # fmt: skip
         assert words in first
-    assert "design 42" not in first
+    assert "design 47" not in first
 
 
 @pytest.mark.parametrize("name", ["mq200", "mq200_paper", "mq200_robust", "mq200_actuation"])
@@ -241,7 +245,7 @@ def test_no_page_names_a_sum_of_margins_as_what_limits(name: str, tmp_path: Path
     assert re.search(r"at worst-case tolerances</th><td[^>]*>\S+ % (?!smallest)[a-z]+", first)
 
 
-@pytest.mark.parametrize(("design", "words"), [(44, "37 % faster"), (42, "36 % faster")])
+@pytest.mark.parametrize(("design", "words"), [(44, "37 % faster"), (47, "35 % faster")])
 def test_a_page_after_a_decision_has_one_name(tmp_path: Path, design: int, words: str) -> None:
     folder = kept_folder(tmp_path / "mq200_paper")
     write_report(folder)
@@ -251,8 +255,8 @@ def test_a_page_after_a_decision_has_one_name(tmp_path: Path, design: int, words
     assert f"Design {design} shifts {words} than the prototype." in first
     assert f"chosen: design {design}" in first
     assert f"design {design}, chosen" in first
-    assert "design 43, chosen" not in page
-    assert "chosen: design 43" not in page
+    assert "design 46, chosen" not in page
+    assert "chosen: design 46" not in page
 
 
 def test_no_design_no_table(result: Row) -> None:

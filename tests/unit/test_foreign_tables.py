@@ -115,9 +115,18 @@ def test_sums_of_groups_within_a_table(bench: Bench) -> None:
     assert all(f"{row}: " in bench.left_out for row in (5, 6, 9))
 
 
+@pytest.mark.parametrize("mean", ["Mittel A", "\N{LATIN CAPITAL LETTER O WITH STROKE}", "avg"])
+def test_means_among_rows_that_a_code_names(bench: Bench, mean: str) -> None:
+    one = f"V01;50;469;130\nV02;50;469;126\n{mean};50;469;128\n"
+    two = f"V03;100;469;55\nref;100;469;61\n{mean};100;469;58\nV04;149;469;52\nV05;149;469;50\n"
+    found = bench.numbers(f"Probe;{HEAD}\n{one}{two}")
+    assert [row[2] for row in found] == [130.0, 126.0, 55.0, 61.0, 52.0, 50.0]
+
+
 @pytest.mark.parametrize(
     "rows",
     [
+        "V1;50;469;116\nV2;100;469;103\nref;100;469;105\nV3;149;642;98\n",
         "1;50;469;116,2\n2;100;469;103,7\n2b;100;469;105,1\n3;149;642;98,3\n",
         "1;50;469;110\n2;100;469;100\n3;150;469;90\n4;100;469;104\n",
         "1;50;469;110\n2;100;469;120\n3;149;469;130\n;149;642;131\n",
