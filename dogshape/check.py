@@ -167,11 +167,12 @@ class Check(Checked):
         }
 
 
-def misses(told: Expected | None, seen: Expected | None) -> bool:
+def misses(predicted: Expected | None, simulated: Expected | None) -> bool:
     """Test that a prediction misses a simulated time by more than both intervals."""
-    if told is None or seen is None:
+    if predicted is None or simulated is None:
         return False
-    return abs(seen.time - told.time) > NORMAL_95 * math.hypot(seen.error, told.error)
+    both = math.hypot(simulated.error, predicted.error)
+    return abs(simulated.time - predicted.time) > NORMAL_95 * both
 
 
 def check_design(

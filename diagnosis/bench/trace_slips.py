@@ -319,12 +319,12 @@ def trace_rest(stand: Stand, sheet: Sheet) -> list[Finding]:
     if 2 * moving > max(1, len(traced)):
         found = f"the sleeve moves already at the first samples of {moving} of {len(traced)} traces"
         return [Finding("displacement", found, "records that begin after the force")]
-    looks, told = "a sensor that is not set to zero", "(median) before the force begins"
+    looks, when = "a sensor that is not set to zero", "(median) before the force begins"
     findings = []
     if way:
-        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_middle(way)} mm {told}"
+        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_middle(way)} mm {when}"
         findings.append(Finding("displacement", found, looks, "zeroed"))
     if 2 * len(force) > len(traced):
-        found = f"force_N of {len(force)} of {len(traced)} traces is {_middle(force)} N {told}"
+        found = f"force_N of {len(force)} of {len(traced)} traces is {_middle(force)} N {when}"
         findings.append(Finding("trace_force", found, looks, "zeroed"))
     return findings
