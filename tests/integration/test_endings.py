@@ -62,8 +62,8 @@ def test_a_signal_to_end_keeps_what_is_finished(
     """As after Ctrl-C: what is kept, one word, and nothing of a library's."""
     asked = ["expect", "mq200_paper", "--angles", "96", "--jobs", "2"]
     process = subprocess.Popen(
-        [*PROGRAM, *asked], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path,
-        start_new_session=True,
+        ["env", "--default-signal=HUP", *PROGRAM, *asked],  # tests may run under nohup
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path, start_new_session=True,
     )  # fmt: skip
     deadline = time.monotonic() + 120
     while time.monotonic() < deadline and not _shifts(tmp_path):
