@@ -9,8 +9,8 @@ the compiled engine. One process; takes some ten minutes; needs the extra ``blin
 and in MuJoCo, measured interleaved. **Even angles**: how many give one percent, with the scatter of
 the mean over 400 random starts on the same 96 times.
 
-**The program** run to one percent, in two levels and in one, by turns, each with its own
-simulations and without the numerical error, which repeats an eighth of Drake's shifts.
+**The program** run to one percent, without the numerical error, which repeats an eighth of the
+shifts.
 
 **Coverage**: the program run ``RUNS`` times from other random starts, each angle replaced by the
 nearest of the 96 below, so that its angles are even ones among them and no shift is simulated
@@ -22,7 +22,7 @@ some runs and not in others; so beside it the same without retries.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,8 +33,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.precision import FIRST, Precise, expect_to
-from dogshape.pipeline.simulate.two_levels import expect_in_two_levels
+from dogshape.pipeline.simulate.precision import FIRST, expect_to
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block
@@ -42,11 +41,7 @@ from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.validation.second_engine import SecondEngine
 
-DENSE, STARTS, GOAL, RUNS, TURNS = 96, 400, 0.01, 20, 2
-LEVELS: dict[str, Callable[..., Precise]] = {
-    "two levels": expect_in_two_levels,
-    "one level": expect_to,
-}
+DENSE, STARTS, GOAL, RUNS = 96, 400, 0.01, 20
 
 
 @dataclass
@@ -167,48 +162,36 @@ def scatter(table: np.ndarray, count: np.ndarray) -> float:
 
 
 def reported(study: Setup) -> None:
-    """Run the program to one percent of its standard error, by turns, and print what it took."""
-    cpu: dict[str, list[float]] = {name: [] for name in LEVELS}
-    found: dict[str, Expectation] = {}
-    for _ in range(TURNS):
-        for name, method in LEVELS.items():
-            start = time.process_time()
-            with WorkCounter(ProgressBar(), 1) as progress:
-                executor = scratch_executor(1, progress.advance)
-                found[name] = method(study, study.points, GOAL, executor, progress).expectation
-            cpu[name].append(time.process_time() - start)
-    for name, result in found.items():
-        shifts = f"{result.shifts} shifts of Drake and {result.planar_shifts} compiled"
-        time_s = f"{result.mean * 1e3:.2f} +- {result.standard_error * 1e3:.2f} ms"
-        took = f"{np.mean(cpu[name]):.1f} s CPU"
-        print(f"expect --precision 0.01, {name}: {time_s}, {shifts}, {took}")
-    print(f"  two levels take 1/{np.mean(cpu['one level']) / np.mean(cpu['two levels']):.1f}")
+    """Run the program to one percent of its standard error, and print what it took."""
+    start = time.process_time()
+    with WorkCounter(ProgressBar(), 1) as progress:
+        executor = scratch_executor(1, progress.advance)
+        found = expect_to(study, study.points, GOAL, executor, progress).expectation
+    took = time.process_time() - start
+    time_s = f"{found.mean * 1e3:.2f} +- {found.standard_error * 1e3:.2f} ms"
+    print(f"expect --precision 0.01: {time_s}, {found.shifts} shifts of Drake, {took:.1f} s CPU")
 
 
 def coverage(study: Setup, dense: Dense) -> None:
     """Run the program from other starts on the dense shifts, and print what its intervals hold."""
     reference, settings = dense.reference, study.file.expectation
     print(f"95 % intervals of {RUNS} runs that hold the mean of {DENSE} angles in Drake")
-    for name, method in LEVELS.items():
-        runs, cpu = [], []
-        for seed in range(1000, 1000 + RUNS):
-            drawn = settings.model_copy(update={"seed": seed})
-            turned = replace(study, file=study.file.model_copy(update={"expectation": drawn}))
-            table = dense.fresh()
-            with WorkCounter(SILENT, 1) as progress:
-                runs.append(method(turned, study.points, GOAL, table, progress).expectation)
-            cpu.append(sum(table.cpu[key] for key in table.used))
-        print(f"  {name}: {np.mean([r.shifts for r in runs]):.0f} shifts of Drake, "
-              f"{np.mean([r.planar_shifts for r in runs]):.0f} compiled, {np.mean(cpu):.1f} s CPU; "
-              f"error {_root([r.mean - reference.mean for r in runs]):.2f} ms, "
-              f"told {_root([r.standard_error for r in runs]):.2f} ms")  # fmt: skip
-        for words, key in (("with retries", "mean"), ("without", "mean_engaged")):
-            points = [_holds(p, q, key) for r in runs
-                      for p, q in zip(r.points, reference.points, strict=True)]  # fmt: skip
-            whole = [_holds(r, reference, key) for r in runs]
-            print(
-                f"    {words}: operating points {np.mean(points):.1%}, whole {np.mean(whole):.1%}"
-            )
+    runs, cpu = [], []
+    for seed in range(1000, 1000 + RUNS):
+        drawn = settings.model_copy(update={"seed": seed})
+        turned = replace(study, file=study.file.model_copy(update={"expectation": drawn}))
+        table = dense.fresh()
+        with WorkCounter(SILENT, 1) as progress:
+            runs.append(expect_to(turned, study.points, GOAL, table, progress).expectation)
+        cpu.append(sum(table.cpu[key] for key in table.used))
+    print(f"  {np.mean([r.shifts for r in runs]):.0f} shifts of Drake, {np.mean(cpu):.1f} s CPU; "
+          f"error {_root([r.mean - reference.mean for r in runs]):.2f} ms, "
+          f"told {_root([r.standard_error for r in runs]):.2f} ms")  # fmt: skip
+    for words, key in (("with retries", "mean"), ("without", "mean_engaged")):
+        points = [_holds(p, q, key) for r in runs
+                  for p, q in zip(r.points, reference.points, strict=True)]  # fmt: skip
+        whole = [_holds(r, reference, key) for r in runs]
+        print(f"    {words}: operating points {np.mean(points):.1%}, whole {np.mean(whole):.1%}")
 
 
 def _root(values: Sequence[float]) -> float:

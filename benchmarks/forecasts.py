@@ -4,10 +4,9 @@
 
 A study of small size with Drake, one with screens by the compiled engine, of which most designs
 fail, one of the compiled engine alone, the simulations of a surrogate, those of a bank for a clutch
-that nobody has met (for two effects), an expected shift time at given angles, and one to a wanted
-precision. What is foreseen is what the command line would show when so much of the time is over.
-One worker runs in this process and time is its processor time, so that other work on the machine
-does not count.
+that nobody has met (for two effects), and an expected shift time at given angles. What is foreseen
+is what the command line would show when so much of the time is over. One worker runs in this
+process and time is its processor time, so that other work on the machine does not count.
 """
 
 from __future__ import annotations
@@ -123,7 +122,6 @@ def main(names: Sequence[str]) -> None:
             "compiled": _study("mq200_paper", COMPILED, root / "compiled"),
             "gap": _bank(root / "bank"),
             "expect": _mean(angles=12),
-            "precision": _mean(precision=0.002),
             "fit": lambda progress: fill(
                 fitted, StudyFolder(root / "fit"), 1, None, progress, levels=2
             ),

@@ -93,11 +93,6 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
             (r"one of the 32 shifts", "size of the benchmark"),
             (r"within 1 % at single", "tolerance of the test"),
         ),
-        "In two levels": (
-            (r"at first 48 even\s+angles|24 pairs", "constants of the method"),
-            (r"the 95 % intervals|of 96 angles", "level of an interval, size of the benchmark"),
-            (r"precision below 1 %", "advice"),
-        ),
     },
     "docs/simulation.md": {
         "Rounded edges": (

@@ -11,11 +11,10 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.result_charts import means_by_point
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.precision import FIRST, expect_to
-from dogshape.pipeline.simulate.two_levels import expect_in_two_levels, first_shifts
 from dogshape.pipeline.store.result_records import expectation_record
 from dogshape.result import Result, ms
 from dogshape.running import Where, angles_text, require_angles
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_blocks, listed_blocks
 from dogshape.sim.statistics.expectation import Expectation as Mean
@@ -56,8 +55,7 @@ class Expectation(Result):
 
         Without a time the shifts that engage lead.
         """
-        mean, planar = self.mean, self.mean.planar_shifts
-        beside = f", and {planar} of the compiled engine" if planar else ""
+        mean = self.mean
         timed = {
             "expected shift time": ms(mean.mean, mean.standard_error),
             "engaged": f"{mean.engaged:.1%}",
@@ -65,28 +63,14 @@ class Expectation(Result):
         return {
             **(timed if mean.engages else {"engagement": mean.engaged_words}),
             "operating points": str(len(mean.points)),
-            "shifts": f"{mean.shifts}{beside}",
+            "shifts": str(mean.shifts),
         }
 
-    @property
-    def engines(self) -> dict[str, int]:
-        """Engines behind the mean with the number of their shifts; two of them in two levels."""
-        planar = self.mean.planar_shifts
-        own = {self.config.clutch.solver.engine: self.mean.shifts}
-        return {**own, "planar": planar} if planar else own
-
     def to_dict(self) -> dict[str, Any]:
-        """Give mean, errors, and an entry for each operating point.
-
-        ``engines`` has the shifts of each engine. In two levels ``n``, ``shifts``, ``engaged`` and
-        what did not engage are Drake's, ``n_planar`` are shifts of the compiled engine beside.
-        """
+        """Give mean, errors, and an entry for each operating point."""
         engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
         more = {"mechanism": mechanism} if mechanism else {}
-        record = expectation_record(self.mean)
-        for entry, point in zip(record["points"], self.mean.points, strict=True):
-            entry["n_planar"] = point.n_planar
-        return {"engine": engine, "engines": self.engines, **record, **more}
+        return {"engine": engine, **expectation_record(self.mean), **more}
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
@@ -108,7 +92,6 @@ def simulate_mean(
     *,
     angles: int | Sequence[float] | None = None,
     precision: float | None = None,
-    levels: int | None = None,
 ) -> Expectation:
     """Simulate the expected shift time.
 
@@ -119,15 +102,11 @@ def simulate_mean(
     angles : how many evenly spaced relative angles, or the angles themselves, deg; None for the
         study's number.
     precision : wanted relative standard error, which finds the number of angles.
-    levels : with a precision, 2 for shifts of the compiled engine that some of Drake's at the same
-        angles correct (``sim.statistics.two_levels``), 1 for the study's engine alone; None for 2
-        where that is Drake.
 
     Raises
     ------
     InputError, GeometryError
-        For one half of an operating point, a precision or levels out of range, a dog that cannot
-        be made.
+        For one half of an operating point, a precision out of range, a dog that cannot be made.
     """
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     require_angles(angles)
@@ -137,34 +116,13 @@ def simulate_mean(
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
     asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles_text(angles), precision
-    levels = _levels(config, precision, levels)
     if precision is None:
         return Expectation(config, _at_angles(config, where, points, angles, asked))
     require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-    one = levels == 1
-    shifts = FIRST * len(points) if one else first_shifts(len(points), precision)
-    with where.executor("expect", (*asked, levels), shifts) as running:
-        method = expect_to if one else expect_in_two_levels
-        found = method(config, points, precision, running.executor, running.counter)
+    with where.executor("expect", asked, FIRST * len(points)) as running:
+        found = expect_to(config, points, precision, running.executor, running.counter)
         error = numerical_error(found.blocks, found.rows, running.executor.run)
     return Expectation(config, replace(found.expectation, numerical_error=error))
-
-
-def _levels(config: Setup, precision: float | None, levels: int | None) -> int:
-    """Return the number of levels; InputError for one that there is not."""
-    compiled = config.clutch.solver.engine == "planar"
-    if levels is None:
-        return 1 if compiled or precision is None else 2
-    if levels not in (1, 2):
-        raise InputError(refusal("--levels", levels, "", "it must be 1 or 2", "give one of them"))
-    if precision is None:
-        raise InputError("--levels goes with --precision; --angles has one level. Leave one out")
-    if levels == 2 and compiled:
-        raise InputError(
-            "--levels is 2, but a study of the compiled engine has one level; leave out --levels, "
-            "or give --engine drake"
-        )
-    return levels
 
 
 def _at_angles(

@@ -90,7 +90,6 @@ class Study:
         force_rise_s: float | None = None,
         angles: int | Sequence[float] | None = None,
         precision: float | None = None,
-        levels: int | None = None,
         jobs: int = 0,
         cluster: str | None = None,
         keep: str | Path | None = None,
@@ -105,9 +104,7 @@ class Study:
 
         where = Where(jobs, cluster, _path(keep), progress)
         point = mismatch_rpm, force_N, force_rise_s
-        return simulate_mean(
-            self.config, where, *point, angles=angles, precision=precision, levels=levels
-        )
+        return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
 
     def search(
         self,

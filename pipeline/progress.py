@@ -143,21 +143,6 @@ class WorkCounter:
         """Take all further shifts for those of another engine, which confirms, or of the same."""
         self._kind = "confirm" if other else "shift"
 
-    @contextmanager
-    def counting(self, kind: Kind) -> Iterator[None]:
-        """Take the shifts counted meanwhile for those of a kind."""
-        before, self._kind = self._kind, kind
-        try:
-            yield
-        finally:
-            self._kind = before
-
-    def rounds(self, now: Mapping[Kind, int], later: Mapping[Kind, float]) -> None:
-        """Expect a round's shifts of each kind, and what likely follows it, in usual shifts."""
-        self._total = self._done + sum(now.values())
-        self._bare = False
-        self.expects({kind: now.get(kind, 0) + later.get(kind, 0.0) for kind in {**now, **later}})
-
     def quick(self, count: int) -> None:
         """Take ``count`` more finished shifts of the compiled engine, which are not counted."""
         self._forecast.report("quick", count * self._factor)

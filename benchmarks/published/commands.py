@@ -21,11 +21,10 @@ ENTRIES: list[Entry] = [
         PAGE,
         "factor of {:.2f} in a small study with Drake, {:.2f} in one of the compiled engine, "
         "{:.2f} in a study of few designs most of which fail their screen, {:.2f} for the bank of "
-        "an unknown clutch, {:.2f} in an expectation, {:.2f} in one to a wanted precision in "
-        "two levels, and {:.2f} for the shifts of a surrogate",
+        "an unknown clutch, {:.2f} in an expectation, and {:.2f} for the shifts of a surrogate",
         lambda: [
             numbers("forecasts", f"{name}:", "farthest from 1:")[0]
-            for name in ("drake", "compiled", "screened", "gap", "expect", "precision", "fit")
+            for name in ("drake", "compiled", "screened", "gap", "expect", "fit")
         ],
     ),
     Entry(

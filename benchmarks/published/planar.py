@@ -144,35 +144,4 @@ ENTRIES: list[Entry] = [
             )
         ],
     ),
-    Entry(
-        PAGE,
-        "takes {:.0f} shifts of Drake and {:.0f} of this engine, {:.1f} s of processor time; one "
-        "level takes {:.0f} shifts and {:.1f} s, which is {:.1f} times as much",
-        lambda: [
-            *numbers("expectation", "expect --precision 0.01, two levels:")[2:5],
-            *(numbers("expectation", "expect --precision 0.01, one level:")[k] for k in (2, 4)),
-            *numbers("expectation", "two levels take 1/"),
-        ],
-    ),
-    Entry(
-        PAGE,
-        "hold Drake's mean of 96 angles at {:.1f} % of the operating points and in {:.1f} % of the "
-        "runs; without the retries at {:.1f} % and in {:.1f} %. One level: {:.1f} % and {:.1f} %, "
-        "without the retries {:.1f} % and {:.1f} %",
-        lambda: [
-            number
-            for level in ("two levels:", "one level:")
-            for row in ("with retries:", "without:")
-            for number in numbers("expectation", level, row)
-        ],
-    ),
-    Entry(
-        PAGE,
-        "one of the {:.0f} shifts does not engage. Its retry moves the mean by {:.2f} ms",
-        lambda: [
-            numbers("expectation", "of ")[0],
-            numbers("expectation", "expected shift time")[0]
-            - numbers("expectation", "expected shift time")[1],
-        ],
-    ),
 ]

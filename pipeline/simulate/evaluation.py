@@ -17,7 +17,12 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.level_times import LevelTimes, common_squares, level_times
+from dogshape.pipeline.simulate.level_times import (
+    LevelTimes,
+    common_squares,
+    level_times,
+    parts_of,
+)
 from dogshape.pipeline.simulate.operated_shifts import as_searched
 from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
 from dogshape.sim.errors import InputError, did_you_mean
@@ -28,7 +33,6 @@ from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
 from dogshape.sim.statistics.numerical_error import numerical_error
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
-from dogshape.sim.statistics.two_levels import parts_of
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
 from dogshape.sim.strength.manufacture import require_makeable
@@ -45,7 +49,7 @@ class Simulated:
     Expected shift time over the operating points that were simulated, what checks are judged by, a
     row for the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
     objectives by name, and how many of the shifts the clock ended. ``parts`` are the shifts of each
-    operating point (``sim.statistics.two_levels.parts_of``), ``levels`` those of both engines
+    operating point (``pipeline.simulate.level_times.parts_of``), ``levels`` those of both engines
     where all of this rests on both.
     """
 

@@ -7,8 +7,8 @@ the time by the compiled engine, an operating point has
 
 .. math:: E = E' + \overline{(z - z')}_n, \qquad z = \frac{a - E' e}{\bar e'},
 
-the first step of Newton's method to the ratio of means that ``sim.statistics.two_levels`` has, and
-so unbiased to first order for any number of pairs, one too: there no ratio of a few can vanish.
+the first step of Newton's method to the ratio of the means that pairs correct. It is unbiased to
+first order for any number of pairs, one too, and has no share of a few shifts as a divisor.
 
 The variance is that of the compiled engine's mean over even angles, and of the mean difference.
 Both engines part at single angles, where a shift comes into another slot, and few pairs have none
@@ -29,11 +29,12 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import SIMULATED, objectives_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.expectation import nested, variance_of_mean
-from dogshape.sim.statistics.two_levels import ALIKE
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.expectation import ShiftResult, nested, variance_of_mean
 from dogshape.surrogate.covariance import Array
 
 SAID = {SIMULATED, "smallest_margin"}  #: simulated objectives that two levels say
+ALIKE = 8  #: points nearest in mismatch that share the spread of differences
 FULL = 4  #: times the angles of a screen that designs of the front are screened with
 
 
@@ -138,7 +139,7 @@ def level_times(
 
     Parameters
     ----------
-    cheap, dear : at each operating point ``sim.statistics.two_levels.parts_of`` its shifts.
+    cheap, dear : at each operating point ``parts_of`` its shifts.
     seed, base : of the angles, as for ``sim.statistics.expectation.even_phases``.
     """
     lost = study.clutch.timeout + study.retraction
@@ -155,6 +156,14 @@ def level_times(
         even.append(engaged == 1.0)
         apart.append(scores[1] - scores[0][places])
     return LevelTimes(_weights(study), np.array(times), tuple(even), np.array(apart))
+
+
+def parts_of(shifts: Sequence[ShiftResult], lost: float) -> Array:
+    """Return times with costs of lost attempts, whether each engaged, and bare times, (3, n), s."""
+    engaged = np.array([s.shift_time is not None for s in shifts], dtype=float)
+    sound = np.array([s.outcome is not Outcome.DIVERGED for s in shifts], dtype=float)
+    times = np.array([s.shift_time or 0.0 for s in shifts])
+    return np.array([times + (sound - engaged) * lost, engaged, times])
 
 
 def common_squares(study: Setup, squares: Array) -> Array:

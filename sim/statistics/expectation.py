@@ -62,8 +62,8 @@ class PointExpectation:
     engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
     ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
     ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction. ``n_planar`` shifts of
-    the compiled engine stand behind a mean in two levels (``sim.statistics.two_levels``); counts
-    and shares are those of the other engine there.
+    the compiled engine stand behind a mean of a search in two levels
+    (``pipeline.simulate.level_times``); counts and shares are those of the other engine there.
     """
 
     point: OperatingPoint

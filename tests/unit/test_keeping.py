@@ -73,36 +73,12 @@ def test_a_stopped_command_goes_on(
     assert not list((tmp_path / "results").iterdir())
 
 
-@pytest.mark.parametrize("stop", [60, 70])
-def test_shifts_of_both_engines_are_kept(
-    dogshape: Call, tmp_path: Path, quick: Quick, stop: int
-) -> None:
-    """The compiled engine comes first, then Drake, then Drake again for the numerical error."""
-    asked = (*PRECISE[:-1], 0.034, "--jobs", 1, "--json")
-    whole = dogshape(*asked)
-    assert whole.json["engines"] == {"drake": 24, "planar": 48}
-    assert whole.json["points"][0]["n_planar"] == 48
-    shifts, quick.done, quick.stop = quick.done, 0, stop
-    assert dogshape(*asked).status == 130
-    (journal,) = (tmp_path / "results" / "shifts").glob("*/shifts.jsonl")
-    rows = [json.loads(line) for line in journal.read_text(encoding="utf-8").splitlines()]
-    compiled = [row for row in rows if row.get("engine") == "planar"]
-    assert len(rows) == stop
-    assert 0 < len(compiled) < stop
-    quick.stop = None
-    assert dogshape(*asked).out == whole.out
-    assert quick.done == shifts, "a finished shift was simulated again"
-
-
-def test_one_level_is_a_question_of_its_own(dogshape: Call, quick: Quick) -> None:
-    said = dogshape(*PRECISE, "--levels", 1, "--jobs", 1, "--json")
-    assert said.json["engines"] == {"drake": 24}
-    assert said.json["points"][0]["n_planar"] == 0
-    compiled = dogshape(*PRECISE, "--engine", "planar", "--jobs", 1, "--json")
-    assert compiled.json["engines"] == {"planar": 24}
-    table = dogshape(*PRECISE, "--jobs", 1)
-    assert "n compiled" in table.out
-    assert "from 48 shifts of the compiled engine, corrected by 24 of Drake" in table.out
+def test_each_engine_is_a_question_of_its_own(dogshape: Call, quick: Quick) -> None:
+    for engine, words in (("drake", "by Drake"), ("planar", "by the compiled engine")):
+        asked = (*PRECISE, "--engine", engine, "--jobs", 1)
+        said = dogshape(*asked, "--json")
+        assert (said.json["engine"], said.json["shifts"]) == (engine, 24)
+        assert f"simulated {words}" in dogshape(*asked).out
 
 
 def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:

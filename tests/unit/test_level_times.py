@@ -17,13 +17,13 @@ from dogshape.pipeline.simulate.level_times import (
     common_squares,
     holding,
     level_times,
+    parts_of,
     require_levels,
 )
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.statistics.expectation import ShiftResult, nested, variance_of_mean
-from dogshape.sim.statistics.two_levels import parts_of
 from dogshape.surrogate.covariance import Array
 from tests.conftest import SMALL
 

@@ -3,20 +3,51 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 
+from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.simulate.precision import FIRST, MOST, expect_to
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.expectation import even_phases
+from dogshape.sim.statistics.expectation import Expectation, even_phases
 from dogshape.sim.statistics.numerical_error import CHECKED, numerical_error, numerical_ratio
 from dogshape.sim.statistics.shift_records import Record
-from tests.conftest import Said
+from tests.conftest import Listener, Said
 
 Point = Callable[[float, float], OperatingPoint]
 Dogshape = Callable[..., Said]
+Time = Callable[[float], float | None]
+
+
+@dataclass
+class MadeUp:
+    """An executor whose shift time is a function of the share of the pitch."""
+
+    time: Time
+
+    def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
+        """Return the records of blocks."""
+        return [[_row(self.time(a / b.clutch.dog.pitch_angle)) for a in b.angles] for b in blocks]
+
+
+@pytest.fixture(scope="module")
+def default() -> Setup:
+    return load_study("mq200_paper")
+
+
+def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expectation:
+    with WorkCounter(Listener(said), 1) as progress:
+        return expect_to(study, study.points, precision, MadeUp(time), progress).expectation  # type: ignore[arg-type]
+
+
+def _slope(phase: float) -> float:
+    """A saw-tooth, 60 ms in the mean."""
+    return 0.05 + 0.02 * (phase % 1.0)
 
 
 def _row(time: float | None) -> Record:
@@ -67,6 +98,30 @@ def test_rounds_of_angles_hold_the_rounds_before() -> None:
         more = even_phases(6 * factor, seed=4, index=1, base=6)
         assert np.diff(more) == pytest.approx(np.full(6 * factor - 1, 1 / (6 * factor)))
         assert all(np.abs(more - phase).min() < 1e-12 for phase in first)
+
+
+def test_rounds_end_at_the_precision(default: Setup) -> None:
+    said: list[str] = []
+    wide, fine = (_run(default, _slope, goal, said) for goal in (0.01, 0.003))
+    assert {p.n for p in wide.points} == {FIRST}
+    assert {p.n for p in fine.points} == {2 * FIRST}
+    assert len(said) == 1
+    for found, goal in ((wide, 0.01), (fine, 0.003)):
+        assert found.standard_error <= goal * found.mean
+        assert found.mean == pytest.approx(0.06, abs=3.0 * found.standard_error)
+
+
+def test_a_precision_out_of_reach_is_told(default: Setup) -> None:
+    said: list[str] = []
+    found = _run(default, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
+    assert {p.n for p in found.points} == {MOST}
+    assert f"is what {MOST} angles at each operating point give" in said[-1]
+
+
+def test_no_precision_where_nothing_engages(default: Setup) -> None:
+    said: list[str] = []
+    assert not _run(default, lambda _: None, 0.01, said).engages
+    assert said == ["nothing engages at some operating point: no precision can be reached"]
 
 
 @pytest.mark.parametrize(

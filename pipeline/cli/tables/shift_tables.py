@@ -38,10 +38,9 @@ def simulated_by(engine: str) -> str:
 
 
 def expectation_table(result: Expectation, engine: str = "drake") -> RenderableType:
-    """Return the expected shift time of each operating point and over all, by one engine or two."""
-    both = ["n compiled"] if result.planar_shifts else []
+    """Return the expected shift time of each operating point and over all."""
     heads = "mismatch, 1/min", "force, N", "mean, ms", "s.e., ms", "sd, ms", "engaged", "n"
-    table = columns(*heads, *both)
+    table = columns(*heads)
     for p in result.points:
         mean, error = _mean_and_error(p.mean, p.standard_error) if p.engages else ("-", "-")
         table.add_row(
@@ -52,7 +51,6 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
             in_ms(p.sd),
             f"{p.engaged:.0%}",
             str(p.n),
-            *([str(p.n_planar)] if both else []),
         )
     if not result.engages:
         return Group(result.engaged_words, table, _lost(result), simulated_by(engine))
@@ -62,13 +60,7 @@ def expectation_table(result: Expectation, engine: str = "drake") -> RenderableT
         total = f"expected shift time {mean} ms (of too few shifts to say by how much it errs)"
     if result.numerical_error is not None and not math.isnan(result.numerical_error):
         total += f", numerical error {result.numerical_error * 1e3:.2g} ms"
-    if both:
-        total += (
-            f"\nfrom {result.planar_shifts} shifts of the compiled engine, corrected by "
-            f"{result.shifts} of Drake"
-        )
-    else:
-        total += f"\n{simulated_by(engine)}"
+    total += f"\n{simulated_by(engine)}"
     if result.lost:
         total += f"\n{_lost(result)}"
     return Group(table, total)

@@ -112,14 +112,6 @@ def expect(
     precision: Annotated[
         float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
     ] = None,
-    levels: Annotated[
-        int | None,
-        typer.Option(
-            help="with --precision: 2 (default with Drake) simulates most angles in the compiled "
-            "engine and corrects its mean by Drake at some of them, unbiased; 1 takes the one "
-            "engine alone"
-        ),
-    ] = None,
     draws: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="table of keys, a row a draw (gap --write): an interval"),
@@ -135,7 +127,7 @@ def expect(
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
     if draws is not None:
-        _require_alone(draws, (mismatch_rpm, force_N, force_rise_s, precision, levels, cluster))
+        _require_alone(draws, (mismatch_rpm, force_N, force_rise_s, precision, cluster))
         count = angles_of(angles)
         if count is not None and not isinstance(count, int):
             raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
@@ -149,8 +141,7 @@ def expect(
     warn([*slips_of(given), *folded(given.clutch.dog, listed if isinstance(listed, tuple) else ())])
     where = Where(jobs, cluster, SHIFTS, ProgressBar())
     found = simulate_mean(
-        given, where, mismatch_rpm, force_N, force_rise_s, angles=listed,
-        precision=precision, levels=levels,
-    )  # fmt: skip
+        given, where, mismatch_rpm, force_N, force_rise_s, angles=listed, precision=precision
+    )
     by = given.clutch.solver.engine
     emit(found.to_dict(), json, lambda: expectation_table(found.mean, by))
