@@ -50,7 +50,8 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""
         by = "by the new angles" if result["confirmation"] else "by the search"
-        lines += ["", f"front {by} (95 % intervals){last}", _front(study, result), ""]
+        order = f"in the order of the {goals_of(result).leading.label}"
+        lines += ["", f"front {by}, {order} (95 % intervals){last}", _front(study, result), ""]
     for reason, count in result["failed_shifts"].items():
         again = "; --resume simulates them again" if depends_on_clock(reason) else ""
         lines.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
