@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import LaggedProfile
@@ -11,8 +13,8 @@ def _change(setting: Setting, values: Values) -> Setting:
     lag, profile = values["lag_s"], setting.point.profile
     if lag == 0.0:
         return setting
-    lagged = LaggedProfile(profile.force, profile.rise, lag, delay=profile.delay)
-    return setting.with_point(profile=lagged)
+    own = {field.name: getattr(profile, field.name) for field in fields(profile)}
+    return setting.with_point(profile=LaggedProfile(**{**own, "lag": lag}))
 
 
 EFFECT = Effect(
