@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -22,7 +22,7 @@ from dogshape.diagnosis.constants import Settings
 from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.simulations import Level
+from dogshape.diagnosis.prediction.simulations import simulate_together
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 NONE: Hypothesis = ()
@@ -34,8 +34,6 @@ ROUNDS = (2, 3, 5)
 JOINT_WITHIN, JOINT_SETS, JOINT_DRAWS = 7.0, 4, 8  #: nats, sets, draws of each simulated together
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 96  #: draws of a hypothesis on which something unlisted is put
-
-Simulate = Callable[[Sequence[Level]], Array]  #: times of levels at every other angle, (K, C, n)
 
 
 @dataclass(frozen=True)
@@ -163,7 +161,7 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
             )
 
-    def join(self, simulate: Simulate) -> None:
+    def join(self) -> None:
         """Simulate plausible sets of several effects together, and sample them again."""
         model = self.likelihood.model
         top = max(self.value(h) for h in self.samples)
@@ -181,8 +179,11 @@ class _Search:
             mine = next(h for h in waiting if model.acting(h) == acting)
             shares = self.promising(mine)
             columns = model._acting_columns(model.space(mine))
-            levels = [model.level_of(mine, row) for row in shares]
-            model = model.with_joint(acting, shares[:, columns], simulate(levels))
+            times = [
+                simulate_together(model.level_of(mine, row), model.effects, model.simulated)
+                for row in shares
+            ]
+            model = model.with_joint(acting, shares[:, columns], np.array(times))
         if not chosen:
             return
         self.likelihood = replace(self.likelihood, model=model)
@@ -228,28 +229,28 @@ class _Search:
         return [h for h in dict.fromkeys(wider) if h in known]
 
 
-def rank(likelihood: Likelihood, more: More, reversed_: float, simulate: Simulate | None) -> Ranking:
+def rank(likelihood: Likelihood, more: More, reversed_: float) -> Ranking:
     """Rank all hypotheses on a data set.
 
     Parameters
     ----------
     more : log likelihood of what is known beside the shifts.
     reversed_ : prior probability of the reversed sense.
-    simulate : effects together; None where they cannot be simulated.
     """
     search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
     for size in range(min(3, likelihood.settings.most + 1)):
         search.screen(hypotheses_of(likelihood.model, size))
     search.refine(0)
-    if simulate is not None:
-        search.join(simulate)
+    compiled = likelihood.bench.clutch.solver.engine == "planar"
+    if compiled:
+        search.join()
     search.refine(1)
     if likelihood.settings.most > 2:
         thirds = search.thirds()
         search.screen(thirds)
         search.refine(1, thirds)
-        if simulate is not None:
-            search.join(simulate)
+        if compiled:
+            search.join()
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
     priors = {**search.priors, UNKNOWN: log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0)}

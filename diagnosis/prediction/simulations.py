@@ -201,14 +201,17 @@ def simulate(
 
 
 def simulate_together(
-    level: Level, effects: Mapping[str, Effect], settings: Sequence[Setting]
-) -> list[Block]:
-    """List the blocks of effects together, at every other angle of the levels."""
-    step = ANGLES // JOINT_ANGLES
-    places = range(0, ANGLES, step)
-    return [
-        _block_like(level.setting(effects, setting), setting).only(places) for setting in settings
-    ]
+    level: Level, effects: Mapping[str, Effect], simulated: Simulated
+) -> Array:
+    """Simulate effects together at every other angle of the levels: times, s, (C, JOINT_ANGLES)."""
+    angles = np.take_along_axis(simulated.angles, simulated.common, axis=1)
+    changed = [level.setting(effects, setting) for setting in simulated.settings]
+    return np.array(
+        [
+            replace(setting, delay=0.0).times(mine[:: ANGLES // JOINT_ANGLES])
+            for setting, mine in zip(changed, angles, strict=True)
+        ]
+    )
 
 
 def _draw(setting: Setting) -> int:
