@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
@@ -245,7 +245,10 @@ def test_a_mean_that_is_not_measured_yet_may_join_again(stand: Path) -> None:
     head, row = _table(stand / "two.csv", 3, 20).read_text().splitlines()[:2]
     (stand / "two.csv").write_text(f"{head}\n{row}\n{planned}")
     found = ds.update_diagnosis(stand / "out", stand / "two.csv")
-    assert sum(cell.unknown for cell in found.diagnosis.inference.bench.cells) == 20
+    bench = found.diagnosis.inference.bench
+    assert bench.record == load_bench("mq200_adams").record
+    assert sum(reading.engaged is None for reading in bench.readings) == 2
+    assert not any(cell.unknown for cell in bench.cells)  # as the record reads empty cells
 
 
 def test_traces_go_along(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
+from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
@@ -378,11 +379,13 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     dog = load_study("mine").clutch.dog
     assert (dog.count, dog.height) == (18, pytest.approx(3.2e-3))
     Path("m.csv").write_text("x;y;F_shift (kN)\n50;190;0,469\n100;180;0,469\n")
-    said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y", "y", "n"]
+    said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y"]
+    said += ["command", "arm", "actuator", "known", "n"]
     done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(said) + "\n")
     assert done.exit_code == 0, done.stderr
     bench = load_bench("m")
-    assert (bench.name, bench.mismatch_sense) == ("stand 7", "known")
+    assert bench.name == "stand 7"
+    assert bench.record == BenchRecord("command", "actuator", sense="known")
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
     quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])
