@@ -55,7 +55,7 @@ def clock_findings(stand: Stand, sheet: Sheet) -> list[Finding]:
         looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
         remedy = "state that key, with 0 where the clock is finer"
         return [Finding("clock", found, looks, remedy=remedy)]
-    off = [row for row in single if _misses(row, stand.clock_step)]
+    off = rows_off(sheet, stand.clock_step)
     if not off:
         return []
     found = (
@@ -72,7 +72,7 @@ def _single(sheet: Sheet) -> list[Row]:
     return [row for row in sheet.rows if row.n == 1 and row.time is not None]
 
 
-def _misses(row: Row, step: float) -> bool:
-    """Test that the time of a row is no multiple of a step."""
-    steps = (row.time or 0.0) / step if step else 0.0
-    return abs(steps - round(steps)) > OFF
+def rows_off(sheet: Sheet, step: float) -> list[Row]:
+    """List the single shifts whose time is no multiple of a step in s; none for a step of zero."""
+    counts = [(row, (row.time or 0.0) / step if step else 0.0) for row in _single(sheet)]
+    return [row for row, count in counts if abs(count - round(count)) > OFF]

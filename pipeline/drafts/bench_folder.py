@@ -372,10 +372,15 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
         files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if any(row["trace"] for row in rows):
-        said.append(
-            "the traces' displacement and force are referred to the sleeve; record.displacement_at "
-            "says where the sensor sits"
+        said.append("the traces' displacement and force are referred to the sleeve")
+    said += [
+        f"{what} is unknown: --set record.{key}={one}, or {other}, states it"
+        for key, what, one, other in (
+            ("time_zero", "the event at which the times start", "command", "force"),
+            ("displacement_at", "the place of the displacement sensor", "sleeve", "actuator"),
         )
+        if f"record.{key}" not in given
+    ]
     if not any(key.startswith(("dog.", "sliding.", "output.")) for key in given):
         said.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
     if not any(key.startswith("contact.") for key in given):

@@ -251,6 +251,19 @@ def test_a_mean_that_is_not_measured_yet_may_join_again(stand: Path) -> None:
     assert not any(cell.unknown for cell in bench.cells)  # as the record reads empty cells
 
 
+def test_readings_of_another_clock_do_not_join(stand: Path) -> None:
+    def write(name: str, times: tuple[float, ...]) -> Path:
+        rows = "".join(f"100,235.2,0.251,1,{time:.6g},true,\n" for time in times)
+        head = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged,trace\n"
+        (stand / name).write_text(head + rows)
+        return stand / name
+
+    ds.update_diagnosis(stand / "out", write("cycle.csv", (0.12, 0.17, 0.15, 0.11)))
+    assert ds.update_diagnosis(stand / "out", write("few.csv", (0.13,)))
+    with pytest.raises(DataError, match="are multiples of 10 ms, and a data set has one clock"):
+        ds.update_diagnosis(stand / "out", write("fine.csv", (0.1234, 0.11)))
+
+
 def test_traces_go_along(tmp_path: Path) -> None:
     found = ds.diagnose(GOOD, out=tmp_path / "out")
     (tmp_path / "traces").mkdir()

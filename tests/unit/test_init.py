@@ -157,6 +157,30 @@ def test_help_has_an_example(dogshape: Call, what: str) -> None:
     assert f"Example: dogshape init {what}" in said.out
 
 
+def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n5;469;\n")
+    said = dogshape("init", "bench", "m.csv", "--json")
+    assumed = " ".join(said.json["assumed"])
+    assert "--set record.time_zero=command, or force, states it" in assumed
+    assert "--set record.displacement_at=sleeve, or actuator, states it" in assumed
+    assert "record.empty_cells says whether they were tried" in assumed
+    assert load_bench("m").record == BenchRecord(sense="unknown")
+    stated = ("time_zero=force", "displacement_at=sleeve", "empty_cells=failed", "sense=known")
+    sets = [word for one in stated for word in ("--set", f"record.{one}")]
+    said = dogshape("init", "bench", "m.csv", "--out", "n", *sets, "--json")
+    assert "unknown" not in " ".join(said.json["assumed"])
+    assert load_bench("n").record == BenchRecord("force", "sleeve", "failed", "known")
+    assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
+
+
+def test_a_moved_key_is_refused_with_its_place(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n")
+    said = dogshape("init", "bench", "m.csv", "--set", "mismatch_sense=known")
+    assert said.status == 2
+    assert 'write sense = "known" in the table [record]' in said.err
+    assert not Path("m").exists()
+
+
 @pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
 def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None:
     Path("m.csv").write_bytes(FOREIGN.encode(coding))
