@@ -182,9 +182,7 @@ def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
     assert pair.error == pytest.approx(alone.error)
 
 
-def test_what_meets_no_flight_is_not_flown(
-    plain: Setting, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_meets_no_flight_is_not_flown(plain: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
     flights = Flights(EFFECTS, (plain,))
     still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
     monkeypatch.setattr(module, "fly", _forbidden)
