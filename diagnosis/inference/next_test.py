@@ -16,11 +16,13 @@ more than the first. Where *unknown* leads, traces show where along the shift th
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from scipy.special import rel_entr
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
@@ -40,7 +42,6 @@ LEAST = 5e-3  #: probability from which a hypothesis takes part
 DRAWS = 64  #: of each posterior
 ALIKE = 0.1  #: difference of chances to settle, within their error, below which the cost decides
 MORE = (10, 40)  #: shifts that may be added at an operating point
-PLACES = 6  #: operating points of which more shifts are on the menu
 TRACED = 10  #: shifts of which traces are recorded
 SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
 #: Tests that are no effect's own, by the names of a data set, with their hours to set up.
@@ -71,6 +72,7 @@ STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
 MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
 
+WORTH = ("information", "settles", "misleads")
 #: Marks of the flight of a hypothesis at values (m, p): times, error, creep, (m, SIZE), s.
 Marks = Callable[[Hypothesis, Array, ForceProfile], Any]
 
@@ -117,11 +119,15 @@ class NextTest:
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""
         predicted = self.information is not None
-        record: dict[str, Any] = {"name": self.name, "why": self.why, "kind": self.kind}
-        record["information_nats"] = self.information
-        record["chance_to_settle"] = self.settles if predicted else None
-        record["misleads"] = self.misleads if predicted else None
-        record["hours"] = self.hours
+        record: dict[str, Any] = {
+            "name": self.name,
+            "why": self.why,
+            "kind": self.kind,
+            "information_nats": self.information,
+            "chance_to_settle": self.settles if predicted else None,
+            "misleads": self.misleads if predicted else None,
+            "hours": self.hours,
+        }
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)
         if self.point is not None:
@@ -183,11 +189,9 @@ def _judged(diagnosis: Diagnosis, test: NextTest, marks: Marks | None) -> NextTe
     if outcome is None:
         return test
     before, odds = _before(diagnosis, outcome), imitator_odds(settings)
-    information, settles, misleads = outcome.worth(before, odds, settings.named)
+    worth = dict(zip(WORTH, outcome.worth(before, odds, settings.named), strict=True))
     foreseen = {h: outcome.moments(k) for k, h in enumerate(outcome.hypotheses)}
-    return replace(
-        test, information=information, settles=settles, misleads=misleads, foreseen=foreseen
-    )
+    return replace(test, **worth, foreseen=foreseen)
 
 
 def settle(
@@ -290,14 +294,13 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
         chance = chance / chance.sum()
         every = {h for one in answers for h in one.posterior}
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
-        ratio = np.where(after > 0.0, after / np.maximum(chance @ after, 1e-300), 1.0)
-        information = float(chance @ (after * np.log(ratio)).sum(axis=1))
-        best = after.max(axis=1)
-        sure = chance * (best > diagnosis.settings.named)
-        effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == RECORD[key][0])
-        test = NextTest(*RECORD[key], "record", ASKED, effects, question=key)
-        settles, misleads = float(sure @ best), float(sure @ (1.0 - best))
-        found.append(replace(test, information=information, settles=settles, misleads=misleads))
+        gain = (rel_entr(after, chance @ after) * chance[:, None]).sum()
+        best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
+        worth = float(gain), *(float(chance @ (named * one)) for one in (best, 1.0 - best))
+        name, how = RECORD[key]
+        effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
+        test = NextTest(name, how, "record", ASKED, effects, question=key)
+        found.append(replace(test, **dict(zip(WORTH, worth, strict=True))))
     return found
 
 
@@ -357,36 +360,16 @@ def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
 
 
 def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
-    """List more shifts where hypotheses differ most over the scatter of their mean."""
-    bench, setup = diagnosis.bench, hours_of(diagnosis.bench, "more shifts")
-    if not possible(bench, "more shifts"):
-        return []
-    found: list[tuple[float, list[NextTest]]] = []
-    for cell in range(len(bench.cells)):
+    """List more shifts at each operating point at which shifts can engage."""
+    bench, found = diagnosis.bench, []
+    setup, mean = hours_of(bench, "more shifts"), diagnosis.fits[_nearest(diagnosis)].predicted.mean
+    cells = np.flatnonzero(np.isfinite(mean).all(axis=0)).tolist()
+    for cell, count in itertools.product(cells, MORE if possible(bench, "more shifts") else ()):
         point, words = _where(bench, cell)
-        tests = [
-            NextTest(
-                f"{count} more shifts at {words}",
-                f"Record {count} more shifts at {words}, each with its own time.",
-                "shifts",
-                setup + SHIFT * count,
-                cell=cell,
-                point=point,
-                shifts=count,
-            )
-            for count in MORE
-        ]
-        outcome = outcome_of(diagnosis, tests[-1], None)
-        assert outcome is not None, "shifts have a predicted mean"
-        means, sds = np.array([outcome.moments(k) for k in range(len(outcome.hypotheses))])[
-            ..., 0
-        ].T
-        weight = _before(diagnosis, outcome)
-        apart = weight @ (means - weight @ means) ** 2 / (weight @ sds**2)
-        if np.isfinite(apart):
-            found.append((float(apart), tests))
-    found.sort(key=lambda one: -one[0])
-    return [test for _, tests in found[:PLACES] for test in tests]
+        name, hours = f"{count} more shifts at {words}", setup + SHIFT * count
+        how = f"Record {name}, each with its own time."
+        found.append(NextTest(name, how, "shifts", hours, cell=cell, point=point, shifts=count))
+    return found
 
 
 def _further(diagnosis: Diagnosis, hypothesis: Hypothesis, test: NextTest) -> Densities:

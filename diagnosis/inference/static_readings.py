@@ -171,7 +171,18 @@ def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
 
 def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
     """List the facts of direct tests, whether their effects are in question or not."""
-    return tuple(_measured(bench, _effect(one.effect, effects), one) for one in bench.measured)
+    found = []
+    for one in bench.measured:
+        effect = _effect(one.effect, effects)
+        name = _parameter(one, effect) or ""
+        sentence = (
+            f"a direct test gives {name} = {one.value:.4g} (standard error "
+            f"{one.standard_error:.2g}), which counts with the shifts"
+        )
+        neutral = effect.neutral(setting_of(bench))[name]
+        fact = Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
+        found.append(fact)
+    return tuple(found)
 
 
 def shown(facts: Sequence[Fact]) -> frozenset[str]:
@@ -187,14 +198,3 @@ def _effect(name: str, effects: Mapping[str, Effect]) -> Effect:
 def _parameter(one: Measured, effect: Effect) -> str | None:
     names = [parameter.name for parameter in effect.parameters]
     return names[0] if one.parameter is None and len(names) == 1 else one.parameter
-
-
-def _measured(bench: Bench, effect: Effect, one: Measured) -> Fact:
-    name = _parameter(one, effect)
-    assert name is not None, "the parameter is required before"
-    sentence = (
-        f"a direct test gives {name} = {one.value:.4g} (standard error {one.standard_error:.2g}), "
-        "which counts with the shifts"
-    )
-    neutral = effect.neutral(setting_of(bench))[name]
-    return Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
