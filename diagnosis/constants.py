@@ -121,6 +121,16 @@ class Settings:
         0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
         "judged", "one data set in a hundred; no answer is surer",
     )  # fmt: skip
+    imitated: float = constant(
+        0.5, "probability", "that something unlisted acts on shift times as an effect does",
+        "judged", "of what is not on the list, half looks like something on it",
+    )  # fmt: skip
+    test_error: float = constant(
+        0.05, "of a range", "standard error of a direct test", "judged", ""
+    )
+    hour: float = constant(
+        0.04, "probability", "to settle the cause that an hour of work has to earn", "judged", ""
+    )
     # limits of the answer
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",

@@ -23,15 +23,16 @@ from dogshape.diagnosis.inference.sampling import More, Sample, refined, screene
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.prediction.simulations import simulate_together
-from dogshape.diagnosis.terms import Array, Hypothesis
-
-NONE: Hypothesis = ()
-UNKNOWN: Hypothesis = ("unknown",)
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 
 WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
 MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
 ROUNDS = (2, 3, 5)
-JOINT_WITHIN, JOINT_SETS, JOINT_DRAWS = 7.0, 4, 8  #: nats, sets, draws of each simulated together
+JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
+#: Sets of effects and draws of each that are simulated together, round by round: many sets at few
+#: draws, so that none is excluded unseen, then those that stay plausible.
+JOINT_ROUNDS = ((8, 2), (3, 6))
+OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 96  #: draws of a hypothesis on which something unlisted is put
 
@@ -62,15 +63,14 @@ class Ranking:
         )
         return self.log_prior[hypothesis] + evidence
 
-    def probabilities(self) -> dict[Hypothesis, float]:
-        """Compute the posterior probabilities, the largest first."""
-        floor = self.likelihood.settings.floor
-        every = [*self.samples, UNKNOWN]
-        logs = np.array([self.log_joint(h) for h in every])
-        prior = np.exp([self.log_prior[h] for h in every])
-        found = (1.0 - floor) * np.exp(logs - logsumexp(logs)) + floor * prior / prior.sum()
-        order = np.argsort(-found)
-        return {every[k]: float(found[k]) for k in order}
+    def log_failed(self, hypothesis: Hypothesis) -> float:
+        """Compute the log probability that all untold shifts were tried and failed."""
+        untold = self.likelihood.seen.untold
+        if hypothesis == UNKNOWN:
+            return -float(np.log1p(untold).sum())
+        one = self.samples[hypothesis]
+        log = self.likelihood.log_failed(one.predicted)
+        return float(logsumexp(log + one.log_weights) - one.log_evidence)
 
 
 def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
@@ -163,53 +163,77 @@ class _Search:
 
     def join(self) -> None:
         """Simulate plausible sets of several effects together, and sample them again."""
+        for sets, draws in JOINT_ROUNDS:
+            model = self.likelihood.model
+            chosen = self.waiting(draws)[:sets]
+            if not chosen:
+                return
+            for h in chosen:
+                acting, shares = model.acting(h), self.promising(h, draws)
+                times = [
+                    simulate_together(model.level_of(h, row), model.effects, model.simulated)
+                    for row in shares
+                ]
+                columns = model.acting_columns(model.space(h))
+                model = model.with_joint(acting, shares[:, columns], np.array(times))
+            self.likelihood = replace(self.likelihood, model=model)
+            known = {model.acting(h) for h in chosen}
+            changed = [h for h in self.samples if model.acting(h) in known and REVERSED not in h]
+            self.screen(changed)
+            for h in changed:
+                self.samples[h] = refined(
+                    self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
+                )
+
+    def waiting(self, draws: int) -> list[Hypothesis]:
+        """List the sets to simulate together, the most promising first; one of equal acting sets."""
         model = self.likelihood.model
         top = max(self.value(h) for h in self.samples)
-        waiting = [
-            h
-            for h in sorted(self.samples, key=lambda h: -self.value(h))
-            if len(model.acting(h)) > 1
-            and REVERSED not in h
-            and model.acting(h) not in model.joint
-            and self.value(h) > top - JOINT_WITHIN
-            and self.uncertain(h)
-        ]
-        chosen = list(dict.fromkeys(model.acting(h) for h in waiting))[:JOINT_SETS]
-        for acting in chosen:
-            mine = next(h for h in waiting if model.acting(h) == acting)
-            shares = self.promising(mine)
-            columns = model._acting_columns(model.space(mine))
-            times = [
-                simulate_together(model.level_of(mine, row), model.effects, model.simulated)
-                for row in shares
-            ]
-            model = model.with_joint(acting, shares[:, columns], np.array(times))
-        if not chosen:
-            return
-        self.likelihood = replace(self.likelihood, model=model)
-        changed = [h for h in self.samples if model.acting(h) in chosen and REVERSED not in h]
-        self.screen(changed)
-        for h in changed:
-            self.samples[h] = refined(
-                self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
-            )
+        hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
+        for h in self.samples:
+            acting = model.acting(h)
+            if len(acting) < 2 or REVERSED in h:
+                continue
+            known = len(model.joint[acting].shares) if acting in model.joint else 0
+            hope = self.value(h) if known else self.hope(h)
+            if known >= draws or hope < top - JOINT_WITHIN or not self.uncertain(h):
+                continue
+            hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
+        return [h for _, h in sorted(hopes.values(), reverse=True)]
+
+    def optimistic(self, one: Sample) -> Array:
+        """Compute log likelihoods as if effects together had the means that suit the data, (n,)."""
+        wide = OPTIMISTIC * abs(one.predicted.common)
+        seen = self.likelihood.seen
+        gap = np.where(seen.having, seen.mean - one.predicted.mean, 0.0)
+        moved = replace(one.predicted, mean=one.predicted.mean + np.clip(gap, -wide, wide))
+        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares)
+        return np.where(np.isfinite(one.log), log, -np.inf)
+
+    def hope(self, h: Hypothesis) -> float:
+        """Estimate what evidence and prior may come to once effects are simulated together."""
+        one = self.samples[h]
+        spent = 1.5 * one.shares.shape[1]
+        return max(self.value(h), float(self.optimistic(one).max()) - spent + self.priors[h])
 
     def uncertain(self, h: Hypothesis) -> bool:
         """Check that effects together are uncertain by more than their points' own errors."""
-        one = self.samples[h]
+        one, like = self.samples[h], self.likelihood
         best = one.predicted.only(one.log.argsort()[-10:])
-        own = np.sqrt(self.likelihood.own_variance(best) + best.sd**2 / np.maximum(self.likelihood.seen.count, 1.0))
+        scatter = best.sd**2 / np.maximum(like.seen.count, 1.0)
+        own = np.sqrt(like.own_variance(best) + scatter)
         return bool((abs(best.common) / own).max() > 0.5)
 
-    def promising(self, h: Hypothesis) -> Array:
+    def promising(self, h: Hypothesis, draws: int) -> Array:
         """Choose draws with much likelihood that lie apart, (K, p)."""
         one = self.samples[h]
-        best = one.log.argsort()[::-1][: 8 * JOINT_DRAWS]
-        best = best[one.log[best] > one.log[best[0]] - 10.0]
+        log = self.optimistic(one)
+        best = log.argsort()[::-1][: 8 * draws]
+        best = best[log[best] > log[best[0]] - 10.0]
         places = one.shares[best]
         chosen = [0]
         near = np.linalg.norm(places - places[0], axis=1)
-        while len(chosen) < min(JOINT_DRAWS, len(places)):
+        while len(chosen) < min(draws, len(places)):
             chosen.append(int(near.argmax()))
             near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
         return places[chosen]
@@ -229,13 +253,14 @@ class _Search:
         return [h for h in dict.fromkeys(wider) if h in known]
 
 
-def rank(likelihood: Likelihood, more: More, reversed_: float) -> Ranking:
+def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
     """Rank all hypotheses on a data set.
 
     Parameters
     ----------
     more : log likelihood of what is known beside the shifts.
     reversed_ : prior probability of the reversed sense.
+    beside : log density of what is known beside the shifts, if nothing listed is the cause.
     """
     search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
     for size in range(min(3, likelihood.settings.most + 1)):
@@ -254,7 +279,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float) -> Ranking:
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
     priors = {**search.priors, UNKNOWN: log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0)}
-    return replace(found, log_prior=priors, log_unknown=_unlisted(search))
+    return replace(found, log_prior=priors, log_unknown=_unlisted(search) + beside)
 
 
 def _unlisted(search: _Search) -> float:
@@ -268,11 +293,10 @@ def _unlisted(search: _Search) -> float:
         flat = 0.2 * (one.log - one.log.max())
         best = np.argsort(-flat)[:OPEN]
         p, density = one.predicted.only(best), one.log_density[best]
-        beside = search.more(h, one.shares[best])
         for size, length in itertools.product(settings.unlisted_sizes, settings.unlisted_lengths):
             for stretch in STRETCHES:
                 wider = replace(p, sd=stretch * p.sd)
-                log = like.terms(wider, (size, length)).log + beside
+                log = like.terms(wider, (size, length)).log
                 log = np.where(np.isfinite(one.log[best]), log, -np.inf)
                 logs.append(logsumexp(log - density) + search.priors[h])
     options = len(settings.unlisted_sizes) * len(settings.unlisted_lengths) * len(STRETCHES)

@@ -320,6 +320,10 @@ class Likelihood:
         log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
         return np.asarray(log + _log_choose(whole, count))
 
+    def late_mean(self, p: Predicted) -> Array:
+        """Compute the mean of all shifts, late ones too, s, (m, C)."""
+        return np.asarray(p.mean + np.clip(p.late, 0.0, 0.9) * self.model.behind[0])
+
     def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array]:
         """Draw amplitudes (m,) and common errors of each prediction, s, (m, C), given the data."""
         found = self.terms(p)

@@ -43,6 +43,8 @@ from dogshape.sim.setting import Setting, angle_weights
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
+SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
+ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
@@ -219,15 +221,23 @@ class Model:
 
     @cached_property
     def behind(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each."""
-        base = self.simulated.baseline
-        late = late_times(base, self.waits)
-        middle = np.nan_to_num(np.nanmean(np.where(np.isfinite(base) & ~late, base, np.nan), axis=1))
-        mean, sd = 1.0 * self.waits, 0.4 * self.waits
+        """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each.
+
+        They are those of all levels. Where hardly any shift is late, a late one passes ``SLOTS``
+        slots, and its delay scatters as much.
+        """
+        times, late = self._every
+        middle = np.array([np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in times])
+        levels = np.moveaxis(self.simulated.times, 1, 0)
+        own = _quantile(np.sort(np.where(np.isfinite(levels), levels, np.inf), -1), np.isfinite(levels).sum(-1), 0.5)
+        medians = np.hstack([np.repeat(middle[:, None], self.simulated.baseline.shape[1], 1), np.repeat(own, ANGLES, 1)])
+        timeout = np.array([one.clutch.timeout for one in self.settings])
+        mean = np.minimum(SLOTS * self.waits, 0.5 * timeout)
+        sd = mean.copy()
         for cell in range(self.cells):
-            mine = base[cell][late[cell]] - middle[cell]
-            if mine.size >= 3:
-                mean[cell], sd[cell] = mine.mean(), max(mine.std(ddof=1), 0.2 * mine.mean())
+            mine = (times[cell] - medians[cell])[late[cell]]
+            if mine.size >= ENOUGH_LATE:
+                mean[cell], sd[cell] = mine.mean(), mine.std(ddof=1)
         return mean, sd
 
     def space(self, hypothesis: Hypothesis) -> Space:
@@ -256,7 +266,7 @@ class Model:
         added = np.maximum(added, LEAST_PART * product)
         common = COMBINED * (product - added)
         if joint := self.joint.get(self.acting(hypothesis)):
-            found, left = joint.at(shares[:, self._acting_columns(space)])
+            found, left = joint.at(shares[:, self.acting_columns(space)])
             added = added * np.exp(found[..., 0])
             rest = rest + found[..., 1:]
             common = common * np.sqrt(left)[:, None]
@@ -459,7 +469,7 @@ class Model:
     def level_of(self, hypothesis: Hypothesis, shares: Array) -> Level:
         """Build the level of the acting effects of a hypothesis at shares (p,)."""
         space = self.space(hypothesis)
-        acting = self._acting_columns(space)
+        acting = self.acting_columns(space)
         return Level(
             self.acting(hypothesis), tuple(space.values(shares[None])[0, acting].tolist())
         )
@@ -494,7 +504,8 @@ class Model:
             residuals = np.concatenate([before.residuals, residuals])
         return replace(self, joint={**self.joint, hypothesis: _Joint(shares, residuals)})
 
-    def _acting_columns(self, space: Space) -> Array:
+    def acting_columns(self, space: Space) -> Array:
+        """Find the columns of the effects that are simulated, (k,)."""
         columns = [
             np.arange(len(space.parameters))[space.columns(name)]
             for name in self.acting(space.hypothesis)
