@@ -56,7 +56,7 @@ def _simulated(cell: CellRow) -> tuple[float | None, float]:
 
 
 def _predicted(cell: CellRow) -> tuple[float | None, float]:
-    return cell.foretold_s, _half(cell.foretold_error_s)
+    return cell.predicted_s, _half(cell.predicted_error_s)
 
 
 def _bench(cell: CellRow) -> tuple[float | None, float]:
