@@ -261,5 +261,3 @@ def findings_record(bench: Bench) -> dict[str, Any]:
         "corrections": [str(correction) for correction in bench.corrections],
         "warnings": [{key: getattr(one, key) for key in keys} for one in bench.warnings],
     }
-
-

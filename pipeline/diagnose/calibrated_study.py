@@ -370,5 +370,7 @@ def _comments(
             described(p.name, found.fits[hypothesis].interval(p.name)) for p in parameters
         )
         part = "part of the cause" if name in found.verdict.causes else "open"
-        comments[f"effects.{name}"] = [f"{size}; {part} ({chance(found.inclusion.get(name, 0.0))})."]
+        comments[f"effects.{name}"] = [
+            f"{size}; {part} ({chance(found.inclusion.get(name, 0.0))})."
+        ]
     return comments

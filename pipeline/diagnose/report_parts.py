@@ -10,7 +10,7 @@ from pathlib import Path
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.sense import forward
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.phase_times import PhaseGap, along, overall
+from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.consequence import Consequence, consequence, shifts_of, studied
@@ -70,8 +70,7 @@ def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
     if not having:
         return ()
     some = having[:: -(-len(having) // POINTS)]
-    found = along(replace(bench, cells=tuple(some)), angles=ANGLES)
-    return overall(found) if found else ()
+    return phase_gaps(replace(bench, cells=tuple(some)), angles=ANGLES)
 
 
 def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:

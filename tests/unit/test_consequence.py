@@ -60,7 +60,9 @@ def _designs(study: Setup) -> dict[str, dict[str, float]]:
 
 
 def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
-    found = consequence(study, _designs(study), {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
+    found = consequence(
+        study, _designs(study), {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run
+    )
     assert (found.chosen.name, found.best.name) == ("flat", "blunt")
     assert found.regret == pytest.approx((0.03 + 0.9) - (0.032 + 0.6))
     # The lowest dogs land on a face that takes less than that.
@@ -108,7 +110,9 @@ def test_a_blow_on_an_edge_has_the_energy_of_the_bed_that_was_simulated() -> Non
 
 
 def test_a_dead_time_moves_every_time_and_no_choice(study: Setup) -> None:
-    found = consequence(study, _designs(study), {"actuation_delay": {"delay_s": 0.1}}, EFFECTS, _run)
+    found = consequence(
+        study, _designs(study), {"actuation_delay": {"delay_s": 0.1}}, EFFECTS, _run
+    )
     assert found.chosen is found.best
     assert (found.regret, found.standard_error) == (0.0, 0.0)
     for one in found.candidates:

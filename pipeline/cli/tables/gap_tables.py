@@ -8,11 +8,10 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.wording import chance, described
-from dogshape.diagnosis.terms import plain
+from dogshape.diagnosis.report.wording import chance
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.cli.tables.validate_tables import examined_lines
-from dogshape.pipeline.reports.gap.gap_page import gap_rows, p_value, shown_hypotheses
+from dogshape.pipeline.reports.gap.gap_page import gap_rows, hypothesis_row, shown_hypotheses
 from dogshape.sim.effects import load
 
 SHOWN = 6  #: hypotheses in a table
@@ -44,11 +43,9 @@ def next_test_line(record: dict[str, Any]) -> str:
 def _hypotheses(found: Diagnosis) -> Table:
     table = columns("hypothesis", "probability", "sizes (90 %)", "p")
     for hypothesis in shown_hypotheses(found)[:SHOWN]:
-        fit = found.fits.get(hypothesis)
-        sizes = [described(p.name, fit.interval(p.name)) for p in fit.space.parameters] if fit else []
-        probability = chance(found.posterior.get(hypothesis, 0.0))
-        p = p_value(fit.p if fit else None) or "-"
-        table.add_row(plain(hypothesis, found.effects), probability, "; ".join(sizes) or "-", p)
+        row = hypothesis_row(found, hypothesis)
+        sizes = "; ".join(row["sizes"]) or "-"
+        table.add_row(row["name"], row["probability"], sizes, row["p"] or "-")
     return table
 
 

@@ -64,7 +64,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "kind": found.verdict.kind,
         "without": sorted({unreadable(point) for point in points} - {""}),
         "part_engaged": any(point.failed and point.engaged for point in points),
-        "hypotheses": [_hypothesis(found, h) for h in shown_hypotheses(found)],
+        "hypotheses": [hypothesis_row(found, h) for h in shown_hypotheses(found)],
         "gaps": gap_rows(found),
         "tests": [
             (test.name, *map(chance, (test.settles, test.misleads)), f"{test.information:.2f}",
@@ -104,21 +104,17 @@ def shown_hypotheses(found: Diagnosis) -> list[Hypothesis]:
     return list(dict.fromkeys([*worth[:MOST], found.leading]))
 
 
-def _hypothesis(found: Diagnosis, hypothesis: Hypothesis) -> Row:
-    """Tabulate a hypothesis: name, probability, sizes, and p-value."""
+def hypothesis_row(found: Diagnosis, hypothesis: Hypothesis) -> Row:
+    """Tabulate a hypothesis: name, probability, sizes, and p-value, empty where unknown."""
     fit = found.fits.get(hypothesis)
     parameters = fit.space.parameters if fit else ()
+    p = fit.p if fit else None
     return {
         "name": plain(hypothesis, found.effects),
         "probability": chance(found.posterior.get(hypothesis, 0.0)),
         "sizes": [described(p.name, fit.interval(p.name)) for p in parameters] if fit else [],
-        "p": p_value(fit.p if fit else None),
+        "p": "" if p is None else "< 0.001" if p < 0.001 else f"{p:.2g}",
     }
-
-
-def p_value(p: float | None) -> str:
-    """Print a p-value, empty where none was computed."""
-    return "" if p is None else "< 0.001" if p < 0.001 else f"{p:.2g}"
 
 
 def gap_rows(found: Diagnosis) -> list[tuple[str, str]]:
