@@ -1,6 +1,6 @@
 """Write the settings of the diagnosis, with unit, status and source, into docs/inference.md.
 
-    python -m benchmarks.constants
+python -m benchmarks.constants
 """
 
 from __future__ import annotations

@@ -12,7 +12,6 @@ from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.report.wording import findings_record, headline_of, summary
-from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
     CalibratedStudy,
@@ -100,9 +99,7 @@ class Diagnosis(Result):
 
     def plot(self) -> go.Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
-        found = self.inference
-        leading = "" if found.leading == NONE else plain(found.leading, found.effects)
-        return before_figure(cells_of(found), leading)
+        return before_figure(cells_of(self.inference))
 
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.next_test import NextTest
 from dogshape.diagnosis.report.wording import (
     chance,
     described,
@@ -66,11 +67,7 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "part_engaged": any(point.failed and point.engaged for point in points),
         "hypotheses": [hypothesis_row(found, h) for h in shown_hypotheses(found)],
         "gaps": gap_rows(found),
-        "tests": [
-            (test.name, *map(chance, (test.settles, test.misleads)), f"{test.information:.2f}",
-             f"{test.hours:.2g}")
-            for test in found.tests[:TESTS]
-        ],
+        "tests": [(test.name, *_worth(test), f"{test.hours:.2g}") for test in found.tests[:TESTS]],
         "choice": None if extras.consequence is None else _choice(extras.consequence),
         "readings": [
             (reading_name(one), chance(one.probability), headline_of(one.verdict, found.effects))
@@ -80,16 +77,22 @@ def content_of(found: Diagnosis, extras: Extras) -> Row:
         "json_link": "data:application/json," + quote(record_text(found)),
         "csv_link": html.csv_link(table(points)),
         **_figures(found, points, extras),
-    }  # fmt: skip
+    }
+
+
+def _worth(test: NextTest) -> tuple[str, str, str]:
+    """Print the chances to settle and to mislead and the information, empty where unknown."""
+    if test.information is None:
+        return "", "", ""
+    return chance(test.settles), chance(test.misleads), f"{test.information:.2f}"
 
 
 def _figures(found: Diagnosis, points: list[CellRow], extras: Extras) -> Row:
     """Draw all figures as HTML, an empty word where there is nothing to draw."""
-    leading = "" if found.leading == NONE else plain(found.leading, found.effects)
     drawn = {
         "map": figures.gap_map_figure(points),
         "inclusion": figures.inclusion_figure(found) if any(found.inclusion.values()) else None,
-        "before": before_figure(points, leading),
+        "before": before_figure(points),
         "phases": figures.phases_figure(extras.phases) if extras.phases else None,
     }
     return {
