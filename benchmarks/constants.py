@@ -40,7 +40,7 @@ def table() -> str:
 
 def with_constants(page: str) -> str:
     """Put the table into the text of the page."""
-    before, after = page.split(BEGIN)[0], page.split(END)[1]
+    before, after = page.split(BEGIN, maxsplit=1)[0], page.split(END)[1]
     return f"{before}{BEGIN}{table()}{END}{after}"
 
 

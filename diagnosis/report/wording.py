@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis, Interval, Reading
-from dogshape.diagnosis.inference.static_readings import Fact
+from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.terms import Hypothesis, plain
 from dogshape.sim.effect import Effect
@@ -151,35 +149,16 @@ def _open(found: Diagnosis) -> str:
     return f"Open beside: {listed(names, 'or')}." if names else ""
 
 
-def explained(found: Diagnosis, fact: Fact) -> float:
-    """Compute the part of the root-mean-square gap that a reading at rest explains, s.
-
-    The effect of the fact acts alone with the size that was read; other parameters of the effect
-    stay as near to neutral as their range allows.
-    """
-    space, setting = found.model.space((fact.effect,)), found.model.setting
-    values = [fact.value if p.name == fact.parameter else p.neutral_of(setting) for p in
-              space.parameters]  # fmt: skip
-    shares = [[p.share(value) for p, value in zip(space.parameters, values, strict=True)]]
-    moved = found.model.predict((fact.effect,), np.array(shares)).mean[0]
-    gaps = np.array([np.nan if one.gap is None else one.gap for one in found.gaps])
-    base = np.array([np.nan if one.mean is None else one.mean for one in found.gaps])
-    left = gaps - (moved - base)
-    known = np.isfinite(left)
-    return float(np.sqrt((gaps[known] ** 2).mean()) - np.sqrt((left[known] ** 2).mean()))
-
-
 def _refuted(found: Diagnosis) -> str:
     """State the parts of the gap that readings at rest explain, where these are next to nothing."""
-    whole = found.held_out.baseline
-    facts = [f for f in found.facts if f.effect in found.effects]
-    parts = {f: explained(found, f) for f in facts if f.effect not in found.verdict.causes}
-    said = [
-        f"{found.effects[f.effect].plain} ({_amount(f.parameter, f.value)}) explains "
-        f"{max(0.0, 1e3 * part):.0f} ms"
-        for f, part in parts.items()
-        if part < EXPLAINED * whole
-    ]
+    said, whole = [], 0.0
+    for fact in found.facts:
+        if fact.effect in found.effects and fact.effect not in found.verdict.causes:
+            part, whole = explained(fact, found.model, found.seen)
+            if part < EXPLAINED * whole:
+                amount = _amount(fact.parameter, fact.value)
+                effect = found.effects[fact.effect].plain
+                said.append(f"{effect} ({amount}) explains {max(0.0, 1e3 * part):.0f} ms")
     return f"As read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
 
 

@@ -314,7 +314,7 @@ def _with_effects(
         table, _, name = key.partition(".")
         found[table] = {k: v for k, v in found[table].items() if k != name}
     if carried and "mechanism.added_mass_kg" in gone:
-        mass = rounded(found["sliding"]["mass_kg"] + carried)
+        mass = rounded(keys.base.clutch.rings.mass + carried)
         found["sliding"] = {**found["sliding"], "mass_kg": mass}
         remarks.append(f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg of forks")
     for name, effect in taken.items():
