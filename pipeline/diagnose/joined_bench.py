@@ -33,7 +33,6 @@ from dogshape.sim.texts import read_table
 from dogshape.sim.units import MS
 
 DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
-NEAR_RISE = 0.05  #: share by which rise times of one mismatch and force differ by rounding alone
 COPIED = 8  #: equal rows in a row, from which on they are copies
 DIFFERENT = 5  #: of these that differ from each other: a stand may repeat few values
 Cells = dict[str, str]  #: a row of a table as it is read
@@ -147,7 +146,6 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
     stand = load_stand(data / "bench.toml")
     sheet = _examined(stand, new, asked.corrections)
     held, _ = _corrected(stand, data / "shifts.csv", asked.corrections)
-    _require_same_rises(held, sheet)
     if not any(one.startswith("points=") for one in asked.corrections):
         _require_same_points(held, sheet)
     _require_no_copies(held, sheet)
@@ -223,20 +221,6 @@ def _moved(row: Cells, new: Path, target: Path, own: Path) -> Cells:
     return {**row, "trace": (own / name).as_posix()}
 
 
-def _require_same_rises(held: Sheet, new: Sheet) -> None:
-    """Raise DataError for a rise time that is nearly that of the same mismatch and force."""
-    for row in new.rows:
-        for other in held.rows:
-            near = abs(row.rise / other.rise - 1.0) < NEAR_RISE and row.rise != other.rise
-            if near and abs(row.force - other.force) < 1e-6 * other.force:
-                raise DataError(
-                    f"{new.path}, row {row.row}, column force_rise_s is {number(row.rise)} s, but "
-                    f"the bench has {number(other.rise)} s at {number(other.force)} N, and another "
-                    "rise time is another operating point; write the same, or one that differs by "
-                    f"more than {NEAR_RISE:.0%}"
-                )
-
-
 def _require_same_points(held: Sheet, new: Sheet) -> None:
     """Raise DataError for set values that are nearly, but not just, those of the bench."""
     rows = (*held.rows, *new.rows)
@@ -244,11 +228,14 @@ def _require_same_points(held: Sheet, new: Sheet) -> None:
         if max(place, other) >= len(held.rows):
             row, like = rows[max(place, other)], rows[min(place, other)]
             raise DataError(
-                f"{new.path}, row {row.row} has {number(row.mismatch)} 1/min and "
-                f"{number(row.force)} N, but there are {number(like.mismatch)} 1/min and "
-                f"{number(like.force)} N already, and other set values are another operating "
-                f"point; write the same, or ones that differ by more than {NEAR:.0%}"
+                f"{new.path}, row {row.row} has {_set_values(row)}, but there are "
+                f"{_set_values(like)} already, and other set values are another operating point; "
+                f"write the same, or ones that differ by more than {NEAR:.0%}"
             )
+
+
+def _set_values(row: Row) -> str:
+    return f"{number(row.mismatch)} 1/min, {number(row.force)} N and {number(row.rise)} s"
 
 
 def _require_no_copies(held: Sheet, new: Sheet) -> None:

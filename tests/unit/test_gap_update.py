@@ -187,7 +187,10 @@ def test_readings_that_cannot_join_change_nothing(stand: Path) -> None:
         ds.update_diagnosis(out, new)
     text = new.read_text()
     for changed, words in (
-        (text.replace("0.251,", "0.25,"), "another rise time is another operating point"),
+        (
+            text.replace("0.251,", "0.25,"),
+            "235.2 N and 0.25 s, but there are .* and 0.251 s already",
+        ),
         (text.replace("force_N", "force"), "'force' is not a known column"),
         (text.splitlines()[0] + "\n", "has no rows"),
         (text + "50,235.2,0.251,1,9.0,true,\n", "row 10"),
