@@ -15,11 +15,11 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.constants import USUAL, Settings
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.inference.fit import Fit, Interval, fit
 from dogshape.diagnosis.inference.held_out import HeldOut, held_out
 from dogshape.diagnosis.inference.next_test import NextTest, choose
-from dogshape.diagnosis.inference.ranking42 import Ranking, rank
+from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
     facts_of,
@@ -36,6 +36,7 @@ from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
@@ -285,9 +286,7 @@ def diagnose(
     """
     begin = time.process_time()
     answers = [
-        one
-        for place, model in models.items()
-        for one in _answers(bench, place, model, settings)
+        one for place, model in models.items() for one in _answers(bench, place, model, settings)
     ]
     whole = logsumexp([one.log for one in answers])
     answers = [replace(one, log=one.log - whole) for one in answers]
@@ -303,9 +302,12 @@ def diagnose(
     rival = next((h for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
     times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
+    effects = dict(likelihood.model.effects)
+    if likelihood.model.turned is not None:
+        effects[REVERSED] = registry.load()[REVERSED]
     found = Diagnosis(
         bench,
-        best.likelihood.model.effects,
+        dict(sorted(effects.items())),
         settings,
         likelihood,
         posterior,
@@ -354,7 +356,7 @@ def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list
     turned = settings.reversed_known if record.sense == "known" else settings.reversed_unknown
     ranking = rank(likelihood, more, turned, beside)
     grid: dict[str, dict[str, float]] = {}
-    if len({p for p in ("sleeve", "actuator")}) and record.displacement_at == "unknown":
+    if record.displacement_at == "unknown":
         grid["displacement_at"] = {place: 0.5}
     if record.time_zero == "unknown" and DELAY in model.effects:
         share = settings.zero_at_force
@@ -362,7 +364,10 @@ def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list
     if record.sense == "unknown" and model.turned is not None:
         grid["sense"] = {"as_noted": 1.0 - turned, "reversed": turned}
     if record.empty_cells == "unknown" and seen.untold.any():
-        grid["empty_cells"] = {"not_made": 1.0 - settings.empty_failed, "failed": settings.empty_failed}
+        grid["empty_cells"] = {
+            "not_made": 1.0 - settings.empty_failed,
+            "failed": settings.empty_failed,
+        }
     found = []
     for values in itertools.product(*grid.values()):
         meant = dict(zip(grid, values, strict=True))
@@ -406,9 +411,13 @@ def _floored(
     found: Mapping[Hypothesis, float], ranking: Ranking, settings: Settings
 ) -> dict[Hypothesis, float]:
     """Leave the prior its share: no answer is surer than the model of errors."""
-    prior = {h: float(np.exp(ranking.log_prior[h])) if h in ranking.log_prior else 0.0 for h in found}
+    prior = {
+        h: float(np.exp(ranking.log_prior[h])) if h in ranking.log_prior else 0.0 for h in found
+    }
     whole = sum(prior.values())
-    mixed = {h: (1.0 - settings.floor) * p + settings.floor * prior[h] / whole for h, p in found.items()}
+    mixed = {
+        h: (1.0 - settings.floor) * p + settings.floor * prior[h] / whole for h, p in found.items()
+    }
     return dict(sorted(mixed.items(), key=lambda item: -item[1]))
 
 

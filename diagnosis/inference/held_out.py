@@ -35,9 +35,7 @@ class HeldOut:
     sd: Array
 
 
-def held_out(
-    likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array
-) -> HeldOut:
+def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array) -> HeldOut:
     """Predict each operating point from all others by the leading hypothesis and its rival.
 
     ``baseline`` are the gaps without any effect, s, (C,), NaN where there is no mean.

@@ -8,7 +8,7 @@ from typing import Literal
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.bench.stand_file import Margin
-from dogshape.diagnosis.constants import Settings
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
@@ -86,7 +86,9 @@ def decide(
     fails = [h for h in credible if h in fits and fits[h].p < settings.adequate]
     if within > settings.named:
         kind, causes = "none", ()
-    elif posterior[UNKNOWN] > settings.named or len(fails) == len([h for h in credible if h != UNKNOWN]):
+    elif posterior[UNKNOWN] > settings.named or len(fails) == len(
+        [h for h in credible if h != UNKNOWN]
+    ):
         kind, causes = "unknown", ()
     elif top in fails:
         causes = ()
