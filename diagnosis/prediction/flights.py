@@ -104,8 +104,8 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
     knots = [np.array(setting.point.profile.knots()) for setting in settings]
     paths = [_motion(*pair, float(ways[-1])) for pair in zip(settings, knots, strict=True)]
     spans = [
-        np.hstack([_spans(time, way, speed, ways), _spans(*force_knots, forces)])
-        for (time, way, speed, *_), force_knots in zip(paths, knots, strict=True)
+        np.hstack([_spans(time, way, speed, ways), _spans(one[0], one[1], one[2], forces)])
+        for (time, way, speed, *_), one in zip(paths, knots, strict=True)
     ]
     late = np.array([[setting.clutch.timeout] for setting in settings])
     times = np.fmin(_crossings(np.array(spans), np.concatenate([ways, forces])), late)
@@ -149,7 +149,7 @@ def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]
     mechanism, end = setting.clutch.mechanism, LAST * setting.clutch.timeout
     friction = mechanism.friction
     if not mechanism.has_linkage:
-        loose = crossing(*knots, friction)
+        loose = crossing(knots[0], knots[1], knots[2], friction)
         return np.array([0.0, end if loose is None else loose]), np.zeros((2, kernel.SIZE))
     heavy = numbers.copy()
     heavy[kernel.SLEEVE], heavy[kernel.FRICTION], heavy[kernel.DETENT] = 1e12, 0.0, 0.0
@@ -317,7 +317,8 @@ class Flights:
 
     def _columns(self, h: Hypothesis) -> tuple[dict[str, range], list[Parameter]]:
         """Find the columns of each effect's values, and list all parameters."""
-        places, parameters = {}, []
+        places: dict[str, range] = {}
+        parameters: list[Parameter] = []
         for name in h:
             mine = self.effects[name].parameters
             places[name] = range(len(parameters), len(parameters) + len(mine))
