@@ -115,7 +115,8 @@ DRAKE: dict[str, Mapping[str, Mapping[str, float]]] = {
 def test_the_flight_is_that_of_a_shift_in_drake(plain: Setting, name: str, sensor: str) -> None:
     setting = Setting(plain.clutch, plain.point, sensor=sensor)  # type: ignore[arg-type]
     for effect, values in DRAKE[name].items():
-        setting = EFFECTS[effect].apply(setting, values)
+        neutral = EFFECTS[effect].neutral(setting)
+        setting = EFFECTS[effect].apply(setting, {**neutral, **values})
     trace = engage(ClutchPlant(setting.clutch), setting.point, 0.1).trace
     way, speed = trace.displacement, trace.axial_speed
     if sensor == "actuator":
