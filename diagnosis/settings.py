@@ -136,6 +136,10 @@ class Settings:
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
         "wrong once in five at most, if probabilities hold",
     )  # fmt: skip
+    even: float = constant(
+        0.5, "probability", "that a named hypothesis has at least where all effects are as rare",
+        "judged", "a name that rests on the prior of an effect alone is none",
+    )  # fmt: skip
     part: float = constant(
         0.95, "probability", "from which an effect is part of the cause, whatever else is",
         "judged", "usual level",

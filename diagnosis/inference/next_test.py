@@ -34,9 +34,9 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.settings import Settings
     from dogshape.diagnosis.diagnosis import Diagnosis
     from dogshape.diagnosis.inference.fit import Fit
+    from dogshape.diagnosis.settings import Settings
 
 LEAST = 5e-3  #: probability from which a hypothesis takes part
 DRAWS = 64  #: of each posterior

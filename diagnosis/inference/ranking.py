@@ -18,20 +18,22 @@ import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
-from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.prediction.simulations import simulate_together
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 
 WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
 MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
 ROUNDS = (2, 3, 5)
+HOPELESS = 60.0  #: nats below the best, from which no simulation is tried
 JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
 #: Sets of effects and draws of each that are simulated together, round by round: many sets at few
 #: draws, so that none is excluded unseen, then those that stay plausible.
-JOINT_ROUNDS = ((8, 2), (3, 6))
+JOINT_ROUNDS = ((6, 2), (2, 5))
+DOUBT = 1.0  #: of a point's own errors, emulation from which a set is simulated
 OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 96  #: draws of a hypothesis on which something unlisted is put
@@ -93,7 +95,7 @@ def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed
 def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     """List the sets of so many effects, those of the reversed sense behind them."""
     names = sorted(name for name in model.effects if name != REVERSED)
-    plain = [h for h in itertools.combinations(names, size) if not REDUNDANT <= set(h)]
+    plain = [h for h in itertools.combinations(names, size) if not set(h) >= REDUNDANT]
     if model.turned is None:
         return plain
     return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
@@ -192,18 +194,19 @@ class _Search:
         hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
         for h in self.samples:
             acting = model.acting(h)
-            if len(acting) < 2 or REVERSED in h:
-                continue
             known = len(model.joint[acting].shares) if acting in model.joint else 0
+            far = self.value(h) < top - HOPELESS
+            if not acting or REVERSED in h or known >= draws or far or not self.uncertain(h):
+                continue
             hope = self.value(h) if known else self.hope(h)
-            if known >= draws or hope < top - JOINT_WITHIN or not self.uncertain(h):
+            if hope < top - JOINT_WITHIN:
                 continue
             hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
         return [h for _, h in sorted(hopes.values(), reverse=True)]
 
     def optimistic(self, one: Sample) -> Array:
         """Compute log likelihoods as if effects together had the means that suit the data, (n,)."""
-        wide = OPTIMISTIC * abs(one.predicted.common)
+        wide = OPTIMISTIC * np.hypot(one.predicted.common, one.predicted.emulated)
         seen = self.likelihood.seen
         gap = np.where(seen.having, seen.mean - one.predicted.mean, 0.0)
         moved = replace(one.predicted, mean=one.predicted.mean + np.clip(gap, -wide, wide))
@@ -217,12 +220,12 @@ class _Search:
         return max(self.value(h), float(self.optimistic(one).max()) - spent + self.priors[h])
 
     def uncertain(self, h: Hypothesis) -> bool:
-        """Check that effects together are uncertain by more than their points' own errors."""
+        """Check that emulation errs by more than scatter and other errors of a point."""
         one, like = self.samples[h], self.likelihood
         best = one.predicted.only(one.log.argsort()[-10:])
         scatter = best.sd**2 / np.maximum(like.seen.count, 1.0)
-        own = np.sqrt(like.own_variance(best) + scatter)
-        return bool((abs(best.common) / own).max() > 0.5)
+        own = np.sqrt(like.own_variance(best) - best.emulated**2 + scatter)
+        return bool((np.hypot(best.common, best.emulated) / own).max() > DOUBT)
 
     def promising(self, h: Hypothesis, draws: int) -> Array:
         """Choose draws with much likelihood that lie apart, (K, p)."""

@@ -29,9 +29,9 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.nominal_errors import Tolerance
-from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 
