@@ -7,16 +7,16 @@ import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.inference.shift_plan import ShiftPlan, field_of, shift_plan
-from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import Problem
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.diagnose.bench_study import rounded
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
@@ -36,7 +36,7 @@ class Wanted:
 def points_from(where: str | Path) -> Bench:
     """Return the operating points and the clutch of a data set, or of a study.
 
-    Times of a data set are kept and not looked at by a plan.
+    A plan uses no times of a data set.
 
     Raises
     ------
@@ -60,7 +60,8 @@ def bench_of(where: str) -> Bench:
     study = load_study(where)
     readings = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
     cells = gather(readings)
-    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor())
+    record = BenchRecord(displacement_at="sleeve")
+    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor(), record=record)
 
 
 def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
@@ -73,14 +74,11 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
             f"number of operating points is {wanted.points}, but {bench.name} has "
             f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
         )
-    effects = load(means.effects)
-    bench = with_bank_engine(bench, effects, means)
-    emulator, flights = emulator_of(bench, effects, means)
+    bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
+    model = next(iter(models_of(bench, load(means.effects), means).values()))
     # A drift of the data set is none of the shifts that are planned.
-    seen = replace(observe(bench), drift=None)
-    problem = Problem(seen, emulator, USUAL, bench.mismatch_sense)
-    field = field_of(problem, effects, setting_of(bench))
-    flights.save()
+    seen = replace(observe(bench, model), drift=None)
+    field = field_of(Likelihood(bench, seen, model, means.settings))
     return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)
 
 
