@@ -14,11 +14,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brought, simulated
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brought, shifts_of
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -33,14 +33,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=0)
     given = parser.parse_args()
     means, keys = Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()), list[str]()
+
+    def run(blocks: Sequence[Block]) -> list[list[Record]]:
+        keys.extend(map(series_key, blocks))
+        return shifts_of(blocks, means)
+
     for name in SETS:
         bench = load_bench(name)
-        bench = replace(bench, clutch=bench.clutch.with_engine("planar"))
-
-        def run(blocks: Sequence[Block], bench: Bench = bench) -> list[list[Record]]:
-            keys.extend(map(series_key, blocks))
-            return simulated(blocks, bench, means)
-
+        bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
         build_models(bench, load(None), means.settings, run)
     BankStore((brought(TIMES), given.bank / TIMES)).save(brought(TIMES), dict.fromkeys(keys))
     print(f"{brought(TIMES)}: {len(dict.fromkeys(keys))} series")

@@ -8,7 +8,6 @@ names change nothing, as some do on a bench.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,6 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.prediction.prediction import Prediction
-from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -29,21 +26,6 @@ FORCES = {235.2: 0.251, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
 EFFECTS = load()
 CLUTCH = load_bench("mq200_adams").clutch
-#: Effects that the toy knows, each at three strengths that its data can show.
-STRENGTHS: Mapping[str, Sequence[Mapping[str, float]]] = {
-    "actuation_delay": [{"delay_s": v} for v in (0.03, 0.08, 0.16)],
-    "actuation_lag": [{"lag_s": v} for v in (0.03, 0.08, 0.2)],
-    "force_scale": [{"force_factor": v} for v in (0.65, 0.8, 1.35)],
-    "sleeve_friction": [{"friction_N": v} for v in (40.0, 80.0, 150.0)],
-    "moving_mass": [{"added_mass_kg": v} for v in (0.8, 1.5, 5.0)],
-    "mismatch_speed": [{"offset_rpm": v} for v in (-3.0, -2.0, 3.0)],
-    "axial_gap": [{"gap_offset_mm": v} for v in (-0.4, 0.3, 0.5)],
-    "chamfer_angle": [{"chamfer_offset_deg": v} for v in (-1.8, 1.2, 2.0)],
-    "contact_friction": [
-        {"static_friction": s, "dynamic_friction": d}
-        for s, d in ((0.4, 0.33), (0.35, 0.28), (0.2, 0.03))
-    ],
-}
 NEUTRAL = {"force_factor": 1.0, "dynamic_friction": 0.16, "mismatch_factor": 1.0}
 
 
@@ -70,30 +52,6 @@ def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) 
     wait = 24.0 * np.pi / 180.0 / np.maximum(slip, 0.5 * RPM)
     excess = np.maximum(0.0, shares - (1.0 - blocked)) / blocked
     return _get(values, "delay_s") + late + flight + excess * blocked * np.minimum(wait, 0.4)
-
-
-@dataclass(frozen=True)
-class Toy:
-    """An emulator of the toy at some operating points (``diagnosis.prediction.prediction``)."""
-
-    points: tuple[OperatingPoint, ...]
-    quantiles: int = 32
-    error: float = 1e-3
-
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
-        """Return what a hypothesis says of an operating point."""
-        shares = (np.arange(self.quantiles) + 0.5) / self.quantiles
-        named = named_values(hypothesis, values)
-        times = times_of(named, self.points[cell], shares)
-        times = np.broadcast_to(times, (len(values), self.quantiles)).copy()
-        one = np.ones(len(values))
-        return Prediction.plain(times, one, self.error * one, 0.02 * one)
-
-
-def named_values(hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
-    """Return the columns of values (m, p) by the names of their parameters, (m, 1) each."""
-    names = [p.name for effect in hypothesis for p in EFFECTS[effect].parameters]
-    return {name: values[:, [k]] for k, name in enumerate(names)}
 
 
 def points_of(forces: Sequence[float] = tuple(FORCES)) -> tuple[OperatingPoint, ...]:

@@ -8,30 +8,29 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.likelihood.observed import drift_of
+from dogshape.diagnosis.prediction.model import build_models
 from dogshape.sim.bundled import bundled_root
 from tests.conftest import Said
-from tests.toy import EFFECTS, Toy
+from tests.diagnosed import EFFECTS
+from tests.made_up import made_up
 
 Call = Callable[..., Said]
 
 
 @pytest.fixture
 def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The toy in the place of a bank, at the operating points of the published tables."""
+    """A clutch of closed form in the place of a bank, with two effects."""
 
-    class _Flights:
-        def save(self) -> None:
-            """Keep nothing."""
-
-    def emulator_of(bench: Any, effects: Any, means: Any) -> tuple[Toy, _Flights]:
-        return Toy(tuple(cell.point for cell in bench.cells)), _Flights()
+    def models_of(bench: Any, effects: Any, means: Any) -> Any:
+        return build_models(bench, effects, means.settings, made_up)
 
     few = {n: EFFECTS[n] for n in ("actuation_delay", "moving_mass")}
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.emulator_of", emulator_of)
+    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.models_of", models_of)
     monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.load", lambda _: few)
 
 
@@ -55,7 +54,7 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
     lines = (tmp_path / "s.csv").read_text().splitlines()
     filled = [line.replace(",1,,,,", ",1,0.3,true,,") for line in lines]
     (tmp_path / "shifts.csv").write_text("\n".join(filled))
-    drift = observe(load_bench(tmp_path)).drift
+    drift = drift_of(load_bench(tmp_path).cells, np.zeros(28))
     assert drift is not None
     assert (drift.first, drift.last) == (1.0, 40.0)
     text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out
