@@ -27,6 +27,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, brought
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import few_cells, made_up
 
@@ -36,10 +37,13 @@ SETTINGS = settings_of(BENCH, "sleeve")
 
 
 def _simulated(
-    store: BankStore, *names: str, bench: Bench = BENCH, run: object = made_up
+    store: BankStore | None, *names: str, bench: Bench = BENCH, run: Runner = made_up
 ) -> Simulated:
     few = {name: EFFECTS[name] for name in names}
-    return simulate(few, settings_of(bench, "sleeve"), lambda blocks: store.times(blocks, run))  # type: ignore[arg-type]
+    settings = settings_of(bench, "sleeve")
+    if store is None:
+        return simulate(few, settings, run)
+    return simulate(few, settings, lambda blocks: store.times(blocks, run))
 
 
 def _never(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -78,7 +82,7 @@ def test_a_bank_takes_what_is_there_and_simulates_the_rest(tmp_path: Path) -> No
     found = _simulated(BankStore([path, mine]), *names, run=counted)
     assert {block.clutch.mechanism.friction > 0.0 for block in asked} <= {True, False}
     assert len(asked) == len(BankStore([mine]).series)
-    assert found.times == pytest.approx(_simulated(BankStore([]), *names).times, abs=TICK)
+    assert found.times == pytest.approx(_simulated(None, *names).times, abs=TICK)
 
 
 def test_a_broken_bank_is_named(tmp_path: Path) -> None:
@@ -93,7 +97,7 @@ def test_a_broken_bank_is_named(tmp_path: Path) -> None:
 
 
 def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None:
-    found = _simulated(BankStore([]), "moving_mass")
+    found = _simulated(None, "moving_mass")
     assert found.baseline.shape == (2, DENSE * ANGLES)
     shared = np.take_along_axis(found.angles, found.common, axis=1)
     pitch = BENCH.clutch.dog.pitch_angle
@@ -105,7 +109,7 @@ def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None
 
 
 def test_what_is_only_read_is_the_baseline_with_a_delay() -> None:
-    found = _simulated(BankStore([]), "actuation_delay")
+    found = _simulated(None, "actuation_delay")
     assert found.times == pytest.approx(np.broadcast_to(found.base, found.times.shape))
     values = np.array([level.values for level in found.levels])
     assert found.delays == pytest.approx(np.broadcast_to(values, found.delays.shape))
