@@ -88,6 +88,8 @@ class MechanismSection(Section):
     delay_s: float | None = _absent()
     lag_s: float | None = _absent()
     force_factor: float | None = _absent()
+    force_loss_N: float | None = _absent()
+    rise_factor: float | None = _absent()
 
     @property
     def given(self) -> dict[str, float]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.prediction.model import Predicted, Space
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
-from dogshape.sim.effect import Effect, Parameter
 from tests.toy import EFFECTS, bench_of, points_of
 
 Array = NDArray[np.float64]
@@ -20,89 +22,33 @@ POINTS = points_of((235.2, 641.5))
 BENCH = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
 SETTING = setting_of(BENCH)
 CELLS = len(POINTS)
-#: Constants of the advice and of the errors, as the diagnosis has them.
-SETTINGS = SimpleNamespace(
-    named=0.8,
-    unlisted=0.15,
-    imitated=0.5,
-    hour=0.04,
-    test_error=0.05,
-    model_error=0.0,
-    least_error=1e-9,
-    unlisted_sizes=(0.1, 0.8),
-    flight_freedom=5.0,
-    discrepancy=0.05,
-    spread_share=0.2,
-    spread_error=0.0,
-    prior=lambda name: 0.05,
-)
-
-
-@dataclass(frozen=True)
-class Space:
-    """Parameters of some effects as a unit cube."""
-
-    effects: tuple[Effect, ...]
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters, effect by effect."""
-        return tuple(p for effect in self.effects for p in effect.parameters)
-
-    def columns(self, name: str) -> slice:
-        """Find the columns of an effect."""
-        sizes = [len(effect.parameters) for effect in self.effects]
-        place = [effect.name for effect in self.effects].index(name)
-        return slice(sum(sizes[:place]), sum(sizes[: place + 1]))
-
-    def values(self, shares: Array) -> Array:
-        """Return the values at shares (m, p)."""
-        columns = [[p.at(s) for s in shares[:, k].tolist()] for k, p in enumerate(self.parameters)]
-        return np.array(columns).T.reshape(shares.shape)
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """Predicted shift times, (m, C)."""
-
-    mean: Array
-    sd: Array
-    error: Array
-    engaged: Array
-    delay: Array
+#: Without errors of the simulation but those that a prediction states.
+SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
 def predicted(
     mean: Array, sd: float = 0.02, error: float = 1e-3, engaged: float = 1.0
 ) -> Predicted:
     """Make a prediction of one spread and error from means (m, C)."""
-    ones = np.ones_like(mean)
-    return Predicted(mean, sd * ones, error * ones, engaged * ones, 0.0 * ones)
+    one, none = np.ones_like(mean), np.zeros_like(mean)
+    return Predicted(mean, sd * one, error * one, none, none, engaged * one, none)
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A fitted hypothesis: equally weighted draws."""
-
-    space: Space
-    shares: Array
-    predicted: Predicted
-    offset: Array
-
-    @property
-    def values(self) -> Array:
-        """Values of the draws, (K, p)."""
-        return self.space.values(self.shares)
+def space_of(hypothesis: Hypothesis) -> Space:
+    """Return the parameters of a hypothesis."""
+    return Space(tuple(EFFECTS[name] for name in hypothesis), SETTING)
 
 
 def fit_of(
     hypothesis: Hypothesis, shares: float | Array = 0.5, time: float = 0.3, count: int = 64
 ) -> Fit:
     """Fit a hypothesis by draws of its shares, and one mean time everywhere."""
-    space = Space(tuple(EFFECTS[name] for name in hypothesis))
+    space = space_of(hypothesis)
     rows = np.broadcast_to(shares, (count, len(space.parameters)))
     mean = np.full((count, CELLS), time)
-    return Fit(space, np.array(rows), predicted(mean), 0.0 * mean)
+    amplitude = np.zeros(count)
+    draws = np.array(rows), predicted(mean), amplitude, 0.0 * mean
+    return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, p=0.5)
 
 
 def diagnosis_of(

@@ -181,7 +181,7 @@ class _Watch:
 
     def _half_up(self, time: float) -> bool:
         """Test that the force was half up: then a ring that nothing holds would move."""
-        return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.force)
+        return bool(self.point.profile.at(time) >= 0.5 * self.point.profile.net_force)
 
 
 def _flight(problem: _Watch | SecondShift, angle: float, times: Series, before: Series) -> Series:

@@ -21,10 +21,19 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import FIELDS
 
 #: Where effects show what they change; a factor of a power of two is exact.
-PROBE = OperatingPoint(1.0, ForceProfile(1024.0, 0.1))
-LEAST_LAG = 1e-5  #: s; none is nought
+PROBE = OperatingPoint(1.0, ForceProfile(1024.0, 0.125))
+LEAST_LAG = 1e-5  #: s, of a lag that is not 0
 REMEDY = "correct the mechanism"
 Fields = dict[str, Any]  #: of a setting, by table and name
+INERTIA = "rings.sliding_inertia"
+#: Keys of ``[mechanism]`` by the field of the shift force that they set.
+ACTUATION = {
+    "factor": "force_factor",
+    "loss": "force_loss_N",
+    "rise_factor": "rise_factor",
+    "delay": "delay_s",
+    "lag": "lag_s",
+}
 
 #: What a study gives by keys of its own, by the table of a field: what to do instead.
 ELSEWHERE = {
@@ -75,6 +84,7 @@ def with_mechanism(
         clutch,
         contact=replace(clutch.contact, **_table(found, "contact")),
         mechanism=replace(clutch.mechanism, **_table(found, "mechanism")),
+        rings=replace(clutch.rings, **_table(found, "rings")),
     )
     return changed, replace(actuation, **_table(found, "actuation"))
 
@@ -83,16 +93,17 @@ def mechanism_record(clutch: Clutch, actuation: Actuation) -> dict[str, float]:
     """List values that differ from no mechanism, keys and units as in ``[mechanism]``."""
     own = clutch.mechanism.record.items()
     found = {key.removeprefix("mechanism_"): value for key, value in own}
-    late = {"delay_s": actuation.delay, "lag_s": actuation.lag}
-    found |= {key: value for key, value in late.items() if value != 0.0}
-    return found if actuation.factor == 1.0 else {**found, "force_factor": actuation.factor}
+    lost = {"delay_s": actuation.delay, "lag_s": actuation.lag, "force_loss_N": actuation.loss}
+    found |= {key: value for key, value in lost.items() if value != 0.0}
+    factors = {"force_factor": actuation.factor, "rise_factor": actuation.rise_factor}
+    return found | {key: value for key, value in factors.items() if value != 1.0}
 
 
 def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
     """List the keys of a study that an effect stands for, as ``mechanism.delay_s``.
 
-    Among them are ``mismatch``, ``angles`` and ``rise``, which no key gives. Where the displacement
-    is read is no part of a study.
+    Among them are ``mismatch`` and ``angles``, which no key gives. Where the displacement is read
+    is no part of a study.
     """
     before, after = _flat(base), _flat(effect.apply(base, values))
     return {_shown(name) for name in after if after[name] != before[name] and name != "sensor"}
@@ -134,9 +145,13 @@ def _of_section(section: MechanismSection, clutch: Clutch) -> Iterator[Source]:
         least = 0.0 if section.lag_s == 0.0 else LEAST_LAG
         require_between("mechanism.lag_s", section.lag_s, least, 10.0, REMEDY)
         yield Source("mechanism.lag_s", {"actuation.lag": section.lag_s})
-    if section.force_factor is not None:
-        require_between("mechanism.force_factor", section.force_factor, 0.01, 10.0, REMEDY)
-        yield Source("mechanism.force_factor", {"actuation.factor": section.force_factor})
+    if section.force_loss_N is not None:
+        require_between("mechanism.force_loss_N", section.force_loss_N, 0.0, 1e5, REMEDY)
+        yield Source("mechanism.force_loss_N", {"actuation.loss": section.force_loss_N})
+    for key, factor in (("force_factor", "factor"), ("rise_factor", "rise_factor")):
+        if key in given:
+            require_between(f"mechanism.{key}", given[key], 0.01, 10.0, REMEDY)
+            yield Source(f"mechanism.{key}", {f"actuation.{factor}": given[key]})
 
 
 def _of_effects(given: Mapping[str, Any], base: Setting) -> Iterator[Source]:
@@ -160,7 +175,7 @@ def _changes(effect: Effect, values: Mapping[str, float], base: Setting) -> Fiel
     found = {name: after[name] for name in after if after[name] != before[name]}
     for name in found:
         table = name.partition(".")[0]
-        if table not in ("contact", "mechanism", "actuation"):
+        if table not in ("contact", "mechanism", "actuation") and name != INERTIA:
             what = ELSEWHERE.get(
                 table, f"{name}, which no study takes from an effect; leave it out"
             )
@@ -180,9 +195,10 @@ def _flat(setting: Setting) -> Fields:
             f"{table}.{f.name}": getattr(p, f.name) for table, p in parts.items() for f in fields(p)
         },
         "actuation.factor": profile.force / PROBE.profile.force,
+        "actuation.loss": profile.loss,
+        "actuation.rise_factor": profile.rise / PROBE.profile.rise,
         "actuation.lag": getattr(profile, "lag", 0.0),
         "actuation.delay": setting.delay + profile.delay,
-        "rise": profile.rise,
         "mismatch": setting.point.mismatch,
         "angles": (setting.concentration, setting.centre),
         "sensor": setting.sensor,
@@ -225,7 +241,9 @@ def _shown(field: str) -> str:
     if table == "contact":
         name = _contact_key(name)
     if table == "actuation":
-        table, name = "mechanism", {"factor": "force_factor"}.get(name, f"{name}_s")
+        table, name = "mechanism", ACTUATION[name]
+    if field == INERTIA:
+        return "sliding.inertia_kgm2"
     return f"{table}.{name}" if name else table
 
 

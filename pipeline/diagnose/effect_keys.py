@@ -24,7 +24,7 @@ DOG = {
     "dog.inner_diameter": "inner_diameter_mm",
     "dog.axial_gap": "axial_gap_mm",
 }
-TABLES = ("mechanism", "contact")
+TABLES = ("mechanism", "contact", "sliding")
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,9 @@ class EffectKeys:
         touched = self.touched(effect)
         if effect.name in self.known:
             return touched
-        return {key for key in touched if key in DOG or key.startswith("mechanism.")}
+        # A rise that an own effect sets in seconds is no factor of another study's.
+        mine = {key for key in touched if key in DOG or key.startswith("mechanism.")}
+        return mine - {"mechanism.rise_factor"}
 
     def touched(self, effect: Effect) -> set[str]:
         """List the keys that an effect changes at any of some values."""
@@ -90,6 +92,7 @@ class EffectKeys:
         record = after.clutch.mechanism.record | {
             "mechanism_delay_s": after.delay + after.point.profile.delay,
             "mechanism_lag_s": getattr(after.point.profile, "lag", 0.0),
+            "mechanism_force_loss_N": after.point.profile.loss,
             "mechanism_force_factor": after.point.profile.force / self.base.point.profile.force,
         }
         return {key: _short(record.get(key.replace(".", "_"), 0.0)) for key in sorted(touched)}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import LaggedProfile
@@ -11,8 +13,8 @@ def _change(setting: Setting, values: Values) -> Setting:
     lag, profile = values["lag_s"], setting.point.profile
     if lag == 0.0:
         return setting
-    lagged = LaggedProfile(profile.force, profile.rise, lag, delay=profile.delay)
-    return setting.with_point(profile=lagged)
+    own = {field.name: getattr(profile, field.name) for field in fields(profile)}
+    return setting.with_point(profile=LaggedProfile(**{**own, "lag": lag}))
 
 
 EFFECT = Effect(
@@ -30,6 +32,7 @@ EFFECT = Effect(
             "litres a minute fills with time constants of 10 to 300 ms; a throttled one up to "
             "half a second",
             most=1.0,
+            ordinary=(0.3, "a cylinder behind its valve"),
         ),
     ),
     change=_change,

@@ -19,6 +19,7 @@ from dogshape.sim.errors import InputError, refusal, require_between
 
 Series = NDArray[np.float64]
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
+LEAST = 1.0  #: N, of a shift force and of what reaches the sleeve of it
 
 
 def cubic_step(share: Times, full: Times | float) -> Times:
@@ -33,15 +34,17 @@ class ForceProfile:
     """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s).
 
     ``delay`` is the dead time from the command to the start of the force, s. Times of all methods
-    count from the start of the force, before which nothing moves along the shaft.
+    count from the start of the force, before which nothing moves along the shaft. ``loss`` in N is
+    a constant part of ``force`` that never reaches the sleeve; the rest rises in the same time.
     """
 
     force: float
     rise: float
     delay: float = field(default=0.0, kw_only=True)
+    loss: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not 1.0 <= self.force <= 1e5:
+        if not LEAST <= self.force <= 1e5:
             rule = "it must lie between 1 and 100000 N and point into engagement"
             raise InputError(refusal("shift force", self.force, "N", rule, "correct the force"))
         if not 1e-4 <= self.rise <= 10.0:
@@ -50,38 +53,47 @@ class ForceProfile:
             raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
         remedy = "give the dead time in seconds"
         require_between("mechanism.delay_s", self.delay, 0.0, 10.0, remedy)
+        if not 0.0 <= self.loss <= self.force - LEAST:
+            rule = f"it must leave {LEAST:g} N or more of the shift force, {self.force:.6g} N"
+            raise InputError(refusal("force loss", self.loss, "N", rule, "give a smaller loss"))
+
+    @property
+    def net_force(self) -> float:
+        """Final force that reaches the sleeve, N."""
+        return self.force - self.loss
 
     def at(self, time: Times) -> Times:
         """Return the force in N at ``time`` in s after the start."""
-        return cubic_step(time / self.rise, self.force)
+        return cubic_step(time / self.rise, self.net_force)
 
     def knots(self) -> tuple[Series, Series, Series]:
         """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
 
         The force keeps its last value.
         """
-        return np.array([0.0, self.rise]), np.array([0.0, self.force]), np.zeros(2)
+        return np.array([0.0, self.rise]), np.array([0.0, self.net_force]), np.zeros(2)
 
     @property
     def record(self) -> dict[str, float]:
         """The profile as a flat record in the edge's units."""
         late = {} if self.delay == 0.0 else {"force_delay_s": self.delay}
-        return {"force_N": self.force, "force_rise_s": self.rise, **late}
+        lost = {} if self.loss == 0.0 else {"force_loss_N": self.loss}
+        return {"force_N": self.force, "force_rise_s": self.rise, **late, **lost}
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
         s = np.clip(time / self.rise, 0.0, 1.0)
-        way = self.force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
+        way = self.net_force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
         beyond = np.maximum(0.0, time - self.rise)
-        speed = 0.5 * self.force * self.rise / mass
-        whole: Times = way + beyond * speed + 0.5 * self.force / mass * beyond**2
+        speed = 0.5 * self.net_force * self.rise / mass
+        whole: Times = way + beyond * speed + 0.5 * self.net_force / mass * beyond**2
         return whole
 
     def free_speed(self, time: Times, mass: float) -> Times:
         """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
         s = np.clip(time / self.rise, 0.0, 1.0)
-        speed = self.force * self.rise / mass * (s**3 - s**4 / 2.0)
-        whole: Times = speed + self.force / mass * np.maximum(0.0, time - self.rise)
+        speed = self.net_force * self.rise / mass * (s**3 - s**4 / 2.0)
+        whole: Times = speed + self.net_force / mass * np.maximum(0.0, time - self.rise)
         return whole
 
     def free_flight_time(self, way: float, mass: float) -> float:
@@ -91,7 +103,7 @@ class ForceProfile:
         # The way is convex in time, so Newton's steps come down to the root from any later time,
         # and an earlier one is later after a step. The way of the rise is at least
         # 0.15 (F T^2/m) s^4, which makes this guess a late one there.
-        time = self.rise * (way * mass / (0.15 * self.force * self.rise**2)) ** 0.25
+        time = self.rise * (way * mass / (0.15 * self.net_force * self.rise**2)) ** 0.25
         step = time
         while abs(step) > 1e-12 * time:
             step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
@@ -128,9 +140,9 @@ class LaggedProfile(ForceProfile):
         square = s * s - 2.0 * lag * s + 2.0 * lag**2
         cube = s**3 - 3.0 * lag * square
         free = 6.0 * lag**2 * (1.0 + 2.0 * lag) * np.exp(-s / lag)
-        rising = self.force * (3.0 * square - 2.0 * cube - free)
+        rising = self.net_force * (3.0 * square - 2.0 * cube - free)
         beyond = np.maximum(0.0, time - self.rise) / self.lag
-        whole: Times = self.force - (self.force - rising) * np.exp(-beyond)
+        whole: Times = self.net_force - (self.net_force - rising) * np.exp(-beyond)
         return whole
 
     def knots(self) -> tuple[Series, Series, Series]:
@@ -143,7 +155,7 @@ class LaggedProfile(ForceProfile):
         times = np.concatenate([early[early < self.rise], np.linspace(0.0, self.rise, 65), late])
         times = np.unique(np.round(times, 12))
         forces = self.at(times)
-        return times, forces, (cubic_step(times / self.rise, self.force) - forces) / self.lag
+        return times, forces, (cubic_step(times / self.rise, self.net_force) - forces) / self.lag
 
     @property
     def record(self) -> dict[str, float]:
@@ -175,11 +187,11 @@ class LaggedProfile(ForceProfile):
 
 def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
     """Build the profile that a flat record describes."""
-    force, rise = record["force_N"], record["force_rise_s"]
-    delay, lag = record.get("force_delay_s", 0.0), record.get("force_lag_s")
+    force, rise, lag = record["force_N"], record["force_rise_s"], record.get("force_lag_s")
+    delay, loss = record.get("force_delay_s", 0.0), record.get("force_loss_N", 0.0)
     if lag is None:
-        return ForceProfile(force, rise, delay=delay)
-    return LaggedProfile(force, rise, lag, delay=delay)
+        return ForceProfile(force, rise, delay=delay, loss=loss)
+    return LaggedProfile(force, rise, lag, delay=delay, loss=loss)
 
 
 @dataclass(frozen=True)

@@ -70,7 +70,7 @@ def stands_still(
         where there is none.
     """
     profile = point.profile
-    if before is None or profile.at(time - STILL_WINDOW) < 0.5 * profile.force:
+    if before is None or profile.at(time - STILL_WINDOW) < 0.5 * profile.net_force:
         return False
     states = np.array([before, now])
     if clutch.mechanism.has_shafts:

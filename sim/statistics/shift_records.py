@@ -83,7 +83,14 @@ def inputs(
 
 
 #: Keys that a record may have and need not.
-OPTIONAL = ("max_steps", "edge_radius_mm", "force_delay_s", "force_lag_s", *MECHANISM_KEYS)
+OPTIONAL = (
+    "max_steps",
+    "edge_radius_mm",
+    "force_delay_s",
+    "force_lag_s",
+    "force_loss_N",
+    *MECHANISM_KEYS,
+)
 
 #: Keys of a record that say how its factors are distributed; a certain shift has none.
 UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)

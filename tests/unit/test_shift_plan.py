@@ -22,9 +22,10 @@ from dogshape.diagnosis.inference.shift_plan import (
     steadiest,
     visits,
 )
+from dogshape.diagnosis.prediction.model import Predicted, Space
 from dogshape.diagnosis.terms import NONE, Hypothesis
 from dogshape.sim.errors import InputError
-from tests.fits import CELLS, POINTS, SETTINGS, Array, Predicted, Space, predicted
+from tests.fits import CELLS, POINTS, SETTINGS, Array, predicted, space_of
 from tests.toy import EFFECTS, times_of
 
 LONGEST = EFFECTS["actuation_delay"].parameters[0].high  #: dead time of the range, s
@@ -45,7 +46,7 @@ class _Model:
 
     def space(self, hypothesis: Hypothesis) -> Space:
         """Return the parameters of a hypothesis."""
-        return Space(tuple(self.effects[name] for name in hypothesis))
+        return space_of(hypothesis)
 
     def possible(self, _: Hypothesis, shares: Array) -> Array:
         """Mark all values."""
@@ -71,7 +72,7 @@ def _field(
 ) -> Field:
     given = {
         "model": _Model(names, cells),
-        "settings": SimpleNamespace(**(vars(SETTINGS) | {"discrepancy": discrepancy})),
+        "settings": replace(SETTINGS, discrepancy=discrepancy),
         "smooth": np.ones((cells, 1)),
         "columns": lambda p: np.zeros((len(p.mean), cells, 0)),
         "own_variance": lambda p: p.error**2,

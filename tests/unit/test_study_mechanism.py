@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 import dogshape as ds
+from dogshape.pipeline.config.mechanism import ACTUATION
 from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import time_spread
@@ -41,21 +42,26 @@ PAIRS: dict[str, tuple[Any, dict[str, float]]] = {
         {"detent_N": 40.0, "detent_position_mm": 1.5},
     ),
     "drag_torque": (0.3, {"drag_torque_Nm": 0.3}),
+    "force_loss": (30.0, {"force_loss_N": 30.0}),
+    "force_rise": (1.7, {"rise_factor": 1.7}),
     "force_scale": (0.83, {"force_factor": 0.83}),
     "free_play": (0.4, {"free_play_mm": 0.4}),
-    "linkage_compliance": (3.7, {"compliance_mm_kN": 3.7}),
+    "linkage_compliance": (
+        {"compliance_mm_kN": 3.7, "mass_behind_kg": 0.4},
+        {"compliance_mm_kN": 3.7, "added_mass_kg": 0.4},
+    ),
     "moving_mass": (0.7, {"added_mass_kg": 0.7}),
     "sleeve_friction": (30.0, {"friction_N": 30.0}),
     "spline_friction": (0.1, {"spline_friction": 0.1}),
     "viscous_damping": (60.0, {"damping_Ns_m": 60.0}),
 }
 PARTS = ("friction_N", "spline_friction", "added_mass_kg", "drag_torque_Nm", "damping_Ns_m",
-         "compliance_mm_kN", "free_play_mm", "detent_N", "delay_s", "lag_s", "ring_inertia_kgm2",
-         "wheel_inertia_kgm2")  # fmt: skip
+         "compliance_mm_kN", "free_play_mm", "detent_N", "delay_s", "lag_s", "force_loss_N",
+         "ring_inertia_kgm2", "wheel_inertia_kgm2")  # fmt: skip
 PLACES = {"spline_radius_mm": 15.0, "detent_position_mm": 2.0, "detent_width_mm": 3.0,
           "input_stiffness_Nm_rad": 15e3, "spline_backlash_deg": 0.2,
           "output_stiffness_Nm_rad": 8e3}  # fmt: skip
-NONE = {**dict.fromkeys(PARTS, 0.0), **PLACES, "force_factor": 1.0}
+NONE = {**dict.fromkeys(PARTS, 0.0), **PLACES, "force_factor": 1.0, "rise_factor": 1.0}
 
 
 def _mechanism(**keys: float) -> dict[str, float]:
@@ -64,7 +70,7 @@ def _mechanism(**keys: float) -> dict[str, float]:
 
 def test_every_field_of_a_mechanism_has_its_key() -> None:
     keys = set(MechanismSection.model_fields)
-    assert keys == {*FIELDS, "delay_s", "lag_s", "force_factor"}
+    assert keys == {*FIELDS, *ACTUATION.values()}
 
 
 def test_an_option_that_is_a_key_is_told() -> None:
@@ -113,7 +119,19 @@ def test_effect_and_mechanism_are_one_physics(name: str) -> None:
     assert effect.mechanism.items() >= keys.items()
 
 
-@pytest.mark.parametrize("name", [*PAIRS, "contact_friction", "contact_dissipation"])
+def test_inertia_as_an_effect_is_that_of_the_sliding_table() -> None:
+    effect, table = (
+        load_study("mq200_paper", given)
+        for given in ({"effects.sliding_inertia": 3.0}, {"sliding.inertia_kgm2": 0.03})
+    )
+    assert effect.clutch == table.clutch
+    assert effect.physics == table.physics
+
+
+MORE = ("contact_friction", "contact_dissipation", "sliding_inertia")
+
+
+@pytest.mark.parametrize("name", [*PAIRS, *MORE])
 def test_a_study_has_the_shifts_that_the_diagnosis_has(name: str) -> None:
     """The bank's way: the effect applied to a setting of the plain study."""
     plain, effect = load_study("mq200_paper"), EFFECTS[name]
@@ -161,6 +179,13 @@ MISTAKES = {
     "mechanism.delay_s is -1 s, but it must lie between 0 and 10 s": {"mechanism.delay_s": -1.0},
     "effects.actuation_delay: mechanism.delay_s is -0.1 s, but": {"effects.actuation_delay": -0.1},
     "mechanism.lag_s is 1e-07 s, but it must lie between 1e-05 and 10 s": {"mechanism.lag_s": 1e-7},
+    "mechanism.force_loss_N is -1 N, but it must lie between 0": {"mechanism.force_loss_N": -1.0},
+    "force loss is 300 N, but it must leave 1 N or more of the shift force, 235.2 N; give a": {
+        "mechanism.force_loss_N": 300.0
+    },
+    "mechanism.rise_factor is 0, but it must lie between 0.01 and 10": {
+        "mechanism.rise_factor": 0.0
+    },
     "mechanism.force_factor is 0, but it must lie between 0.01 and 10": {
         "mechanism.force_factor": 0.0
     },
@@ -223,8 +248,8 @@ def test_force_at_the_sleeve_is_known_everywhere() -> None:
     "profile",
     [
         ForceProfile(300.0, 0.2),
-        ForceProfile(300.0, 0.2, delay=0.05),
-        LaggedProfile(300.0, 0.2, 0.03, delay=0.05),
+        ForceProfile(300.0, 0.2, delay=0.05, loss=20.0),
+        LaggedProfile(300.0, 0.2, 0.03, delay=0.05, loss=20.0),
     ],
 )
 def test_a_record_knows_its_profile(profile: ForceProfile) -> None:

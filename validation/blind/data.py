@@ -133,13 +133,12 @@ def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None)
     """
     data: dict[str, Any] = tomllib.loads((base / "bench.toml").read_text(encoding="utf-8"))
     plain = {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}}
-    if "mismatch_sense" in data:
-        plain["mismatch_sense"] = data["mismatch_sense"]
     lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
     for table in ("dog", "sliding", "output", "contact"):
         lines += ["", f"[{table}]"]
         lines += [f"{key} = {_toml(value)}" for key, value in data[table].items()]
-    lines += ["", "[sensor]", 'displacement_at = "actuator"', ""]
+    record = {**data.get("record", {}), "displacement_at": "actuator"}
+    lines += ["", "[record]", *(f"{key} = {_toml(value)}" for key, value in record.items()), ""]
     if errors is not None:
         force, mismatch = (f"{100.0 * one:.3g}" for one in errors)
         lines += [

@@ -157,4 +157,4 @@ def _meeting(result: Engagement) -> list[str]:
 
 def _force(result: Engagement, time: float) -> str:
     now = np.interp(time, result.trace.time, result.trace.shift_force)
-    return f"{now:.0f} of {result.point.profile.force:.0f} N"
+    return f"{now:.0f} of {result.point.profile.net_force:.0f} N"
