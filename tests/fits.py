@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -12,16 +12,19 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.inference.shift_plan import Field, field_of
 from dogshape.diagnosis.prediction.model import Predicted, Space
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
-from tests.toy import EFFECTS, bench_of, points_of
+from dogshape.sim.shift.clutch import OperatingPoint
+from tests.toy import EFFECTS, bench_of, points_of, times_of
 
 Array = NDArray[np.float64]
 POINTS = points_of((235.2, 641.5))
 BENCH = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
 SETTING = setting_of(BENCH)
 CELLS = len(POINTS)
+WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is predicted
 #: Without errors of the simulation but those that a prediction states.
 SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
@@ -77,3 +80,54 @@ def at_times(fit: Fit, mean: Array) -> Fit:
     """Return a fit with other mean times, (K, C) or (C,)."""
     whole = np.broadcast_to(mean, fit.predicted.mean.shape)
     return replace(fit, predicted=replace(fit.predicted, mean=np.array(whole)))
+
+
+class ToyModel:
+    """The toy's times, with errors of 1 ms."""
+
+    effects: dict[str, Any]
+
+    def __init__(self, names: tuple[str, ...], points: Sequence[OperatingPoint]) -> None:
+        """Take the names of its effects and its operating points."""
+        self.effects = {name: EFFECTS[name] for name in names}
+        self.points = points
+
+    def space(self, hypothesis: Hypothesis) -> Space:
+        """Return the parameters of a hypothesis."""
+        return space_of(hypothesis)
+
+    def possible(self, _: Hypothesis, shares: Array) -> Array:
+        """Mark all values."""
+        return np.ones(len(shares), dtype=bool)
+
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
+        """Return mean and spread of the toy's times."""
+        space = self.space(hypothesis)
+        values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
+        times = np.stack(
+            [
+                np.broadcast_to(times_of(values, point, WAITS), (len(shares), WAITS.size))
+                for point in self.points
+            ],
+            axis=1,
+        )
+        found = predicted(times.mean(axis=2))
+        return replace(found, sd=np.maximum(1e-3, times.std(axis=2)))
+
+
+def field_at(
+    names: tuple[str, ...],
+    points: Sequence[OperatingPoint] = POINTS,
+    discrepancy: float = 0.0,
+    **more: Any,
+) -> Field:
+    """Predict some of the toy's effects at operating points; ``more`` replaces likelihood parts."""
+    cells = len(points)
+    given = {
+        "model": ToyModel(names, points),
+        "settings": replace(SETTINGS, discrepancy=discrepancy),
+        "smooth": np.ones((cells, 1)),
+        "columns": lambda p: np.zeros((len(p.mean), cells, 0)),
+        "own_variance": lambda p: p.error**2,
+    }
+    return field_of(SimpleNamespace(**(given | more)))  # type: ignore[arg-type]
